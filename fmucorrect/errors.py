@@ -1,0 +1,70 @@
+"""Every error that fmucorrect raises on purpose.
+
+    FmucorrectError
+    ├── StudyError      the study file, or what it names, does not fit together
+    ├── RecordError     a log file or a Record cannot be read, written or used as it is
+    ├── FmuError        an FMU cannot be opened, or its solver refused a call
+    ├── BundleError     an ONNX corrector is not what its contract says
+    ├── SignalError     values that must not enter a computation: NaN, Inf, wrong unit, wrong shape, wrong time step
+    └── MissingExtra    an optional package is not installed; carries the pip command
+
+All of them are the user's to mend: the command line prints the message alone and exits with 2.
+"""
+
+from __future__ import annotations
+
+
+class FmucorrectError(Exception):
+    """Base of the tree. `FmucorrectError(what, where=..., expected=..., got=..., remedy=...)` joins what is known."""
+
+    def __init__(
+        self,
+        what: str,
+        *,
+        where: str | None = None,
+        expected: object = None,
+        got: object = None,
+        remedy: str | None = None,
+    ) -> None:
+        parts = [f"{where}: {what}" if where else what]
+        if expected is not None:
+            parts.append(f"expected {expected}")
+        if got is not None:
+            parts.append(f"got {got}")
+        message = ", ".join(parts)
+        super().__init__(f"{message}. {remedy}" if remedy else message)
+
+
+class StudyError(FmucorrectError):
+    """One or more problems of a study file; `problems` holds one line each, with its place in the file."""
+
+    def __init__(self, path: str, problems: list[str]) -> None:
+        self.problems = problems
+        lines = "\n".join(f"  - {problem}" for problem in problems)
+        super().__init__(f"{path}: {len(problems)} problem{'s' if len(problems) > 1 else ''}\n{lines}")
+
+
+class RecordError(FmucorrectError):
+    """A log file or a Record cannot be read, written or used as it is."""
+
+
+class FmuError(FmucorrectError):
+    """An FMU cannot be opened, or its solver refused a call."""
+
+
+class BundleError(FmucorrectError):
+    """An ONNX corrector is not what its contract says."""
+
+
+class SignalError(FmucorrectError):
+    """Values that must not enter a computation: NaN, Inf, wrong unit, wrong shape, wrong time step."""
+
+
+class MissingExtra(FmucorrectError, ImportError):
+    """An optional package is not installed."""
+
+    def __init__(self, package: str, extra: str) -> None:
+        super().__init__(
+            f"this needs the package {package!r}, which is not installed",
+            remedy=f'Install it with: pip install "fmucorrect[{extra}]"',
+        )

@@ -1,0 +1,330 @@
+"""Window, Stepper, CorrectedStepper and run(): the one loop that everything streams through.
+
+Online co-simulation, batch and replay differ only in the plant (an FMU, a log) and in how many rows come at a time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from enum import IntEnum
+from typing import NamedTuple, Protocol, final
+
+import numpy as np
+from jaxtyping import Float32, Float64
+
+from fmucorrect.errors import SignalError
+from fmucorrect.signals import NANOSECONDS, Channel, Condition, Record, join
+
+Row = Float64[np.ndarray, " J"]
+"""One value a channel, in the channels' units."""
+
+
+class Status(IntEnum):
+    """What a corrected value is worth. WARMUP: the window is not full, the simulation passes through.
+    OUTSIDE: the training envelope is being left or has been left, the correction fades to nothing."""
+
+    OK = 0
+    WARMUP = 1
+    OUTSIDE = 2
+
+
+class Step(NamedTuple):
+    """One sample. simulated, corrected and sigma: (J,) float64 in the channels' units; sigma is one standard deviation."""
+
+    t_ns: int
+    simulated: Row
+    corrected: Row
+    sigma: Row
+    status: Status
+
+
+class Stepper(Protocol):
+    """Anything that turns inputs into responses, sample by sample.
+
+    Call order: reset(condition); then step or process, freely mixed, with increasing time; reset again for another run;
+    close() at last. After any exception the stepper must be reset or closed. `channels` are the responses, in order.
+    """
+
+    @property
+    def channels(self) -> tuple[Channel, ...]: ...
+
+    def reset(self, condition: Condition) -> None:
+        """Start anew. Everything that an earlier run left behind is gone."""
+        ...
+
+    def step(self, t_ns: int, u: Row) -> Step:
+        """Advance to `t_ns`, then apply the inputs `u` that hold from there on."""
+        ...
+
+    def process(self, record: Record) -> Record:
+        """The same as step() row by row. The responses are the first columns of what comes back."""
+        ...
+
+    def close(self) -> None:
+        """Release everything. May be called twice."""
+        ...
+
+
+class Correction(NamedTuple):
+    """What a corrector says of N windows: delta (N, J), to be added to the simulation, and sigma (N, J), in the channels'
+    units; inside (N,) in [0, 1], the share of the correction that the training envelope admits (already in delta)."""
+
+    delta: Float32[np.ndarray, "N J"]
+    sigma: Float32[np.ndarray, "N J"]
+    inside: Float32[np.ndarray, " N"]
+
+
+class Corrector(Protocol):
+    """What CorrectedStepper asks of a corrector; `bundle.Bundle` is the one that ships.
+
+    channels: J channels with their units. rows: W. step_ns: sample time. uncorrected: (J,) standard deviation of the
+    uncorrected simulation against measurement, said while there is no correction.
+    """
+
+    @property
+    def channels(self) -> tuple[Channel, ...]: ...
+    @property
+    def rows(self) -> int: ...
+    @property
+    def step_ns(self) -> int: ...
+    @property
+    def uncorrected(self) -> Float32[np.ndarray, " J"]: ...
+
+    def correct(
+        self,
+        windows: Float32[np.ndarray, "N W J"],
+        condition: Float32[np.ndarray, " 3"],
+        seconds: Float64[np.ndarray, " N"],
+    ) -> Correction:
+        """Correct N windows at once; seconds since the excitation began."""
+        ...
+
+    def bind(
+        self,
+        window: Float32[np.ndarray, "1 W J"],
+        condition: Float32[np.ndarray, "1 3"],
+        seconds: Float64[np.ndarray, "1 1"],
+    ) -> Callable[[], Correction]:
+        """A call that corrects what these three arrays hold at that moment; its answer is overwritten by the next."""
+        ...
+
+
+@final
+class Window:
+    """The last W rows of the simulation response, (W, J) float32, oldest first; full, or warming up.
+
+    This is the one definition of a window: push() for a row, extend() for many.
+    """
+
+    def __init__(self, rows: int, channels: int) -> None:
+        # W more rows than needed, so that the history moves once in W pushes
+        self.array: Float32[np.ndarray, "1 W J"] = np.zeros((1, rows, channels), np.float32)
+        self._rows = rows
+        self._seen = 0
+
+    def clear(self) -> None:
+        """Forget everything."""
+        self.array[:] = 0.0
+        self._seen = 0
+
+    @property
+    def full(self) -> bool:
+        """Whether W rows have been seen."""
+        return self._seen >= self._rows
+
+    def push(self, row: Row) -> bool:
+        """Append one row in place; True when the window is full."""
+        history = self.array[0]
+        history[:-1] = history[1:]
+        history[-1] = row
+        self._seen += 1
+        return self._seen >= self._rows
+
+    def extend(self, values: Float64[np.ndarray, "T J"]) -> Float32[np.ndarray, "N W J"]:
+        """Append T rows. Returns the N <= T windows that end in the last N of these rows (a read-only view)."""
+        known = min(self._seen, self._rows - 1)
+        history = np.concatenate([self.array[0, self._rows - known :], values.astype(np.float32)])
+        self._seen += len(values)
+        kept = history[-self._rows :]
+        self.array[0, self._rows - len(kept) :] = kept
+        count = max(len(history) - self._rows + 1, 0)
+        row, column = history.strides
+        shape = (count, self._rows, history.shape[1])
+        return np.lib.stride_tricks.as_strided(history, shape, (row, row, column), writeable=False)
+
+
+@final
+class ReplayStepper:
+    """A plant that only repeats what a log holds: the input row is the simulated response itself."""
+
+    def __init__(self, channels: tuple[Channel, ...]) -> None:
+        self._channels = channels
+        self._nothing = np.zeros(len(channels))
+
+    @property
+    def channels(self) -> tuple[Channel, ...]:
+        return self._channels
+
+    def reset(self, condition: Condition) -> None:
+        pass
+
+    def step(self, t_ns: int, u: Row) -> Step:
+        return Step(t_ns, u, u, self._nothing, Status.OK)
+
+    def process(self, record: Record) -> Record:
+        return replace(record, channels=self._channels)
+
+    def close(self) -> None:
+        pass
+
+
+@final
+class CorrectedStepper:
+    """A plant and a corrector as one Stepper.
+
+    Raises SignalError where the plant lacks a channel of the corrector or has it in another unit, where samples do not
+    come at the corrector's sample time, and where the plant's response is NaN or Inf (naming channel and time).
+    """
+
+    def __init__(self, plant: Stepper, corrector: Corrector) -> None:
+        self._plant, self._corrector = plant, corrector
+        self._columns = _match(plant.channels, corrector.channels)
+        self._same = self._columns == list(range(len(plant.channels)))
+        self._window = Window(corrector.rows, len(corrector.channels))
+        self._features = np.zeros((1, 3), np.float32)
+        self._seconds = np.zeros((1, 1))
+        self._correct = corrector.bind(self._window.array, self._features, self._seconds)
+        self._uncorrected = corrector.uncorrected.astype(np.float64)
+        self._start_ns = 0
+        self._last_ns: int | None = None
+
+    @property
+    def channels(self) -> tuple[Channel, ...]:
+        return self._corrector.channels
+
+    def reset(self, condition: Condition) -> None:
+        self._plant.reset(condition)
+        self._window.clear()
+        self._features[0] = condition.features
+        self._start_ns = condition.start_ns
+        self._last_ns = None
+
+    def step(self, t_ns: int, u: Row) -> Step:
+        simulated = self._plant.step(t_ns, u).simulated
+        if not self._same:
+            simulated = simulated[self._columns]
+        if self._last_ns is not None and t_ns - self._last_ns != self._corrector.step_ns:
+            raise self._wrong_step(t_ns - self._last_ns, t_ns)
+        if not math.isfinite(sum(simulated.tolist())):
+            raise self._not_finite(simulated[None], np.array([t_ns]))
+        self._last_ns = t_ns
+        if not self._window.push(simulated):
+            return Step(t_ns, simulated, simulated, self._uncorrected, Status.WARMUP)
+        self._seconds[0, 0] = (t_ns - self._start_ns) / NANOSECONDS
+        delta, sigma, inside = self._correct()
+        status = Status.OK if inside[0] >= 1.0 else Status.OUTSIDE
+        return Step(t_ns, simulated, simulated + delta[0], sigma[0].astype(np.float64), status)
+
+    def process(self, record: Record) -> Record:
+        """Columns that come back: those of the plant, then `<name>_corrected`, `<name>_sigma` and `corrector_status`."""
+        plant = self._plant.process(record)
+        simulated = plant.values if self._same else plant.values[:, self._columns]
+        self._check(plant.t_ns, simulated)
+        windows = self._window.extend(simulated)
+        start = len(plant) - len(windows)
+        corrected, sigma = simulated.copy(), np.tile(self._uncorrected, (len(plant), 1))
+        status = np.full(len(plant), float(Status.WARMUP))
+        if len(windows):
+            seconds = (plant.t_ns[start:] - self._start_ns) / NANOSECONDS
+            delta, spread, inside = self._corrector.correct(windows, self._features[0], seconds)
+            corrected[start:] += delta
+            sigma[start:] = spread
+            status[start:] = np.where(inside >= 1.0, float(Status.OK), float(Status.OUTSIDE))
+        return replace(
+            plant,
+            values=np.concatenate([plant.values, corrected, sigma, status[:, None]], axis=1),
+            channels=(*plant.channels, *corrected_channels(self.channels)),
+        )
+
+    def close(self) -> None:
+        self._plant.close()
+
+    def _check(self, t_ns: np.ndarray, simulated: np.ndarray) -> None:
+        if not np.isfinite(simulated).all():
+            raise self._not_finite(simulated, t_ns)
+        steps = np.diff(t_ns, prepend=t_ns[0] - self._corrector.step_ns if self._last_ns is None else self._last_ns)
+        wrong = np.flatnonzero(steps != self._corrector.step_ns)
+        if len(wrong):
+            raise self._wrong_step(int(steps[wrong[0]]), int(t_ns[wrong[0]]))
+        self._last_ns = int(t_ns[-1])
+
+    def _not_finite(self, simulated: np.ndarray, t_ns: np.ndarray) -> SignalError:
+        row, column = np.argwhere(~np.isfinite(simulated))[0]
+        return SignalError(
+            f"channel {self.channels[column].name!r} is {simulated[row, column]} at t = {t_ns[row] / NANOSECONDS:.9g} s",
+            expected="finite numbers",
+            remedy="Look at the simulation there; a corrector is never fed what the solver could not compute.",
+        )
+
+    def _wrong_step(self, got: int, t_ns: int) -> SignalError:
+        return SignalError(
+            f"the step to t = {t_ns / NANOSECONDS:.9g} s does not fit the corrector's sample time",
+            expected=f"{self._corrector.step_ns / NANOSECONDS:.9g} s",
+            got=f"{got / NANOSECONDS:.9g} s",
+            remedy="Step the simulation at the corrector's sample time, or read the log with the repair rule 'resample'.",
+        )
+
+
+def corrected_channels(channels: tuple[Channel, ...]) -> tuple[Channel, ...]:
+    """The channels that correction adds: `<name>_corrected`, `<name>_sigma` for each, and `corrector_status`."""
+    return (
+        *(replace(channel, name=f"{channel.name}_corrected") for channel in channels),
+        *(replace(channel, name=f"{channel.name}_sigma") for channel in channels),
+        Channel("corrector_status", quantity="status"),
+    )
+
+
+def _match(plant: tuple[Channel, ...], wanted: tuple[Channel, ...]) -> list[int]:
+    names = [channel.name for channel in plant]
+    missing = [channel.name for channel in wanted if channel.name not in names]
+    if missing:
+        raise SignalError(f"the simulation lacks {', '.join(missing)}", expected=[c.name for c in wanted], got=names)
+    columns = [names.index(channel.name) for channel in wanted]
+    for column, channel in zip(columns, wanted, strict=True):
+        if plant[column].unit != channel.unit:
+            raise SignalError(
+                f"channel {channel.name!r} has another unit than the corrector",
+                expected=channel.unit,
+                got=plant[column].unit,
+            )
+    return columns
+
+
+def run(
+    stepper: Stepper,
+    condition: Condition,
+    inputs: Iterable[Record],
+    sink: Callable[[Record], object] | None = None,
+) -> Record | None:
+    """Reset `stepper` to `condition` and stream `inputs`, chunk by chunk, through it.
+
+    Each result goes to `sink` as soon as it is there, and nothing is kept; without a sink the whole result is returned.
+    Raises what the stepper raises; what was given to the sink before stays valid.
+    """
+    kept: list[Record] = []
+    accept = sink or kept.append
+    stepper.reset(condition)
+    for chunk in inputs:
+        accept(stepper.process(chunk))
+    return None if sink else join(kept)
+
+
+def grid(duration: float, step_ns: int, rows: int = 4096, origin_ns: int = 0) -> Iterable[Record]:
+    """Records without columns at every step from `origin_ns` over `duration` seconds, both ends included: the inputs of a
+    plant that has none."""
+    count = round(duration * NANOSECONDS / step_ns) + 1
+    for start in range(0, count, rows):
+        t_ns = origin_ns + np.arange(start, min(start + rows, count), dtype=np.int64) * step_ns
+        yield Record(t_ns, np.zeros((len(t_ns), 0)), ())
