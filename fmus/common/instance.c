@@ -1,0 +1,407 @@
+#include "instance.h"
+
+#include <float.h>
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+_Static_assert(sizeof(MODEL_TOKEN) <= 40, "the token fits the serialised state");
+
+static const char *const phases[] = {"before initialisation", "during initialisation", "after initialisation", "after termination"};
+
+Status instance_log(Instance *self, Status status, const char *format, ...)
+{
+    if (self->logger && (status != STATUS_OK || self->verbose)) {
+        char message[512];
+        va_list arguments;
+        va_start(arguments, format);
+        vsnprintf(message, sizeof message, format, arguments);
+        va_end(arguments);
+        self->logger(self, status, status == STATUS_OK ? "logAll" : "logStatusError", message);
+    }
+    return status;
+}
+
+static void set_start_values(Instance *self)
+{
+    for (size_t i = 0; i < NV; i++)
+        self->state.v[i] = variables[i].start;
+    self->state.phase = INSTANTIATED;
+    self->state.stop_time = INFINITY;
+    self->stale = true;
+}
+
+Instance *instance_new(const char *name, const char *token, bool verbose, Logger *logger, void (*callback)(void), void *environment)
+{
+    Instance *self = calloc(1, sizeof *self);
+    if (!self)
+        return NULL;
+    self->logger = logger;
+    self->callback = callback;
+    self->environment = environment;
+    self->verbose = verbose;
+    if (!name)
+        name = MODEL_NAME;
+    self->name = malloc(strlen(name) + 1);
+    if (!self->name) {
+        instance_free(self);
+        return NULL;
+    }
+    strcpy(self->name, name);
+    if (!token || strcmp(token, MODEL_TOKEN)) {
+        instance_log(self, STATUS_ERROR, "instantiate: expected the token %s of this " MODEL_NAME ", got %s: the model description is of another build",
+                     MODEL_TOKEN, token ? token : "none");
+        instance_free(self);
+        return NULL;
+    }
+    set_start_values(self);
+    return self;
+}
+
+void instance_free(Instance *self)
+{
+    if (self)
+        free(self->name);
+    free(self);
+}
+
+Status instance_debug_logging(Instance *self, bool on, size_t n, const char *const categories[])
+{
+    bool all = n == 0;
+    for (size_t i = 0; i < n; i++) {
+        if (!strcmp(categories[i], "logAll"))
+            all = true;
+        else if (strcmp(categories[i], "logStatusError"))
+            return instance_log(self, STATUS_ERROR, "debug logging: expected the category logAll or logStatusError, got %s", categories[i]);
+    }
+    if (all)
+        self->verbose = on;
+    return STATUS_OK;
+}
+
+/* STATUS_OK in the phase that the call belongs to. */
+static Status require(Instance *self, const char *call, Phase phase)
+{
+    if (self->state.phase == phase)
+        return STATUS_OK;
+    return instance_log(self, STATUS_ERROR, "%s: allowed only %s, called %s", call, phases[phase], phases[self->state.phase]);
+}
+
+Status instance_setup(Instance *self, double start_time, bool stop_defined, double stop_time)
+{
+    if (require(self, "setup of the experiment", INSTANTIATED))
+        return STATUS_ERROR;
+    if (!isfinite(start_time) || (stop_defined && !(stop_time >= start_time)))
+        return instance_log(self, STATUS_ERROR, "setup of the experiment: expected a finite start time and a stop time not before it, got %g s and %g s",
+                            start_time, stop_defined ? stop_time : INFINITY);
+    self->state.v[V_time] = start_time;
+    self->state.stop_time = stop_defined ? stop_time : INFINITY;
+    return STATUS_OK;
+}
+
+Status instance_enter_initialisation(Instance *self)
+{
+    if (require(self, "entering initialisation", INSTANTIATED))
+        return STATUS_ERROR;
+    self->state.phase = INITIALISING;
+    return STATUS_OK;
+}
+
+/* Logs the first state that is not a finite number. */
+static Status require_finite_states(Instance *self, const double *v, const char *call)
+{
+    for (size_t i = X0; i < (size_t)X0 + NX; i++)
+        if (!isfinite(v[i]))
+            return instance_log(self, STATUS_ERROR, "%s: state %s became %g at t = %.9g s", call, variables[i].name, v[i], v[V_time]);
+    return STATUS_OK;
+}
+
+static Status require_sense(Instance *self, const double *v, const char *call)
+{
+    char message[256];
+    const char *problem = model_check(v, message, sizeof message);
+    return problem ? instance_log(self, STATUS_ERROR, "%s refused: %s", call, problem) : STATUS_OK;
+}
+
+Status instance_exit_initialisation(Instance *self)
+{
+    if (require(self, "exit of initialisation", INITIALISING) || require_sense(self, self->state.v, "initialisation"))
+        return STATUS_ERROR;
+    memcpy(self->scratch, self->state.v, sizeof self->scratch);
+    model_initialise(self->scratch);
+    if (require_finite_states(self, self->scratch, "initialisation"))
+        return STATUS_ERROR;
+    memcpy(self->state.v, self->scratch, sizeof self->scratch);
+    self->state.phase = STEPPING;
+    self->stale = true;
+    return instance_log(self, STATUS_OK, "initialised at t = %.9g s: %d states, sub-steps of at most %g s", self->state.v[V_time], (int)NX, MODEL_INTERNAL_STEP);
+}
+
+Status instance_terminate(Instance *self)
+{
+    if (require(self, "termination", STEPPING))
+        return STATUS_ERROR;
+    self->state.phase = TERMINATED;
+    return STATUS_OK;
+}
+
+Status instance_reset(Instance *self)
+{
+    set_start_values(self);
+    return instance_log(self, STATUS_OK, "reset to the start values");
+}
+
+/* What forbids setting the variable in the present phase, or NULL. */
+static const char *why_fixed(Causality causality, Phase phase)
+{
+    switch (causality) {
+    case PARAMETER: return phase < STEPPING ? NULL : "a fixed parameter can be set only until initialisation ends";
+    case STATE: return phase < STEPPING ? NULL : "a state can be set only until initialisation ends (later through the FMU state)";
+    case TUNABLE:
+    case INPUT: return phase < TERMINATED ? NULL : "nothing can be set after termination";
+    case INDEPENDENT: return "time is set by the experiment and the steps";
+    default: return "the model computes it";
+    }
+}
+
+static Status check_value(Instance *self, unsigned reference, double value)
+{
+    if (reference >= NV)
+        return instance_log(self, STATUS_ERROR, "set: expected a value reference from 0 to %d, got %u", NV - 1, reference);
+    const Variable *variable = &variables[reference];
+    const char *fixed = why_fixed(variable->causality, self->state.phase);
+    if (fixed)
+        return instance_log(self, STATUS_ERROR, "set %s = %.9g refused: %s", variable->name, value, fixed);
+    if (!isfinite(value))
+        return instance_log(self, STATUS_ERROR, "set %s refused: expected a finite number, got %g", variable->name, value);
+    if (value < variable->min)
+        return instance_log(self, STATUS_ERROR, "set %s refused: expected at least %.9g, got %.9g", variable->name, variable->min, value);
+    if (value > variable->max)
+        return instance_log(self, STATUS_ERROR, "set %s refused: expected at most %.9g, got %.9g", variable->name, variable->max, value);
+    return STATUS_OK;
+}
+
+Status instance_set(Instance *self, const unsigned references[], size_t n, const double values[])
+{
+    bool tuned = false;
+    for (size_t i = 0; i < n; i++) {
+        if (check_value(self, references[i], values[i]))
+            return STATUS_ERROR;
+        tuned = tuned || variables[references[i]].causality == TUNABLE;
+    }
+    tuned = tuned && self->state.phase == STEPPING;
+    if (tuned)
+        memcpy(self->scratch, self->state.v, sizeof self->scratch);
+    for (size_t i = 0; i < n; i++)
+        self->state.v[references[i]] = values[i];
+    if (tuned && require_sense(self, self->state.v, "change of a tunable parameter")) {
+        memcpy(self->state.v, self->scratch, sizeof self->scratch);
+        return STATUS_ERROR;
+    }
+    self->stale = self->stale || n > 0;
+    return STATUS_OK;
+}
+
+/* Computes derivatives and outputs in v, as if initialisation ended now where it has not. */
+static void evaluate(double *v, Phase phase)
+{
+    if (phase < STEPPING)
+        model_initialise(v);
+    model_derivatives(v);
+    model_outputs(v);
+}
+
+/* v with derivatives and outputs that follow from the rest. */
+static const double *consistent(Instance *self)
+{
+    double *v = self->state.v;
+    if (self->state.phase < STEPPING) {
+        memcpy(self->scratch, v, sizeof self->scratch);
+        v = self->scratch;
+    }
+    if (self->stale || v == self->scratch)
+        evaluate(v, self->state.phase);
+    self->stale = false;
+    return v;
+}
+
+Status instance_get(Instance *self, const unsigned references[], size_t n, double values[])
+{
+    const double *v = consistent(self);
+    for (size_t i = 0; i < n; i++) {
+        if (references[i] >= NV)
+            return instance_log(self, STATUS_ERROR, "get: expected a value reference from 0 to %d, got %u", NV - 1, references[i]);
+        values[i] = v[references[i]];
+        if (!isfinite(values[i]))
+            return instance_log(self, STATUS_ERROR, "get: %s is %g at t = %.9g s", variables[references[i]].name, values[i], v[V_time]);
+    }
+    return STATUS_OK;
+}
+
+/* One Runge-Kutta step of order 4 (Kutta 1901) from t to t + h. */
+static void sub_step(Instance *self, double t, double h)
+{
+    static const double reach[4] = {0.5, 0.5, 1.0, 0.0}, weight[4] = {1.0, 2.0, 2.0, 1.0}, at[4] = {0.0, 0.5, 0.5, 1.0};
+    double *v = self->state.v, *x = v + X0, *dx = v + DX0;
+    memcpy(self->x, x, sizeof self->x);
+    memset(self->dx, 0, sizeof self->dx);
+    for (int stage = 0; stage < 4; stage++) {
+        v[V_time] = t + at[stage] * h;
+        model_derivatives(v);
+        for (size_t i = 0; i < NX; i++) {
+            self->dx[i] += weight[stage] * dx[i];
+            x[i] = self->x[i] + reach[stage] * h * dx[i];
+        }
+    }
+    for (size_t i = 0; i < NX; i++)
+        x[i] = self->x[i] + h / 6.0 * self->dx[i];
+}
+
+Status instance_step(Instance *self, double t, double h)
+{
+    double *v = self->state.v;
+    if (require(self, "step", STEPPING))
+        return STATUS_ERROR;
+    if (!(h > 0.0) || !(h <= DBL_MAX))
+        return instance_log(self, STATUS_ERROR, "step: expected a finite step size above 0 s, got %g s", h);
+    const double tolerance = 1e-3 * h + 8.0 * DBL_EPSILON * fabs(v[V_time]); /* hosts sum or multiply their time */
+    if (!(fabs(t - v[V_time]) <= tolerance))
+        return instance_log(self, STATUS_ERROR, "step: expected to start at t = %.12g s, where the last one ended, got %.12g s", v[V_time], t);
+    if (t + h > self->state.stop_time + tolerance)
+        return instance_log(self, STATUS_ERROR, "step: expected to end by the stop time %.12g s, got %.12g s", self->state.stop_time, t + h);
+    const double n = fmax(1.0, ceil(h / MODEL_INTERNAL_STEP - 1e-9));
+    if (n > 1e9)
+        return instance_log(self, STATUS_ERROR, "step: expected at most 1e9 sub-steps of %g s, got a step of %g s", MODEL_INTERNAL_STEP, h);
+
+    memcpy(self->scratch, v, sizeof self->scratch);
+    for (long i = 0; i < (long)n; i++)
+        sub_step(self, t + (double)i * (h / n), h / n);
+    v[V_time] = t + h;
+    if (require_finite_states(self, v, "step")) {
+        memcpy(v, self->scratch, sizeof self->scratch);
+        return STATUS_ERROR;
+    }
+    self->stale = true;
+    return STATUS_OK;
+}
+
+static Status check_derivative(Instance *self, const unsigned unknowns[], size_t n_unknowns, const unsigned knowns[], size_t n_knowns)
+{
+    for (size_t i = 0; i < n_unknowns + n_knowns; i++) {
+        const bool known = i >= n_unknowns;
+        const unsigned reference = known ? knowns[i - n_unknowns] : unknowns[i];
+        if (reference >= NV)
+            return instance_log(self, STATUS_ERROR, "derivative: expected a value reference from 0 to %d, got %u", NV - 1, reference);
+        const Causality c = variables[reference].causality;
+        if (known ? c != INPUT && c != STATE && c != PARAMETER && c != TUNABLE : c != OUTPUT && c != LOCAL && c != DERIVATIVE)
+            return instance_log(self, STATUS_ERROR, "derivative: expected %s, got %s",
+                                known ? "an input, state or parameter as known" : "an output, local or state derivative as unknown", variables[reference].name);
+    }
+    return STATUS_OK;
+}
+
+/* d v / d known around the present v: (plus - minus) / *width. */
+static void differences(const Instance *self, unsigned known, double plus[NV], double minus[NV], double *width)
+{
+    const double step = cbrt(DBL_EPSILON) * fmax(fabs(self->state.v[known]), variables[known].nominal);
+    memcpy(plus, self->state.v, sizeof self->state.v);
+    memcpy(minus, self->state.v, sizeof self->state.v);
+    plus[known] += step;
+    minus[known] -= step;
+    *width = plus[known] - minus[known];
+    evaluate(plus, self->state.phase);
+    evaluate(minus, self->state.phase);
+}
+
+Status instance_directional(Instance *self, const unsigned unknowns[], size_t n_unknowns, const unsigned knowns[], size_t n_knowns,
+                            const double seed[], double sensitivity[])
+{
+    double plus[NV], minus[NV], width;
+    if (check_derivative(self, unknowns, n_unknowns, knowns, n_knowns))
+        return STATUS_ERROR;
+    for (size_t j = 0; j < n_unknowns; j++)
+        sensitivity[j] = 0.0;
+    for (size_t i = 0; i < n_knowns; i++) {
+        differences(self, knowns[i], plus, minus, &width);
+        for (size_t j = 0; j < n_unknowns; j++)
+            sensitivity[j] += seed[i] * (plus[unknowns[j]] - minus[unknowns[j]]) / width;
+    }
+    return STATUS_OK;
+}
+
+Status instance_adjoint(Instance *self, const unsigned unknowns[], size_t n_unknowns, const unsigned knowns[], size_t n_knowns,
+                        const double seed[], double sensitivity[])
+{
+    double plus[NV], minus[NV], width;
+    if (check_derivative(self, unknowns, n_unknowns, knowns, n_knowns))
+        return STATUS_ERROR;
+    for (size_t i = 0; i < n_knowns; i++) {
+        differences(self, knowns[i], plus, minus, &width);
+        sensitivity[i] = 0.0;
+        for (size_t j = 0; j < n_unknowns; j++)
+            sensitivity[i] += seed[j] * (plus[unknowns[j]] - minus[unknowns[j]]) / width;
+    }
+    return STATUS_OK;
+}
+
+Status instance_get_state(Instance *self, State **state)
+{
+    State *copy = *state ? *state : malloc(sizeof *copy);
+    if (!copy)
+        return instance_log(self, STATUS_ERROR, "get FMU state: no memory for %u bytes", (unsigned)sizeof *copy);
+    consistent(self); /* so that equal states have equal bytes */
+    *copy = self->state;
+    *state = copy;
+    return STATUS_OK;
+}
+
+Status instance_set_state(Instance *self, const State *state)
+{
+    if (!state)
+        return instance_log(self, STATUS_ERROR, "set FMU state: expected a state, got none");
+    self->state = *state;
+    self->stale = true;
+    return instance_log(self, STATUS_OK, "FMU state of t = %.9g s restored", self->state.v[V_time]);
+}
+
+void instance_free_state(State **state)
+{
+    if (state) {
+        free(*state);
+        *state = NULL;
+    }
+}
+
+Status instance_serialise(Instance *self, const State *state, unsigned char bytes[], size_t size)
+{
+    if (!state || size < SERIALISED_SIZE)
+        return instance_log(self, STATUS_ERROR, "serialise FMU state: expected a state and %d bytes, got %s and %u", SERIALISED_SIZE,
+                            state ? "one" : "none", (unsigned)size);
+    const double head[2] = {(double)state->phase, state->stop_time};
+    memset(bytes, 0, size);
+    memcpy(bytes, MODEL_TOKEN, sizeof MODEL_TOKEN);
+    memcpy(bytes + 40, head, sizeof head);
+    memcpy(bytes + 40 + sizeof head, state->v, sizeof state->v);
+    return STATUS_OK;
+}
+
+Status instance_deserialise(Instance *self, const unsigned char bytes[], size_t size, State **state)
+{
+    double head[2];
+    if (size < SERIALISED_SIZE || memcmp(bytes, MODEL_TOKEN, sizeof MODEL_TOKEN))
+        return instance_log(self, STATUS_ERROR, "deserialise FMU state: expected %d bytes that begin with %s, got %u: a state of another model or build",
+                            SERIALISED_SIZE, MODEL_TOKEN, (unsigned)size);
+    memcpy(head, bytes + 40, sizeof head);
+    if (!(head[0] >= INSTANTIATED && head[0] <= TERMINATED))
+        return instance_log(self, STATUS_ERROR, "deserialise FMU state: expected a phase from 0 to 3, got %g", head[0]);
+    State *copy = *state ? *state : malloc(sizeof *copy);
+    if (!copy)
+        return instance_log(self, STATUS_ERROR, "deserialise FMU state: no memory for %u bytes", (unsigned)sizeof *copy);
+    copy->phase = (Phase)head[0];
+    copy->stop_time = head[1];
+    memcpy(copy->v, bytes + 40 + sizeof head, sizeof copy->v);
+    *state = copy;
+    return STATUS_OK;
+}

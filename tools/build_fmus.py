@@ -1,0 +1,158 @@
+"""Builds the FMUs of fmus/: python tools/build_fmus.py [MODEL ...] [--platforms linux64,win64,darwin64]
+
+A model is a folder with variables.toml and model.c (fmus/common/model.h says what they hold). It becomes <model>.fmu
+(FMI 2.0) and <model>_fmi3.fmu (FMI 3.0), compiled by zig for every platform from the same sources that travel inside.
+The same sources and the same compiler give the same bytes. Needs: pip install ziglang fmpy (fmpy for the FMI headers).
+"""
+
+import argparse
+import hashlib
+import re
+import shutil
+import struct
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+from fmu_description import Model, build_description, description_fmi2, description_fmi3, read_model, variables_header
+
+ROOT = Path(__file__).resolve().parent.parent
+COMMON = ROOT / "fmus" / "common"
+# No fused multiply-add, so that the platforms round alike; no debug information, so that paths of this machine stay out.
+FLAGS = ["-std=c11", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-fPIC", "-shared", "-s", "-Wall", "-Wextra", "-Wno-unused-parameter"]
+# platform -> zig target, folder in FMI 3.0, suffix of the library
+TARGETS = {
+    "linux64": [("x86_64-linux-gnu.2.17", "x86_64-linux", ".so")],
+    "win64": [("x86_64-windows-gnu", "x86_64-windows", ".dll")],
+    "darwin64": [("x86_64-macos", "x86_64-darwin", ".dylib"), ("aarch64-macos", "aarch64-darwin", ".dylib")],
+}
+
+
+def fmi_headers(version: int) -> list[Path]:
+    """The standard's C headers for FMI version 2 or 3, as fmpy carries them."""
+    import fmpy
+
+    names = {2: ("fmi2Functions", "fmi2FunctionTypes", "fmi2TypesPlatform"), 3: ("fmi3Functions", "fmi3FunctionTypes", "fmi3PlatformTypes")}
+    return [Path(fmpy.__file__).parent / "c-code" / f"{name}.h" for name in names[version]]
+
+
+def own_sources(folder: Path, version: int) -> list[Path]:
+    """The model's C files, the generic layer for one FMI version, and every header of ours that these include."""
+    pending = [*COMMON.glob(f"fmi{version}*.c"), COMMON / "instance.c", COMMON / "model.h", *sorted(folder.glob("*.c"))]
+    found: dict[str, Path] = {}
+    while pending:
+        path = pending.pop()
+        if path.name in found:
+            continue
+        found[path.name] = path
+        for name in re.findall(r'^\s*#include\s+"([^"]+)"', path.read_text(encoding="utf-8"), re.M):
+            pending += [place / name for place in (folder, COMMON) if (place / name).is_file()][:1]
+    return [found[name] for name in sorted(found)]
+
+
+def model_token(folder: Path) -> str:
+    """What FMI 2.0 calls guid and FMI 3.0 instantiationToken: a hash of everything that decides the model's behaviour."""
+    digest = hashlib.sha256((folder / "variables.toml").read_bytes())
+    for path in sorted({*own_sources(folder, 2), *own_sources(folder, 3)}):
+        digest.update(path.name.encode() + b"\0" + path.read_bytes())
+    code = digest.hexdigest()
+    return "{" + "-".join((code[:8], code[8:12], code[12:16], code[16:20], code[20:32])) + "}"
+
+
+def stage_sources(folder: Path, model: Model, version: int, place: Path) -> list[str]:
+    """Writes the complete sources of one FMU into place and returns the names of the files to compile."""
+    shutil.rmtree(place, ignore_errors=True)
+    place.mkdir(parents=True)
+    for path in (*own_sources(folder, version), *fmi_headers(version)):
+        shutil.copyfile(path, place / path.name)
+    (place / "variables.h").write_text(variables_header(model, model_token(folder)), encoding="utf-8", newline="\n")
+    return sorted(path.name for path in place.glob("*.c"))
+
+
+def compile_library(sources: Path, names: list[str], target: str, output: Path) -> None:
+    """Compiles a shared library with zig; RuntimeError carries the compiler's words. zig caches what has not changed."""
+    output.parent.mkdir(parents=True, exist_ok=True)
+    extra = [f"-Wl,-install_name,@rpath/{output.name}"] if "macos" in target else ["-lm", "-Wl,--build-id=none"] if "linux" in target else []
+    command = [sys.executable, "-m", "ziglang", "cc", "-target", target, *FLAGS, *extra, "-o", str(output), *names]
+    result = subprocess.run(command, cwd=sources, capture_output=True, text=True)
+    if result.returncode:
+        raise RuntimeError(f"{' '.join(command[1:])}\nin {sources} failed:\n{result.stderr}")
+    if result.stderr:
+        print(result.stderr, file=sys.stderr)
+
+
+def fat_library(slices: list[bytes]) -> bytes:
+    """One universal Mach-O file of several (fat_header and fat_arch of <mach-o/fat.h>, big endian, 16 KiB pages)."""
+    page = 1 << 14
+    header, body = struct.pack(">II", 0xCAFEBABE, len(slices)), b""
+    for code in slices:
+        body += bytes(-len(body) % page)
+        cpu, subtype = struct.unpack_from("<ii", code, 4)
+        header += struct.pack(">iiIII", cpu, subtype, page + len(body), len(code), 14)
+        body += code
+    return header + bytes(page - len(header)) + body
+
+
+def write_fmu(path: Path, files: dict[str, bytes]) -> None:
+    """A zip file whose bytes depend on its content alone. It replaces an old one at once, never leaving half a file."""
+    partial = path.with_suffix(".partial")
+    with zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
+        for name in sorted(files):
+            entry = zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0))
+            entry.create_system = 3
+            entry.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            archive.writestr(entry, files[name])
+    partial.replace(path)
+
+
+def build(folder: Path, platforms: list[str], work: Path, destination: Path) -> list[Path]:
+    """Builds both FMUs of one model folder into destination; work keeps what lies between. Returns the two paths."""
+    model = read_model(folder / "variables.toml")
+    token = model_token(folder)
+    built = []
+    for version in (2, 3):
+        place = work / f"fmi{version}" / "sources"
+        names = stage_sources(folder, model, version, place)
+        files = {f"sources/{path.name}": path.read_bytes() for path in place.iterdir()}
+        if version == 2:
+            files["modelDescription.xml"] = description_fmi2(model, token, names)
+        else:
+            files["modelDescription.xml"] = description_fmi3(model, token)
+            files["sources/buildDescription.xml"] = build_description(model, names)
+        for platform in platforms:
+            slices = []
+            for target, tuple_name, suffix in TARGETS[platform]:
+                library = (work / f"fmi{version}" / tuple_name / f"{model.name}{suffix}").resolve()
+                compile_library(place, names, target, library)
+                slices.append(library.read_bytes())
+                if version == 3:
+                    files[f"binaries/{tuple_name}/{library.name}"] = slices[-1]
+            if version == 2:
+                files[f"binaries/{platform}/{model.name}{suffix}"] = slices[0] if len(slices) == 1 else fat_library(slices)
+        built.append(destination / f"{model.name}{'' if version == 2 else '_fmi3'}.fmu")
+        write_fmu(built[-1], files)
+    return built
+
+
+def main() -> None:
+    models = sorted(path.parent.name for path in (ROOT / "fmus").glob("*/variables.toml") if (path.parent / "model.c").is_file())
+    parser = argparse.ArgumentParser(description="Build the FMUs of fmus/.")
+    parser.add_argument("models", nargs="*", metavar="MODEL", help=f"default: all of {', '.join(models)}")
+    parser.add_argument("--platforms", default=",".join(TARGETS), help="comma-separated, default: %(default)s")
+    arguments = parser.parse_args()
+    platforms = arguments.platforms.split(",")
+    unknown = [name for name in arguments.models if name not in models] + [name for name in platforms if name not in TARGETS]
+    if unknown:
+        parser.error(f"unknown: {', '.join(unknown)}; models are {', '.join(models)}, platforms are {', '.join(TARGETS)}")
+    try:
+        for name in arguments.models or models:
+            for path in build(ROOT / "fmus" / name, platforms, ROOT / "build" / "fmus" / name, ROOT / "fmus" / name):
+                print(f"{path.relative_to(ROOT)}  {path.stat().st_size / 1024:.0f} KiB  {', '.join(platforms)}")
+    except (ValueError, RuntimeError) as error:
+        sys.exit(f"build_fmus: {error}")
+
+
+if __name__ == "__main__":
+    main()
