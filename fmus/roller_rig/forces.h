@@ -5,8 +5,8 @@
 #ifndef ROLLER_RIG_FORCES_H
 #define ROLLER_RIG_FORCES_H
 
-#include "../common/contact.h"
-#include "../common/suspension.h"
+#include "contact.h"
+#include "suspension.h"
 
 static const double PI = 3.14159265358979323846;
 static const double DEG = 3.14159265358979323846 / 180.0;

@@ -1,7 +1,7 @@
 /* Bogie on a roller rig under a dummy car body: equations of motion, outputs and checks. Equations and sources: readme.md. */
 #include "variables.h"
 
-#include "../common/model.h"
+#include "model.h"
 #include "forces.h"
 
 #include <stdio.h>
