@@ -1,0 +1,124 @@
+"""Fmu: an instance of a shipped FMU on fmpy's calls, the same for FMI 2.0 and 3.0, by variable names; and fixtures."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+fmpy = pytest.importorskip("fmpy")
+from fmpy.fmi2 import FMU2Slave, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE  # noqa: E402
+from fmpy.fmi3 import FMU3Slave  # noqa: E402
+
+ROOT = Path(__file__).resolve().parents[2]
+FMUS = ROOT / "fmus"
+MODELS = sorted(path.parent.name for path in FMUS.glob("*/variables.toml") if (path.parent / "model.c").is_file())
+
+sys.path.insert(0, str(ROOT / "tools"))
+
+
+def fmu_path(model: str, version: int) -> Path:
+    return FMUS / model / f"{model}{'' if version == 2 else '_fmi3'}.fmu"
+
+
+class Fmu:
+    """One instance. A refused call raises fmpy's FMICallException; log holds the messages, newest last."""
+
+    def __init__(self, folder: Path, name: str = "test", verbose: bool = False):
+        description = fmpy.read_model_description(str(folder))
+        self.version = int(description.fmiVersion[0])
+        self.variables = {v.name: v for v in description.modelVariables}
+        self.folder, self.log, self.categories = folder, [], []
+        arguments = dict(guid=description.guid or description.instantiationToken, unzipDirectory=str(folder),
+                         modelIdentifier=description.coSimulation.modelIdentifier, instanceName=name)
+        if self.version == 2:
+            self.fmu = FMU2Slave(**arguments)
+            callbacks = fmi2CallbackFunctions()
+            callbacks.logger = fmi2CallbackLoggerTYPE(lambda environment, instance, status, category, message: self._note(category, message))
+            self.fmu.instantiate(callbacks=callbacks, loggingOn=verbose)
+        else:
+            self.fmu = FMU3Slave(**arguments)
+            self.fmu.instantiate(loggingOn=verbose, logMessage=lambda environment, status, category, message: self._note(category, message))
+
+    def _note(self, category: bytes, message: bytes) -> None:
+        self.categories.append(category.decode())
+        self.log.append(message.decode())
+
+    def named(self, *causalities: str) -> list[str]:
+        return [name for name, v in self.variables.items() if v.causality in causalities]
+
+    def set(self, values: dict[str, float]) -> None:
+        references = [self.variables[name].valueReference for name in values]
+        (self.fmu.setReal if self.version == 2 else self.fmu.setFloat64)(references, list(values.values()))
+
+    def get(self, *names: str) -> np.ndarray:
+        """Values, shape (len(names),), in the units of the model description."""
+        references = [self.variables[name].valueReference for name in names]
+        return np.array((self.fmu.getReal if self.version == 2 else self.fmu.getFloat64)(references))
+
+    def all(self) -> np.ndarray:
+        return self.get(*self.variables)
+
+    def enter(self, start: float = 0.0, stop: float | None = None) -> None:
+        """Into initialisation."""
+        if self.version == 2:
+            self.fmu.setupExperiment(startTime=start, stopTime=stop)
+            self.fmu.enterInitializationMode()
+        else:
+            self.fmu.enterInitializationMode(startTime=start, stopTime=stop)
+
+    def initialise(self, values: dict[str, float] | None = None, start: float = 0.0, stop: float | None = None) -> "Fmu":
+        if values:
+            self.set(values)
+        self.enter(start, stop)
+        self.fmu.exitInitializationMode()
+        return self
+
+    def step(self, t: float, h: float) -> None:
+        self.fmu.doStep(currentCommunicationPoint=t, communicationStepSize=h)
+
+    def saved(self) -> bytes:
+        """The FMU state as bytes."""
+        state = self.fmu.getFMUState()
+        code = self.fmu.serializeFMUState(state)
+        self.fmu.freeFMUState(state)
+        return bytes(code)
+
+    def restore(self, code: bytes) -> None:
+        state = self.fmu.deserializeFMUState(code)
+        self.fmu.setFMUState(state)
+        self.fmu.freeFMUState(state)
+
+    def free(self) -> None:
+        if self.fmu is not None:
+            self.fmu.freeInstance()
+            self.fmu = None
+
+
+@pytest.fixture(scope="session")
+def unpacked(tmp_path_factory):
+    """unpacked(model, version) -> the folder of the shipped FMU, extracted once."""
+    folders: dict[tuple[str, int], Path] = {}
+
+    def unpack(model: str, version: int) -> Path:
+        if (model, version) not in folders:
+            folder = tmp_path_factory.mktemp(f"{model}_{version}")
+            fmpy.extract(str(fmu_path(model, version)), str(folder))
+            folders[model, version] = folder
+        return folders[model, version]
+
+    return unpack
+
+
+@pytest.fixture
+def open_fmu(unpacked):
+    """open_fmu(model, version=2) -> Fmu, freed when the test ends."""
+    opened: list[Fmu] = []
+
+    def open_one(model: str, version: int = 2, folder: Path | None = None, **options) -> Fmu:
+        opened.append(Fmu(folder or unpacked(model, version), **options))
+        return opened[-1]
+
+    yield open_one
+    for fmu in opened:
+        fmu.free()
