@@ -27,6 +27,22 @@ def excite(fmu: Fmu, rng: np.random.Generator) -> None:
     fmu.set(values)
 
 
+def settable(fmu: Fmu) -> str:
+    """A variable that may be set between steps."""
+    return next(name for name, v in fmu.variables.items() if v.causality == "input" or v.variability == "tunable")
+
+
+def states(fmu: Fmu) -> list[str]:
+    return [name for name in fmu.variables if f"der({name})" in fmu.variables]
+
+
+def begin(fmu: Fmu) -> Fmu:
+    """Initialised away from rest, so that models without inputs move too."""
+    rng = np.random.default_rng(7)
+    return fmu.initialise({name: float(fmu.variables[name].start) + 1e-3 * float(fmu.variables[name].nominal or 1.0) * rng.standard_normal()
+                           for name in states(fmu)})
+
+
 def walk(fmu: Fmu, steps: int, seed: int = 0, begin: int = 0, h: float = STEP) -> np.ndarray:
     """Values of all variables after each of the steps, (steps, variables), under inputs that depend on seed."""
     rng = np.random.default_rng(seed)
@@ -70,20 +86,21 @@ def test_every_platform(model):
 
 @EACH
 def test_fmi2_equals_fmi3(model, open_fmu):
-    two, three = open_fmu(model, 2).initialise(), open_fmu(model, 3).initialise()
+    two, three = begin(open_fmu(model, 2)), begin(open_fmu(model, 3))
     assert list(two.variables) == list(three.variables)
     for v, w in zip(two.variables.values(), three.variables.values(), strict=True):
         for key in ("valueReference", "causality", "variability", "unit", "start", "min", "max", "nominal", "description"):
             assert getattr(v, key) == getattr(w, key), v.name
     first = walk(two, 50)
-    assert np.isfinite(first).all() and np.ptp(first, axis=0).any()
+    moving = [list(two.variables).index(name) for name in states(two)]
+    assert np.isfinite(first).all() and np.ptp(first[:, moving], axis=0).any()
     assert bits(first) == bits(walk(three, 50))
 
 
 @EACH
 @BOTH
 def test_a_state_is_exact_to_the_bit(model, version, open_fmu):
-    fmu = open_fmu(model, version).initialise()
+    fmu = begin(open_fmu(model, version))
     walk(fmu, 20)
     state = fmu.fmu.getFMUState()
     code = fmu.saved()
@@ -109,7 +126,7 @@ def continue_in_another_process(folder: str, code: str) -> str:
 @EACH
 @BOTH
 def test_a_state_survives_the_process(model, version, open_fmu):
-    fmu = open_fmu(model, version).initialise()
+    fmu = begin(open_fmu(model, version))
     walk(fmu, 20)
     script = ("import sys; from test_fmi_layer import continue_in_another_process as go; "
               "print('RESULT', go(sys.argv[1], sys.stdin.read()))")
@@ -122,18 +139,18 @@ def test_a_state_survives_the_process(model, version, open_fmu):
 @BOTH
 def test_reset_begins_anew(model, version, open_fmu):
     fmu = open_fmu(model, version)
-    expected = walk(fmu.initialise(), 20)
+    expected = walk(begin(fmu), 20)
     fmu.fmu.reset()
-    assert bits(walk(fmu.initialise(), 20)) == bits(expected)
+    assert bits(walk(begin(fmu), 20)) == bits(expected)
     fmu.fmu.terminate()
     fmu.fmu.reset()
-    assert bits(walk(fmu.initialise(), 20)) == bits(expected)
+    assert bits(walk(begin(fmu), 20)) == bits(expected)
 
 
 @EACH
 def test_instances_do_not_see_each_other(model, open_fmu):
-    alone = [walk(open_fmu(model).initialise(), 20, seed=seed) for seed in (0, 1)]
-    pair = [open_fmu(model).initialise() for _ in (0, 1)]
+    alone = [walk(begin(open_fmu(model)), 20, seed=seed) for seed in (0, 1)]
+    pair = [begin(open_fmu(model)) for _ in (0, 1)]
     draws = [np.random.default_rng(seed) for seed in (0, 1)]
     for i in range(20):
         for fmu, rng in zip(pair, draws, strict=True):
@@ -147,22 +164,22 @@ def test_instances_do_not_see_each_other(model, open_fmu):
 @EACH
 def test_long_steps_are_cut(model, open_fmu):
     """Ten steps of 1 ms and steps of 2, 5 and 3 ms walk the same sub-steps, but for the rounding of their lengths."""
-    fine, coarse = open_fmu(model).initialise(), open_fmu(model).initialise()
+    fine, coarse = begin(open_fmu(model)), begin(open_fmu(model))
     for fmu in (fine, coarse):
         excite(fmu, np.random.default_rng(3))
     for i in range(10):
         fine.step(i * STEP, STEP)
     for t, h in ((0.0, 0.002), (0.002, 0.005), (0.007, 0.003)):
         coarse.step(t, h)
-    states = [name for name in fine.variables if f"der({name})" in fine.variables]
-    size = np.maximum(np.abs(fine.get(*states)), [float(fine.variables[name].nominal or 1.0) * 1e-3 for name in states])
-    assert (np.abs(fine.get(*states) - coarse.get(*states)) < 1e-9 * size).all()
+    names = states(fine)
+    size = np.maximum(np.abs(fine.get(*names)), [float(fine.variables[name].nominal or 1.0) * 1e-3 for name in names])
+    assert (np.abs(fine.get(*names) - coarse.get(*names)) < 1e-9 * size).all()
 
 
 @EACH
 def test_outputs_follow_inputs_at_once(model, open_fmu):
     """Asking for outputs, or not, changes nothing; and asking twice gives the same."""
-    asked, silent = open_fmu(model).initialise(), open_fmu(model).initialise()
+    asked, silent = begin(open_fmu(model)), begin(open_fmu(model))
     walk(asked, 20)
     rng = np.random.default_rng(0)
     for i in range(20):
@@ -174,16 +191,17 @@ def test_outputs_follow_inputs_at_once(model, open_fmu):
 @EACH
 @BOTH
 def test_derivatives_agree_with_differences(model, version, open_fmu):
-    """d der(x) / d input, from the FMU's own derivative function and from setting the input."""
-    fmu = open_fmu(model, version).initialise()
-    name = next(name for name in fmu.named("input"))
-    rates = [name for name in fmu.variables if name.startswith("der(")]
+    """d der(x) / d input (or tunable parameter), from the FMU's own function and from setting it."""
+    fmu = begin(open_fmu(model, version))
+    name = settable(fmu)
+    rates = [f"der({state})" for state in states(fmu)]
     references = [fmu.variables[rate].valueReference for rate in rates]
     got = np.array(fmu.fmu.getDirectionalDerivative(references, [fmu.variables[name].valueReference], [1.0]))
-    width = 1e-4 * float(fmu.variables[name].nominal or 1.0)
+    start = float(fmu.variables[name].start)
+    width = 1e-4 * max(abs(start), float(fmu.variables[name].nominal or 1.0))
     ends = []
     for sign in (1, -1):
-        fmu.set({name: float(fmu.variables[name].start) + sign * width})
+        fmu.set({name: start + sign * width})
         ends.append(fmu.get(*rates))
     expected = (ends[0] - ends[1]) / (2 * width)
     assert np.abs(got - expected).max() <= 1e-4 * max(np.abs(expected).max(), 1e-9)
@@ -193,9 +211,8 @@ def test_derivatives_agree_with_differences(model, version, open_fmu):
 @BOTH
 def test_refusals_name_what_is_wrong_and_change_nothing(model, version, open_fmu):
     fmu = open_fmu(model, version)
-    name = fmu.named("input")[0]
-    output, rate = fmu.named("output")[0], next(name for name in fmu.variables if name.startswith("der("))
-    state = rate[4:-1]
+    name, output, state = settable(fmu), fmu.named("output")[0], states(fmu)[0]
+    rate, start = f"der({state})", float(fmu.variables[name].start)
 
     def refused(call, *words):
         before, messages = fmu.saved(), len(fmu.log)
@@ -213,7 +230,7 @@ def test_refusals_name_what_is_wrong_and_change_nothing(model, version, open_fmu
     t = 5 * STEP
     for bad in (np.nan, np.inf, -np.inf):
         refused(lambda bad=bad: fmu.set({name: bad}), name, "finite")
-    refused(lambda: fmu.set({name: 0.0, output: 1.0}), output, "computes")
+    refused(lambda: fmu.set({name: start, output: 1.0}), output, "computes")
     refused(lambda: fmu.set({rate: 1.0}), rate)
     refused(lambda: fmu.set({"time": 1.0}), "time")
     refused(lambda: fmu.set({state: 1.0}), state, "until initialisation ends")
@@ -241,7 +258,7 @@ def test_refusals_name_what_is_wrong_and_change_nothing(model, version, open_fmu
     walk(fmu, 1, begin=5)
     fmu.fmu.terminate()
     refused(lambda: fmu.step(t + STEP, STEP), "after termination")
-    refused(lambda: fmu.set({name: 0.0}), name, "termination")
+    refused(lambda: fmu.set({name: start}), name, "termination")
 
 
 @EACH
@@ -289,4 +306,4 @@ def test_rebuilt_from_its_own_sources(model, version, unpacked, open_fmu, tmp_pa
     library.unlink()
     names = sorted(path.name for path in (folder / "sources").glob("*.c"))
     compile_library(folder / "sources", names, "x86_64-linux-gnu.2.17", library)
-    assert bits(walk(open_fmu(model, folder=folder).initialise(), 50)) == bits(walk(open_fmu(model, version).initialise(), 50))
+    assert bits(walk(begin(open_fmu(model, folder=folder)), 50)) == bits(walk(begin(open_fmu(model, version)), 50))
