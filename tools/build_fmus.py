@@ -25,7 +25,7 @@ FLAGS = ["-std=c11", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-fPIC",
 TARGETS = {
     "linux64": [("x86_64-linux-gnu.2.17", "x86_64-linux", ".so")],
     "win64": [("x86_64-windows-gnu", "x86_64-windows", ".dll")],
-    "darwin64": [("x86_64-macos", "x86_64-darwin", ".dylib"), ("aarch64-macos", "aarch64-darwin", ".dylib")],
+    "darwin64": [("x86_64-macos.11.0", "x86_64-darwin", ".dylib"), ("aarch64-macos.11.0", "aarch64-darwin", ".dylib")],
 }
 
 
