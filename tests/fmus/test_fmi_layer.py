@@ -139,8 +139,10 @@ def test_a_state_survives_the_process(model, version, open_fmu):
 @BOTH
 def test_reset_begins_anew(model, version, open_fmu):
     fmu = open_fmu(model, version)
+    fresh = fmu.saved()
     expected = walk(begin(fmu), 20)
     fmu.fmu.reset()
+    assert fmu.saved() == fresh
     assert bits(walk(begin(fmu), 20)) == bits(expected)
     fmu.fmu.terminate()
     fmu.fmu.reset()
@@ -222,6 +224,11 @@ def test_refusals_name_what_is_wrong_and_change_nothing(model, version, open_fmu
         for word in words:
             assert word in fmu.log[-1]
 
+    for limited, v in fmu.variables.items():
+        if v.causality in ("parameter", "input") and v.min is not None:
+            refused(lambda limited=limited, v=v: fmu.set({limited: float(v.min) - 1.0}), limited, "at least")
+        if v.causality in ("parameter", "input") and v.max is not None:
+            refused(lambda limited=limited, v=v: fmu.set({limited: float(v.max) + 1.0}), limited, "at most")
     refused(lambda: fmu.step(0.0, STEP), "step", "after initialisation")
     refused(fmu.fmu.exitInitializationMode, "before initialisation")
     refused(lambda: fmu.enter(start=np.nan), "start time")
@@ -236,12 +243,6 @@ def test_refusals_name_what_is_wrong_and_change_nothing(model, version, open_fmu
     refused(lambda: fmu.set({state: 1.0}), state, "until initialisation ends")
     for parameter in (n for n in fmu.named("parameter") if fmu.variables[n].variability == "fixed"):
         refused(lambda parameter=parameter: fmu.set({parameter: 1.0}), parameter, "fixed parameter")
-    for limited, v in fmu.variables.items():
-        if v.variability != "fixed" and v.causality in ("parameter", "input"):
-            if v.min is not None:
-                refused(lambda limited=limited, v=v: fmu.set({limited: float(v.min) - 1.0}), limited, "at least")
-            if v.max is not None:
-                refused(lambda limited=limited, v=v: fmu.set({limited: float(v.max) + 1.0}), limited, "at most")
     unknown = len(fmu.variables) + 7
     get, put = (fmu.fmu.getReal, fmu.fmu.setReal) if version == 2 else (fmu.fmu.getFloat64, fmu.fmu.setFloat64)
     refused(lambda: get([unknown]), "value reference", str(unknown))
