@@ -1,0 +1,149 @@
+"""Record files: MCAP, CSV, Parquet, MDF4, TDMS and MATLAB, chosen by the file's suffix.
+
+    record = read("measured_385.mcap", ["lvdt_FW", "lvdt_FB"])
+    for chunk in stream("simulated_385.mcap", topic="/simulation"): ...
+    with writer("corrected.mcap") as file:
+        file.write("/corrected", chunk)
+
+A column is named `topic.field.subfield`. The topic's leading slash goes, its inner slashes stay or may be written as
+dots; entries of lists are `field[i]`. A name matches in full, or as the end (after a dot) of the full name of just one
+column. Stamps that repeat or go back, and NaN, are errors that say where, unless a repair rule of
+`fmucorrect.records.timebase` was chosen. What a file's metadata gives is in `Record.metadata`, with `path`, `topic` and,
+for a file that was cut off, `truncated` = "true".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from os import PathLike, fspath
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fmucorrect.errors import RecordError
+
+if TYPE_CHECKING:
+    from fmucorrect.records.contents import Contents
+    from fmucorrect.records.source import Sink, Source
+    from fmucorrect.records.writing import Writer
+    from fmucorrect.signals import Record
+
+SUFFIXES = (".mcap", ".csv", ".parquet", ".mf4", ".tdms", ".mat")
+"""The suffixes of files that can be read and written."""
+
+__all__ = ["SUFFIXES", "describe", "read", "stream", "writer"]
+
+
+def read(
+    path: str | PathLike[str],
+    columns: Sequence[str] | None = None,
+    *,
+    topic: str | None = None,
+    repair: str | Sequence[str] | None = None,
+) -> Record:
+    """The whole file, or these columns of it, as one record whose channels have the requested names.
+
+    columns: names in the order wanted; None: all numeric columns of the only topic (or of `topic`). Columns from
+    several topics are joined when their stamps agree, or by the repair rule `interpolate`. repair: rules by name, as
+    "sort,drop" or ("sort", "drop"), applied in that order. Raises RecordError, with place and remedy.
+    """
+    from fmucorrect.records import assemble
+
+    source = _source(path)
+    try:
+        return assemble.whole(source, columns, topic, repair)
+    finally:
+        source.close()
+
+
+def stream(
+    path: str | PathLike[str],
+    columns: Sequence[str] | None = None,
+    *,
+    topic: str | None = None,
+    repair: str | Sequence[str] | None = None,
+    rows: int = 4096,
+) -> Iterator[Record]:
+    """The same in chunks of at most `rows` rows, which joined equal `read`. Errors come when their row is reached.
+
+    Memory does not grow with the file for MCAP (chunk by chunk), CSV (block of lines), Parquet (batch) and TDMS
+    (slices). MDF4 and .mat files are read whole, and so is any file with a repair rule other than `drop`.
+    """
+    from fmucorrect.records import assemble
+
+    if rows < 1:
+        raise RecordError("a chunk has at least one row", where=fspath(path), got=rows)
+    source = _source(path)
+    try:
+        yield from assemble.chunks(source, columns, topic, repair, rows)
+    finally:
+        source.close()
+
+
+def writer(path: str | PathLike[str]) -> Writer:
+    """A file to write records to, over what may be there. To be used as a context manager.
+
+    MCAP takes several topics, the others one. A killed process leaves every finished `write` readable in MCAP, CSV and
+    TDMS; Parquet, MDF4 and .mat files are complete only once closed (the last two are held in memory until then). A
+    format other than MCAP makes no file when nothing is written.
+    """
+    from fmucorrect.records.writing import Writer
+
+    suffix = _suffix(path)
+    try:
+        return Writer(_sink(suffix, fspath(path)), fspath(path), topics=suffix == ".mcap")
+    except OSError as error:
+        raise RecordError(f"the file cannot be written: {error.strerror}", where=fspath(path)) from error
+
+
+def describe(path: str | PathLike[str]) -> Contents:
+    """What is in the file: topics, columns with units, rows, time range, encoding, and whether it was cut off."""
+    from fmucorrect.records.contents import Contents, TopicContents
+
+    source = _source(path)
+    try:
+        topics = tuple(TopicContents(topic, source.extent(topic.name)) for topic in source.topics())
+        return Contents(source.path, source.format, topics, source.truncated)
+    finally:
+        source.close()
+
+
+def _suffix(path: str | PathLike[str]) -> str:
+    suffix = Path(path).suffix.lower()
+    if suffix not in SUFFIXES:
+        raise RecordError("the file's format is not known", where=fspath(path), expected=f"one of {', '.join(SUFFIXES)}", got=repr(suffix))
+    return suffix
+
+
+def _source(path: str | PathLike[str]) -> Source:
+    suffix, name = _suffix(path), fspath(path)
+    if not Path(path).is_file():
+        raise RecordError("there is no such file", where=name)
+    if suffix == ".mcap":
+        from fmucorrect.records.mcap import McapSource as Opened
+    elif suffix == ".csv":
+        from fmucorrect.records.csv import CsvSource as Opened
+    elif suffix == ".parquet":
+        from fmucorrect.records.parquet import ParquetSource as Opened
+    elif suffix == ".mf4":
+        from fmucorrect.records.mdf4 import Mdf4Source as Opened
+    elif suffix == ".tdms":
+        from fmucorrect.records.tdms import TdmsSource as Opened
+    else:
+        from fmucorrect.records.mat import MatSource as Opened
+    return Opened(name)
+
+
+def _sink(suffix: str, name: str) -> Sink:
+    if suffix == ".mcap":
+        from fmucorrect.records.mcap_writer import McapSink as Opened
+    elif suffix == ".csv":
+        from fmucorrect.records.csv import CsvSink as Opened
+    elif suffix == ".parquet":
+        from fmucorrect.records.parquet import ParquetSink as Opened
+    elif suffix == ".mf4":
+        from fmucorrect.records.mdf4 import Mdf4Sink as Opened
+    elif suffix == ".tdms":
+        from fmucorrect.records.tdms import TdmsSink as Opened
+    else:
+        from fmucorrect.records.mat import MatSink as Opened
+    return Opened(name)

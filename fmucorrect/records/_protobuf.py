@@ -1,0 +1,230 @@
+"""Protobuf messages in MCAP: the schema of records written here, and the numbers of any message read here."""
+
+from __future__ import annotations
+
+import math
+import re
+import struct
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+from google.protobuf.descriptor import FieldDescriptor
+from google.protobuf.message import DecodeError
+
+from fmucorrect.records.bulk import Layout, Place
+from fmucorrect.records.decode import LONGEST
+
+_PACKAGE = "fmucorrect"
+_FIXED = {
+    FieldDescriptor.TYPE_DOUBLE: "<f8",
+    FieldDescriptor.TYPE_FLOAT: "<f4",
+    FieldDescriptor.TYPE_FIXED64: "<u8",
+    FieldDescriptor.TYPE_SFIXED64: "<i8",
+    FieldDescriptor.TYPE_FIXED32: "<u4",
+    FieldDescriptor.TYPE_SFIXED32: "<i4",
+}
+_TEXT = {FieldDescriptor.TYPE_STRING, FieldDescriptor.TYPE_BYTES}
+_TIMES = {"google.protobuf.Timestamp", "google.protobuf.Duration"}
+_UNIT = re.compile(r"\[([^\[\]]+)\]")
+
+
+def field_names(names: Sequence[str]) -> list[str]:
+    """Names that protobuf allows, all different, as near to the channels' names as can be."""
+    fields: list[str] = []
+    for name in names:
+        plain = re.sub(r"\W", "_", name, flags=re.ASCII)
+        plain = plain if re.match(r"[A-Za-z_]", plain) else f"_{plain}"
+        field, n = plain, 2
+        while field in fields:
+            field, n = f"{plain}_{n}", n + 1
+        fields.append(field)
+    return fields
+
+
+def schema(topic: str, names: Sequence[str], fields: Sequence[str], units: Sequence[str]) -> tuple[str, bytes]:
+    """Name and FileDescriptorSet of a message of doubles, each with its name and unit as a comment.
+
+    proto2 optional fields: a value of 0.0 is written like any other, so every message has the same size.
+    """
+    title = "".join(word[:1].upper() + word[1:] for word in re.split(r"[^A-Za-z0-9]+", topic)) or "Record"
+    title = title if title[0].isalpha() else f"Record{title}"
+    file = descriptor_pb2.FileDescriptorProto(name=f"{_PACKAGE}/{title}.proto", package=_PACKAGE, syntax="proto2")
+    message = file.message_type.add(name=title)
+    for i, (name, field, unit) in enumerate(zip(names, fields, units, strict=True)):
+        message.field.add(
+            name=field,
+            number=_number(i),
+            type=descriptor_pb2.FieldDescriptorProto.TYPE_DOUBLE,
+            label=descriptor_pb2.FieldDescriptorProto.LABEL_OPTIONAL,
+        )
+        place = file.source_code_info.location.add(trailing_comments=f" {name} [{unit}]\n")
+        place.path.extend([4, 0, 2, i])
+        place.span.extend([i + 3, 2, 60])
+    return f"{_PACKAGE}.{title}", descriptor_pb2.FileDescriptorSet(file=[file]).SerializeToString()
+
+
+def tags(count: int) -> list[bytes]:
+    """What stands before each double of a message of `schema`: field number and wire type 1."""
+    return [_varint(_number(i) << 3 | 1) for i in range(count)]
+
+
+def _number(i: int) -> int:
+    return i + 1 if i + 1 < 19000 else i + 1001  # 19000 to 19999 are protobuf's own
+
+
+def _varint(value: int) -> bytes:
+    out = bytearray()
+    while value > 127:
+        out.append(value & 127 | 128)
+        value >>= 7
+    return bytes([*out, value])
+
+
+class ProtobufDecoder:
+    """Messages of one schema. Raises ValueError when the schema cannot be used."""
+
+    def __init__(self, name: str, descriptors: bytes) -> None:
+        try:
+            files = descriptor_pb2.FileDescriptorSet.FromString(descriptors)
+            pool = descriptor_pool.DescriptorPool()
+            waiting = {file.name: file for file in files.file}
+            while waiting:
+                self._add(pool, waiting, next(iter(waiting)))
+            self._descriptor: Any = pool.FindMessageTypeByName(name)
+        except (DecodeError, KeyError, TypeError) as error:
+            raise ValueError(f"the protobuf schema {name!r} cannot be used: {error}") from error
+        self._class: Any = message_factory.GetMessageClass(self._descriptor)
+        self._units = _units(files)
+
+    def _add(self, pool: Any, waiting: dict[str, Any], name: str) -> None:
+        file = waiting.pop(name)
+        for needed in file.dependency:
+            if needed in waiting:
+                self._add(pool, waiting, needed)
+        pool.Add(file)
+
+    def declared(self) -> list[tuple[str, str]]:
+        """The single numbers of the schema at any depth, with the units that comments give in brackets."""
+        return list(self._declared(self._descriptor, "", ()))
+
+    def _declared(self, descriptor: Any, prefix: str, above: tuple[str, ...]) -> Iterator[tuple[str, str]]:
+        for field in descriptor.fields:
+            name = f"{prefix}{field.name}"
+            unit = self._units.get(field.full_name, "1")
+            if field.is_repeated or field.type in _TEXT or field.type == FieldDescriptor.TYPE_GROUP:
+                if field.is_repeated:
+                    yield f"{name}[", unit  # a prefix: gives its unit to the entries
+            elif field.message_type is None:
+                yield name, unit
+            elif field.message_type.full_name in _TIMES:
+                yield name, "s"
+            elif field.message_type.full_name not in above:
+                yield from self._declared(field.message_type, f"{name}.", (*above, field.message_type.full_name))
+
+    def leaves(self, payload: bytes) -> dict[str, float]:
+        """Every number by its path; fields that can be absent and are, are left out."""
+        message = self._class()
+        try:
+            message.ParseFromString(payload)
+        except DecodeError as error:
+            raise ValueError(str(error)) from error
+        found: dict[str, float] = {}
+        self._collect(message, "", found)
+        return found
+
+    def _collect(self, message: Any, prefix: str, found: dict[str, float]) -> None:
+        for field in message.DESCRIPTOR.fields:
+            if field.type in _TEXT:
+                continue
+            name = f"{prefix}{field.name}"
+            if field.is_repeated:
+                entries = getattr(message, field.name)
+                if len(entries) > LONGEST or (field.message_type is not None and field.message_type.GetOptions().map_entry):
+                    continue
+                for i, entry in enumerate(entries):
+                    self._leaf(entry, field, f"{name}[{i}]", found)
+            elif not field.has_presence or message.HasField(field.name):
+                self._leaf(getattr(message, field.name), field, name, found)
+
+    def _leaf(self, value: Any, field: Any, name: str, found: dict[str, float]) -> None:
+        if field.message_type is None:
+            found[name] = float(value)
+        elif field.message_type.full_name in _TIMES:
+            found[name] = value.seconds + value.nanos * 1e-9
+        else:
+            self._collect(value, f"{name}.", found)
+
+    def layout(self, payload: bytes) -> Layout | None:
+        """The layout where all numbers are of fixed size; None for varints and what else has none."""
+        fixed: list[int] = []
+        places: dict[str, tuple[Place, ...]] = {}
+        try:
+            if not _trace(payload, 0, len(payload), self._descriptor, "", fixed, places):
+                return None
+            layout = Layout(payload, tuple(fixed), places)
+            same = _equal(layout.leaves(), self.leaves(payload))
+        except (ValueError, IndexError, struct.error):
+            return None
+        return layout if same else None
+
+
+def _trace(
+    data: bytes, at: int, end: int, descriptor: Any, prefix: str, fixed: list[int], places: dict[str, tuple[Place, ...]]
+) -> bool:
+    while at < end:
+        start = at
+        tag, at = _read_varint(data, at)
+        field, wire = descriptor.fields_by_number.get(tag >> 3), tag & 7
+        size = {1: 8, 5: 4}.get(wire)
+        if wire == 2:
+            size, at = _read_varint(data, at)
+        if size is None or at + size > end:
+            return False
+        fixed.extend(range(start, at))
+        if field is not None:
+            name = f"{prefix}{field.name}"
+            kind = _FIXED.get(field.type)
+            if field.is_repeated or (name in places):
+                return False
+            if kind is not None and wire != 2:
+                places[name] = (Place(at, kind),)
+            elif field.message_type is not None and wire == 2:
+                if field.message_type.full_name in _TIMES:
+                    return False
+                if not _trace(data, at, at + size, field.message_type, f"{name}.", fixed, places):
+                    return False
+            elif field.type not in _TEXT:
+                return False
+        at += size
+    return True
+
+
+def _read_varint(data: bytes, at: int) -> tuple[int, int]:
+    value, shift = 0, 0
+    while data[at] > 127:
+        value |= (data[at] & 127) << shift
+        at, shift = at + 1, shift + 7
+    return value | data[at] << shift, at + 1
+
+
+def _equal(a: dict[str, float], b: dict[str, float]) -> bool:
+    return a.keys() == b.keys() and all(x == b[name] or (math.isnan(x) and math.isnan(b[name])) for name, x in a.items())
+
+
+def _units(files: Any) -> dict[str, str]:
+    """Units by full field name, from comments like `[mm]` in the source information."""
+    units: dict[str, str] = {}
+    for file in files.file:
+        for place in file.source_code_info.location:
+            found = _UNIT.findall(f"{place.leading_comments}\n{place.trailing_comments}")
+            path = list(place.path)
+            if not found or len(path) < 4 or path[0] != 4 or path[-2] != 2 or set(path[2:-2:2]) - {3}:
+                continue
+            message, name = file.message_type[path[1]], file.package
+            name = f"{name}.{message.name}" if name else message.name
+            for i in path[3:-2:2]:
+                message = message.nested_type[i]
+                name = f"{name}.{message.name}"
+            units[f"{name}.{message.field[path[-1]].name}"] = found[-1]
+    return units

@@ -1,0 +1,185 @@
+"""The one reader: columns of a source become Records, whole or in chunks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import zip_longest
+
+import numpy as np
+
+from fmucorrect.errors import RecordError
+from fmucorrect.records import timebase
+from fmucorrect.records.columns import Part, Plan, plan
+from fmucorrect.records.source import NO_TIME, RAM_ROWS, Block, Source
+from fmucorrect.signals import Channel, Record
+
+_STREAMED = {"drop"}
+"""Rules that need only what came before a row; the others need the whole file."""
+
+RESERVED = ("path", "topic", "truncated")
+"""Metadata that reading sets and writing leaves out."""
+
+
+def whole(source: Source, columns: Sequence[str] | None, topic: str | None, repair: str | Sequence[str] | None) -> Record:
+    """The record of these columns, all rows."""
+    names = timebase.rules(repair)
+    found = plan(source.topics(), columns, topic, source.path)
+    if set(names) <= _STREAMED:
+        blocks = list(_checked(source, found, names, RAM_ROWS if len(found.parts) > 1 else None))
+        return _record(source, found, _concatenate(blocks, len(found.names)))
+    return _repaired(source, found, names)
+
+
+def chunks(
+    source: Source, columns: Sequence[str] | None, topic: str | None, repair: str | Sequence[str] | None, rows: int
+) -> Iterator[Record]:
+    """The same record in chunks of at most `rows` rows."""
+    names = timebase.rules(repair)
+    found = plan(source.topics(), columns, topic, source.path)
+    if set(names) <= _STREAMED:
+        for block in _checked(source, found, names, rows):
+            yield _record(source, found, block)
+    else:
+        record = _repaired(source, found, names)
+        for start in range(0, len(record), rows):
+            yield record.rows(start, min(start + rows, len(record)))
+
+
+def _record(source: Source, found: Plan, block: Block) -> Record:
+    channels = tuple(Channel(name, unit) for name, unit in zip(found.names, found.units, strict=True))
+    metadata = dict(found.parts[0].topic.metadata) if len(found.parts) == 1 else {}
+    metadata["path"] = source.path
+    if len(found.parts) == 1 and found.parts[0].topic.name:
+        metadata["topic"] = found.parts[0].topic.name
+    if source.truncated:
+        metadata["truncated"] = "true"
+    return Record(block.t_ns, block.values, channels, metadata)
+
+
+def _checked(source: Source, found: Plan, names: tuple[str, ...], rows: int | None) -> Iterator[Block]:
+    """Blocks with increasing time and finite values, of `rows` rows (None: as the file gives them)."""
+    series = [_sound(source, part, names) for part in found.parts]
+    if len(series) == 1:
+        yield from series[0] if rows is None else _regular(series[0], rows)
+        return
+    row = 0
+    for blocks in zip_longest(*(_regular(one, rows or RAM_ROWS) for one in series)):
+        counts = [0 if block is None else len(block.t_ns) for block in blocks]
+        agreed = min(counts)
+        if len(set(counts)) > 1 and not source.truncated:
+            raise _ended(source, found, counts, row)
+        if agreed:
+            joined = _joined(source, found, [Block(b.t_ns[:agreed], b.values[:agreed]) for b in blocks], row)
+            yield joined
+        if len(set(counts)) > 1:
+            return
+        row += agreed
+
+
+def _sound(source: Source, part: Part, names: tuple[str, ...]) -> Iterator[Block]:
+    """One topic's blocks, dropped where asked, checked."""
+    row, last = 0, NO_TIME
+    labels = [part.topic.full_name(column) for column in part.columns]
+    for block in source.blocks(part.topic.name, part.columns):
+        if names:
+            block = timebase.drop(block, last)
+        timebase.check(block, labels, source.path, row, last)
+        row += len(block.t_ns)
+        if len(block.t_ns):
+            last = int(block.t_ns[-1])
+            yield block
+
+
+def _regular(blocks: Iterator[Block], rows: int) -> Iterator[Block]:
+    """The same rows in blocks of exactly `rows` rows, the last one shorter."""
+    held: list[Block] = []
+    count = 0
+    for block in blocks:
+        start = 0
+        while count + len(block.t_ns) - start >= rows:
+            stop = start + rows - count
+            held.append(Block(block.t_ns[start:stop], block.values[start:stop]))
+            yield _concatenate(held, block.values.shape[1])
+            held, count, start = [], 0, stop
+        if start < len(block.t_ns):
+            held.append(Block(block.t_ns[start:].copy(), block.values[start:].copy()))
+            count += len(block.t_ns) - start
+    if held:
+        yield _concatenate(held, held[0].values.shape[1])
+
+
+def _concatenate(blocks: list[Block], columns: int) -> Block:
+    if len(blocks) == 1:
+        return blocks[0]
+    if not blocks:
+        return Block(np.empty(0, np.int64), np.empty((0, columns)))
+    return Block(np.concatenate([b.t_ns for b in blocks]), np.concatenate([b.values for b in blocks]))
+
+
+def _joined(source: Source, found: Plan, blocks: Sequence[Block], first_row: int) -> Block:
+    """Blocks of several topics side by side. Raises RecordError at the first row where the stamps differ."""
+    t_ns = blocks[0].t_ns
+    for part, block in zip(found.parts, blocks, strict=True):
+        differs = block.t_ns != t_ns
+        if differs.any():
+            i = int(np.argmax(differs))
+            first, there = timebase.seconds_text(int(t_ns[i])), timebase.seconds_text(int(block.t_ns[i]))
+            raise RecordError(
+                f"topics {found.parts[0].topic.name!r} and {part.topic.name!r} have different stamps at row {first_row + i}",
+                where=source.path,
+                expected=f"{first} s",
+                got=f"{there} s",
+                remedy="The repair rule 'interpolate' takes the others at the first topic's stamps.",
+            )
+    return Block(t_ns, _side_by_side(found, [block.values for block in blocks], len(t_ns)))
+
+
+def _side_by_side(found: Plan, values: Sequence[np.ndarray], rows: int) -> np.ndarray:
+    together = np.empty((rows, len(found.names)))
+    for part, columns in zip(found.parts, values, strict=True):
+        together[:, list(part.positions)] = columns
+    return together
+
+
+def _ended(source: Source, found: Plan, counts: Sequence[int], row: int) -> RecordError:
+    short = found.parts[int(np.argmin(counts))].topic.name
+    return RecordError(
+        f"topic {short!r} ends at row {row + min(counts)}, before the others",
+        where=source.path,
+        remedy="The repair rule 'interpolate' keeps the interval that all topics cover.",
+    )
+
+
+def _repaired(source: Source, found: Plan, names: tuple[str, ...]) -> Record:
+    """Every topic in memory, mended rule by rule, then joined."""
+    blocks: list[Block] = []
+    for part in found.parts:
+        block = _concatenate(list(source.blocks(part.topic.name, part.columns)), len(part.columns))
+        for name in names:
+            if name == "sort":
+                block = timebase.sort(block)
+            elif name == "drop":
+                block = timebase.drop(block)
+            elif name == "interpolate":
+                block = timebase.interpolate(block, source.path)
+        timebase.check(block, [part.topic.full_name(column) for column in part.columns], source.path)
+        blocks.append(block)
+    record = _record(source, found, _one_base(source, found, blocks, names))
+    return timebase.resample(record) if "resample" in names else record
+
+
+def _one_base(source: Source, found: Plan, blocks: Sequence[Block], names: tuple[str, ...]) -> Block:
+    if len(blocks) == 1:
+        return blocks[0]
+    if "interpolate" not in names:
+        counts = [len(block.t_ns) for block in blocks]
+        rows = min(counts)
+        if len(set(counts)) > 1 and not source.truncated:
+            raise _ended(source, found, counts, 0)
+        return _joined(source, found, [Block(b.t_ns[:rows], b.values[:rows]) for b in blocks], 0)
+    if any(not len(block.t_ns) for block in blocks):
+        raise RecordError("a topic has no rows, so nothing can be joined to it", where=source.path)
+    start, stop = max(int(b.t_ns[0]) for b in blocks), min(int(b.t_ns[-1]) for b in blocks)
+    base = blocks[0].t_ns
+    base = base[(base >= start) & (base <= stop)]
+    return Block(base, _side_by_side(found, [timebase.at_stamps(block, base) for block in blocks], len(base)))

@@ -1,0 +1,180 @@
+"""ROS 2 messages: the ros2msg schema text and CDR payloads, without ROS.
+
+A payload is traced once: where each number lies, and which bytes (lengths) must be the same in another message for that
+to hold there too. Numbers, strings, nested types, fixed, bounded and free arrays, builtin time and duration (in s).
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from fmucorrect.records.bulk import Layout, Place
+from fmucorrect.records.decode import LONGEST
+
+_KINDS = {
+    "bool": "u1", "byte": "u1", "octet": "u1", "char": "u1", "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2",
+    "int32": "i4", "uint32": "u4", "int64": "i8", "uint64": "u8", "float32": "f4", "float64": "f8",
+}  # fmt: skip
+_TIME = re.compile(r"(builtin_interfaces/)?(Time|Duration|time|duration)$")
+_FIELD = re.compile(r"([\w/]+)(?:<=\d+)?(?:\[(<=)?(\d*)\])?\s+(\w+)\s*(.*)$")
+
+
+@dataclass(frozen=True)
+class _Field:
+    kind: str
+    name: str
+    array: bool
+    count: int | None  # entries of a fixed array
+
+
+class CdrDecoder:
+    """CDR payloads of one ros2msg schema. Raises ValueError when the schema cannot be used."""
+
+    def __init__(self, name: str, schema: str) -> None:
+        sections = re.split(r"^=+\s*$", schema, flags=re.MULTILINE)
+        self._root = _plain(name)
+        self._types: dict[str, list[_Field]] = {self._root: _fields(sections[0])}
+        for section in sections[1:]:
+            head, _, body = section.strip().partition("\n")
+            if not head.startswith("MSG:"):
+                raise ValueError(f"the ros2msg schema of {name!r} has a section without 'MSG:'")
+            self._types[_plain(head[4:].strip())] = _fields(body)
+
+    def declared(self) -> list[tuple[str, str]]:
+        """Nothing but what messages hold: the schema has no units and may have free arrays."""
+        return []
+
+    def leaves(self, payload: bytes) -> dict[str, float]:
+        """Every number by its path."""
+        return self.layout(payload).leaves()
+
+    def layout(self, payload: bytes) -> Layout:
+        """Where the numbers lie. Raises ValueError when the payload does not fit the schema."""
+        if len(payload) < 4 or payload[0] != 0 or payload[1] not in (0, 1, 6, 7):
+            raise ValueError(f"the CDR encapsulation {payload[:2].hex()} is not plain CDR")
+        trace = _Trace(payload, "<" if payload[1] & 1 else ">", 8 if payload[1] < 2 else 4)
+        try:
+            self._message(trace, self._root, "")
+        except (IndexError, struct.error) as error:
+            raise ValueError(f"the CDR payload of {len(payload)} bytes ends inside {self._root}") from error
+        return Layout(payload, tuple(trace.fixed), trace.places)
+
+    def _message(self, trace: _Trace, kind: str, prefix: str) -> None:
+        fields = self._types[kind]
+        if not fields:
+            trace.take("u1")  # an empty structure has a dummy member
+        for field in fields:
+            name = f"{prefix}{field.name}"
+            if not field.array:
+                self._value(trace, kind, field.kind, name)
+                continue
+            count = field.count if field.count is not None else trace.length()
+            keep = count <= LONGEST
+            if field.kind in _KINDS:
+                trace.row(_KINDS[field.kind], count, name if keep else None)
+            else:
+                for i in range(count):
+                    self._value(trace, kind, field.kind, f"{name}[{i}]" if keep else None)
+
+    def _value(self, trace: _Trace, parent: str, kind: str, name: str | None) -> None:
+        if kind in _KINDS:
+            trace.row(_KINDS[kind], 1, name, single=True)
+        elif kind == "string":
+            trace.string()
+        elif kind == "wstring":
+            raise ValueError("wstring fields are not supported")
+        elif _TIME.match(kind) and _plain(kind) not in self._types:
+            trace.time(name)
+        else:
+            found = self._resolve(parent, kind)
+            if _TIME.match(found) and "/" in found and found.startswith("builtin_interfaces/"):
+                trace.time(name)
+            elif name is None:
+                skipped = _Trace(trace.data, trace.order, trace.largest, trace.at)
+                self._message(skipped, found, "")
+                trace.at = skipped.at
+                trace.fixed += skipped.fixed
+            else:
+                self._message(trace, found, f"{name}.")
+
+    def _resolve(self, parent: str, kind: str) -> str:
+        plain = _plain(kind)
+        package = parent.rpartition("/")[0]
+        for candidate in (plain, f"{package}/{plain}"):
+            if candidate in self._types:
+                return candidate
+        ends = [known for known in self._types if known.endswith(f"/{plain}")]
+        if len(ends) != 1:
+            raise ValueError(f"the ros2msg schema does not define {kind!r}")
+        return ends[0]
+
+
+class _Trace:
+    """A position in a payload, and what was found before it."""
+
+    def __init__(self, data: bytes, order: str, largest: int, at: int = 4) -> None:
+        self.data, self.order, self.largest, self.at = data, order, largest, at
+        self.fixed: list[int] = [0, 1]
+        self.places: dict[str, tuple[Place, ...]] = {}
+
+    def take(self, kind: str, count: int = 1) -> int:
+        """The offset of `count` numbers from here, which is then behind them. Alignment counts from the fifth byte."""
+        size = int(kind[1])
+        align = min(size, self.largest)
+        self.at += (4 - self.at) % align if count else 0
+        start = self.at
+        self.at += size * count
+        if self.at > len(self.data):
+            raise IndexError
+        return start
+
+    def row(self, kind: str, count: int, name: str | None, single: bool = False) -> None:
+        start = self.take(kind, count)
+        if name is not None:
+            for i in range(count):
+                label = name if single else f"{name}[{i}]"
+                self.places[label] = (Place(start + i * int(kind[1]), self.order + kind),)
+
+    def length(self) -> int:
+        start = self.take("u4")
+        self.fixed += range(start, start + 4)
+        return int(struct.unpack_from(f"{self.order}I", self.data, start)[0])
+
+    def string(self) -> None:
+        self.at += self.length()
+        if self.at > len(self.data):
+            raise IndexError
+
+    def time(self, name: str | None) -> None:
+        seconds, nanoseconds = self.take("i4"), self.take("u4")
+        if name is not None:
+            self.places[name] = (Place(seconds, f"{self.order}i4"), Place(nanoseconds, f"{self.order}u4", 1e-9))
+
+
+def units(places: Mapping[str, tuple[Place, ...]]) -> dict[str, str]:
+    """Times are in seconds; the schema gives no other unit."""
+    return {name: "s" for name, parts in places.items() if len(parts) == 2}
+
+
+def _plain(name: str) -> str:
+    return name.replace("/msg/", "/")
+
+
+def _fields(body: str) -> list[_Field]:
+    fields: list[_Field] = []
+    for line in body.splitlines():
+        line = line.split("#", 1)[0].strip()
+        if not line:
+            continue
+        match = _FIELD.match(line)
+        if not match:
+            raise ValueError(f"the ros2msg line {line!r} is not understood")
+        kind, bounded, count, name, rest = match.groups()
+        if rest.startswith("="):
+            continue  # a constant
+        array = count is not None
+        fields.append(_Field(kind, name, array, int(count) if array and count and not bounded else None))
+    return fields

@@ -1,0 +1,95 @@
+"""Which column a name means: the full name, or a suffix of it that only one column has."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from fmucorrect.errors import RecordError
+from fmucorrect.records.contents import Column, Topic
+
+
+@dataclass(frozen=True)
+class Part:
+    """What is taken from one topic. columns: names in the file; positions: where each goes in the record."""
+
+    topic: Topic
+    columns: tuple[str, ...]
+    positions: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a record is put together from. names and units: of its columns, in order. parts: one a topic."""
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    parts: tuple[Part, ...]
+
+
+def plan(topics: Sequence[Topic], names: Sequence[str] | None, topic: str | None, path: str) -> Plan:
+    """Find each named column (None: all columns of the only topic). Raises RecordError with near names."""
+    if isinstance(names, str):
+        raise RecordError("columns are given as a list of names", where=path, got=repr(names))
+    if topic is not None:
+        topics = [_topic(topics, topic, path)]
+    if names is None:
+        return _everything(topics, path)
+    found = [_find(topics, name, path) for name in names]
+    parts: list[Part] = []
+    for t in dict.fromkeys(t for t, _ in found):
+        mine = [(i, column.name) for i, (other, column) in enumerate(found) if other == t]
+        parts.append(Part(topics[t], tuple(name for _, name in mine), tuple(i for i, _ in mine)))
+    return Plan(tuple(names), tuple(column.unit for _, column in found), tuple(parts))
+
+
+def _topic(topics: Sequence[Topic], name: str, path: str) -> Topic:
+    for topic in topics:
+        if topic.name.lstrip("/") == name.lstrip("/"):
+            return topic
+    there = ", ".join(repr(topic.name) for topic in topics) or "none"
+    raise RecordError(f"there is no topic {name!r}", where=path, expected=f"one of {there}")
+
+
+def _everything(topics: Sequence[Topic], path: str) -> Plan:
+    readable = [topic for topic in topics if topic.columns]
+    if not readable:
+        notes = "; ".join(f"{topic.name}: {topic.note}" for topic in topics if topic.note)
+        raise RecordError("there is no numeric column", where=path, got=notes or None)
+    if len(readable) > 1:
+        there = ", ".join(repr(topic.name) for topic in readable)
+        raise RecordError(f"there are several topics: {there}", where=path, remedy="Say which: topic=..., or name columns.")
+    columns = readable[0].columns
+    names = tuple(column.name for column in columns)
+    part = Part(readable[0], names, tuple(range(len(names))))
+    return Plan(names, tuple(column.unit for column in columns), (part,))
+
+
+def _find(topics: Sequence[Topic], name: str, path: str) -> tuple[int, Column]:
+    wanted = _plain(name)
+    every = [(t, column, _plain(topic.full_name(column.name))) for t, topic in enumerate(topics) for column in topic.columns]
+    for matches in (
+        [(t, column) for t, column, full in every if full == wanted],
+        [(t, column) for t, column, _ in every if _plain(column.name) == wanted],
+        [(t, column) for t, column, full in every if full.endswith("." + wanted)],
+    ):
+        if len(matches) == 1:
+            return matches[0]
+        if matches:
+            there = ", ".join(topics[t].full_name(column.name) for t, column in matches)
+            raise RecordError(f"column {name!r} may mean {there}", where=path, remedy="Write the full name.")
+    raise RecordError(f"there is no column {name!r}", where=path, expected=_near(topics, wanted))
+
+
+def _near(topics: Sequence[Topic], wanted: str) -> str:
+    names = [topic.full_name(column.name) for topic in topics for column in topic.columns]
+    last = wanted.rsplit(".", 1)[-1].lower()
+    score = {n: difflib.SequenceMatcher(None, last, _plain(n).rsplit(".", 1)[-1].lower()).ratio() for n in names}
+    best = sorted(names, key=lambda n: -score[n])[:8]
+    more = f" and {len(names) - len(best)} more" if len(names) > len(best) else ""
+    return f"one of {', '.join(best)}{more}" if best else "a column, but there are none"
+
+
+def _plain(name: str) -> str:
+    return name.replace("/", ".").lstrip(".")

@@ -1,0 +1,62 @@
+"""What a record file holds, told without reading its values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+
+@dataclass(frozen=True)
+class Column:
+    """One series of numbers. name: relative to its topic. unit: as the file writes it, "1" when it says nothing."""
+
+    name: str
+    unit: str = "1"
+
+
+@dataclass(frozen=True)
+class Extent:
+    """How many rows there are, and the smallest and largest stamp in ns (None without rows)."""
+
+    rows: int
+    start_ns: int | None
+    stop_ns: int | None
+
+
+@dataclass(frozen=True)
+class Topic:
+    """Columns that share their stamps: a topic of MCAP, a group of MDF4 and TDMS; tables have one, named "".
+
+    encoding: how a sample is written, in words. metadata: text by key, as the file gives it.
+    note: why there are no columns, if the encoding cannot be read.
+    """
+
+    name: str
+    columns: tuple[Column, ...]
+    encoding: str
+    metadata: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    note: str = ""
+
+    def full_name(self, column: str) -> str:
+        """`topic.column`: the topic's leading slash goes, inner slashes stay."""
+        topic = self.name.lstrip("/")
+        return f"{topic}.{column}" if topic else column
+
+
+@dataclass(frozen=True)
+class TopicContents:
+    """One topic and how far it reaches."""
+
+    topic: Topic
+    extent: Extent
+
+
+@dataclass(frozen=True)
+class Contents:
+    """A record file at a glance. truncated: the file was cut off, and only its complete part is counted."""
+
+    path: str
+    format: str
+    topics: tuple[TopicContents, ...]
+    truncated: bool

@@ -1,0 +1,79 @@
+"""What every file format gives to the one reader: topics and blocks of rows, as they stand in the file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from fmucorrect.records.contents import Extent, Topic
+from fmucorrect.signals import Record
+
+NO_TIME = int(np.iinfo(np.int64).min)
+"""The stamp of a row whose time is no number."""
+
+RAM_ROWS = 65536
+"""Rows that a format hands over at once where it can choose."""
+
+
+@dataclass(frozen=True)
+class Block:
+    """Rows as they stand in a file: neither checked nor repaired.
+
+    t_ns: (T,) int64 stamps in ns in any order, NO_TIME where there is none. values: (T, C) float64, NaN where missing.
+    """
+
+    t_ns: Int64[np.ndarray, "T"]
+    values: Float64[np.ndarray, "T C"]
+
+
+class Source(Protocol):
+    """An open record file. Call order: topics, then blocks or extent any number of times, then close."""
+
+    path: str
+    format: str
+    truncated: bool
+
+    def topics(self) -> tuple[Topic, ...]:
+        """The topics in file order, with their numeric columns."""
+        ...
+
+    def blocks(self, topic: str, columns: Sequence[str]) -> Iterator[Block]:
+        """All rows of a topic in file order, block by block, with these columns (which `topics` names)."""
+        ...
+
+    def extent(self, topic: str) -> Extent:
+        """Rows and time range of a topic."""
+        ...
+
+    def close(self) -> None:
+        """Release the file. Iterators taken from `blocks` end here."""
+        ...
+
+
+class Sink(Protocol):
+    """A record file being written. Records of one topic all have the same channels, in increasing time."""
+
+    def append(self, topic: str, record: Record) -> None:
+        """Write the rows of a record behind those of the topic."""
+        ...
+
+    def close(self) -> None:
+        """Finish the file."""
+        ...
+
+
+def extent_of(blocks: Iterator[Block]) -> Extent:
+    """The extent, by reading all blocks."""
+    rows, start, stop = 0, None, None
+    for block in blocks:
+        stamps = block.t_ns[block.t_ns != NO_TIME]
+        rows += len(block.t_ns)
+        if len(stamps):
+            low, high = int(stamps.min()), int(stamps.max())
+            start = low if start is None else min(start, low)
+            stop = high if stop is None else max(stop, high)
+    return Extent(rows, start, stop)

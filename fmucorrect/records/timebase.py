@@ -1,0 +1,171 @@
+"""Time as records need it: what is wrong with stamps and values, the rules that mend it, and uniformity.
+
+Rules, applied in the order that the user writes them (`"sort,drop"` or `("sort", "drop")`):
+
+    sort         rows in the order of their stamps; rows with equal stamps keep their order
+    drop         rows with NaN or Inf go, then every row whose stamp is not later than all rows before it
+    interpolate  NaN and Inf become linear between their finite neighbours in time (not beyond the first and last finite
+                 value: those stay, for `drop`); topics on different stamps are taken at the first topic's stamps, linear
+    resample     all columns linear on a uniform grid from the first stamp with the median step; bridges jitter and gaps
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from fmucorrect.errors import RecordError
+from fmucorrect.records.source import NO_TIME, Block
+from fmucorrect.signals import NANOSECONDS, Record
+
+RULES = frozenset({"sort", "drop", "interpolate", "resample"})
+"""The names of the repair rules."""
+
+JITTER = 0.01
+"""Part of a step by which an interval may differ from the step and still count as uniform."""
+
+_ROUNDING_NS = 1
+
+
+def rules(repair: str | Sequence[str] | None) -> tuple[str, ...]:
+    """The rules that were asked for, in order. Raises RecordError for a name that is no rule."""
+    asked = repair.split(",") if isinstance(repair, str) else (repair or ())
+    names = tuple(name for name in (part.strip() for part in asked) if name)
+    unknown = [name for name in names if name not in RULES]
+    if unknown:
+        raise RecordError(f"there is no repair rule {unknown[0]!r}", expected=f"some of {', '.join(sorted(RULES))}")
+    return names
+
+
+def check(block: Block, names: Sequence[str], where: str, first_row: int = 0, after_ns: int = NO_TIME) -> None:
+    """Raise RecordError at the first row whose time or value cannot be used, with file, row, time and column.
+
+    names: of the block's columns. first_row: the row number of the block's first row. after_ns: the stamp before it.
+    """
+    t_ns = block.t_ns
+    before = np.concatenate([np.array([after_ns], np.int64), t_ns[:-1]])
+    late = t_ns <= before
+    wrong = late if np.isfinite(block.values).all() else late | ~np.isfinite(block.values).all(axis=1)
+    if not wrong.any():
+        return
+    i = int(np.argmax(wrong))
+    row, now = first_row + i, int(t_ns[i])
+    if now == NO_TIME:
+        raise RecordError(f"time is not a number at row {row}", where=where, remedy="The repair rule 'drop' leaves the row out.")
+    if late[i]:
+        what = "is repeated" if now == before[i] else "goes back"
+        raise RecordError(
+            f"time {what} at row {row} (t = {seconds_text(now)} s)",
+            where=where,
+            expected=f"later than {seconds_text(int(before[i]))} s",
+            remedy="Choose a repair rule: 'sort' orders the rows, 'drop' leaves repeated and reversed rows out.",
+        )
+    c = int(np.argmax(~np.isfinite(block.values[i])))
+    raise RecordError(
+        f"column {names[c]!r} is {block.values[i, c]} at row {row} (t = {seconds_text(now)} s)",
+        where=where,
+        expected="a finite number",
+        remedy="Choose a repair rule: 'drop' leaves such rows out, 'interpolate' fills them in.",
+    )
+
+
+def sort(block: Block) -> Block:
+    """Rows in the order of their stamps; the order of equal stamps is kept."""
+    order = np.argsort(block.t_ns, kind="stable")
+    return Block(block.t_ns[order], block.values[order])
+
+
+def drop(block: Block, after_ns: int = NO_TIME) -> Block:
+    """Without rows that hold NaN or Inf, and then without rows not later than all before them (and `after_ns`)."""
+    finite = np.isfinite(block.values)
+    t_ns, values = block.t_ns, block.values
+    if not finite.all():
+        good = finite.all(axis=1)
+        t_ns, values = t_ns[good], values[good]
+    if len(t_ns):
+        before = np.maximum.accumulate(np.concatenate([np.array([after_ns], np.int64), t_ns[:-1]]))
+        later = t_ns > before
+        if not later.all():
+            t_ns, values = t_ns[later], values[later]
+    return Block(t_ns, values)
+
+
+def interpolate(block: Block, where: str = "record") -> Block:
+    """NaN and Inf replaced linearly in time between finite neighbours. Raises RecordError when stamps go back."""
+    if np.isfinite(block.values).all():
+        return block
+    if (np.diff(block.t_ns) < 0).any():
+        i = int(np.argmax(np.diff(block.t_ns) < 0)) + 1
+        raise RecordError(
+            f"time goes back at row {i}, so nothing can be interpolated", where=where, remedy="Put 'sort' or 'drop' before 'interpolate'."
+        )
+    values = block.values.copy()
+    for c in range(values.shape[1]):
+        good = np.isfinite(values[:, c])
+        if good.all() or not good.any():
+            continue
+        known = np.flatnonzero(good)
+        missing = np.flatnonzero(~good)
+        inside = missing[(missing > known[0]) & (missing < known[-1])]
+        values[inside, c] = _linear(block.t_ns[inside], block.t_ns[known], values[known, c])
+    return Block(block.t_ns, values)
+
+
+def at_stamps(block: Block, t_ns: Int64[np.ndarray, "T"]) -> Float64[np.ndarray, "T C"]:
+    """The block's values at other stamps, linear in time; the stamps must lie inside the block's."""
+    if len(t_ns) == len(block.t_ns) and (t_ns == block.t_ns).all():
+        return block.values
+    columns = [_linear(t_ns, block.t_ns, block.values[:, c]) for c in range(block.values.shape[1])]
+    return np.stack(columns, axis=1) if columns else np.empty((len(t_ns), 0))
+
+
+def resample(record: Record, step_ns: int | None = None) -> Record:
+    """On a uniform grid from the first stamp to the last, linear in time. step_ns: default the median step."""
+    if len(record) < 2:
+        return record
+    step = record.step_ns if step_ns is None else step_ns
+    count = int(record.t_ns[-1] - record.t_ns[0]) // step + 1
+    grid = record.t_ns[0] + step * np.arange(count, dtype=np.int64)
+    return replace(record, t_ns=grid, values=at_stamps(Block(record.t_ns, record.values), grid))
+
+
+def require_uniform(record: Record, step_ns: int | None = None, where: str | None = None) -> int:
+    """The step in ns, when every interval of the record equals it within JITTER of a step and the rounding of stamps.
+
+    step_ns: the step that is asked for; default the record's median step. where: named in the error, default the
+    record's file. Raises RecordError at the first interval that differs, with row, time and what it is: a gap or jitter.
+    """
+    place = where or record.metadata.get("path", "record")
+    step = record.step_ns if step_ns is None else step_ns
+    intervals = np.diff(record.t_ns)
+    wrong = np.abs(intervals - step) > JITTER * step + _ROUNDING_NS
+    if not wrong.any():
+        return step
+    i = int(np.argmax(wrong))
+    interval = int(intervals[i])
+    what = "there is a gap" if interval > 1.5 * step else "the sample interval differs"
+    if step_ns is not None and abs(record.step_ns - step) > JITTER * step + _ROUNDING_NS:
+        what = f"the record has another sample interval ({record.step_ns / 1e6:g} ms)"
+    raise RecordError(
+        f"{what} after row {i} (t = {seconds_text(int(record.t_ns[i]))} s)",
+        where=place,
+        expected=f"an interval of {step / 1e6:g} ms",
+        got=f"{interval / 1e6:g} ms ({int(wrong.sum())} of {len(wrong)} intervals differ)",
+        remedy="The repair rule 'resample' puts the record on its median step.",
+    )
+
+
+def seconds_text(t_ns: int) -> str:
+    """Seconds without needless zeros, exactly."""
+    sign, t_ns = ("-", -t_ns) if t_ns < 0 else ("", t_ns)
+    return f"{sign}{t_ns // NANOSECONDS}.{t_ns % NANOSECONDS:09d}".rstrip("0").rstrip(".")
+
+
+def _linear(
+    at_ns: Int64[np.ndarray, "N"], known_ns: Int64[np.ndarray, "K"], known: Float64[np.ndarray, "K"]
+) -> Float64[np.ndarray, "N"]:
+    origin = known_ns[0] if len(known_ns) else 0  # differences from here are exact in double for 104 days
+    return np.interp((at_ns - origin).astype(np.float64), (known_ns - origin).astype(np.float64), known)
