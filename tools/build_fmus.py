@@ -15,12 +15,24 @@ import sys
 import zipfile
 from pathlib import Path
 
-from fmu_description import Model, build_description, description_fmi2, description_fmi3, read_model, variables_header
+from fmu_description import build_description, description_fmi2, description_fmi3
+from fmu_variables import Model, read_model, variables_header
 
 ROOT = Path(__file__).resolve().parent.parent
 COMMON = ROOT / "fmus" / "common"
-# No fused multiply-add, so that the platforms round alike; no debug information, so that paths of this machine stay out.
-FLAGS = ["-std=c11", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-fPIC", "-shared", "-s", "-Wall", "-Wextra", "-Wno-unused-parameter"]
+# No fused multiply-add, so that the platforms round alike; no symbols or debug information, so no paths either.
+FLAGS = [
+    "-std=c11",
+    "-O2",
+    "-ffp-contract=off",
+    "-fvisibility=hidden",
+    "-fPIC",
+    "-shared",
+    "-s",
+    "-Wall",
+    "-Wextra",
+    "-Wno-unused-parameter",
+]
 # platform -> zig target, folder in FMI 3.0, suffix of the library
 TARGETS = {
     "linux64": [("x86_64-linux-gnu.2.17", "x86_64-linux", ".so")],
@@ -33,13 +45,17 @@ def fmi_headers(version: int) -> list[Path]:
     """The standard's C headers for FMI version 2 or 3, as fmpy carries them."""
     import fmpy
 
-    names = {2: ("fmi2Functions", "fmi2FunctionTypes", "fmi2TypesPlatform"), 3: ("fmi3Functions", "fmi3FunctionTypes", "fmi3PlatformTypes")}
+    names = {
+        2: ("fmi2Functions", "fmi2FunctionTypes", "fmi2TypesPlatform"),
+        3: ("fmi3Functions", "fmi3FunctionTypes", "fmi3PlatformTypes"),
+    }
     return [Path(fmpy.__file__).parent / "c-code" / f"{name}.h" for name in names[version]]
 
 
 def own_sources(folder: Path, version: int) -> list[Path]:
     """The model's C files, the generic layer for one FMI version, and every header of ours that these include."""
-    pending = [*COMMON.glob(f"fmi{version}*.c"), COMMON / "instance.c", COMMON / "model.h", *sorted(folder.glob("*.c"))]
+    pending = [COMMON / "model.h", *folder.glob("*.c")]
+    pending += [path for path in COMMON.glob("*.c") if path.name.startswith(("instance", f"fmi{version}"))]
     found: dict[str, Path] = {}
     while pending:
         path = pending.pop()
@@ -52,10 +68,11 @@ def own_sources(folder: Path, version: int) -> list[Path]:
 
 
 def model_token(folder: Path) -> str:
-    """What FMI 2.0 calls guid and FMI 3.0 instantiationToken: a hash of everything that decides the model's behaviour."""
-    digest = hashlib.sha256((folder / "variables.toml").read_bytes())
-    for path in sorted({*own_sources(folder, 2), *own_sources(folder, 3)}):
-        digest.update(path.name.encode() + b"\0" + path.read_bytes())
+    """The guid of FMI 2.0 and instantiationToken of FMI 3.0: a hash of all that decides the model's behaviour."""
+    sources = {*own_sources(folder, 2), *own_sources(folder, 3), folder / "variables.toml"}
+    digest = hashlib.sha256()
+    for path in sorted(sources, key=lambda path: path.name):
+        digest.update(path.name.encode() + b"\0" + path.read_bytes().replace(b"\r\n", b"\n"))
     code = digest.hexdigest()
     return "{" + "-".join((code[:8], code[8:12], code[12:16], code[16:20], code[20:32])) + "}"
 
@@ -71,9 +88,13 @@ def stage_sources(folder: Path, model: Model, version: int, place: Path) -> list
 
 
 def compile_library(sources: Path, names: list[str], target: str, output: Path) -> None:
-    """Compiles a shared library with zig; RuntimeError carries the compiler's words. zig caches what has not changed."""
+    """Compiles a shared library with zig, which caches what has not changed. RuntimeError carries its words."""
     output.parent.mkdir(parents=True, exist_ok=True)
-    extra = [f"-Wl,-install_name,@rpath/{output.name}"] if "macos" in target else ["-lm", "-Wl,--build-id=none"] if "linux" in target else []
+    extra = []
+    if "macos" in target:
+        extra = [f"-Wl,-install_name,@rpath/{output.name}"]
+    elif "linux" in target:
+        extra = ["-lm", "-Wl,--build-id=none"]
     command = [sys.executable, "-m", "ziglang", "cc", "-target", target, *FLAGS, *extra, "-o", str(output), *names]
     result = subprocess.run(command, cwd=sources, capture_output=True, text=True)
     if result.returncode:
@@ -110,6 +131,8 @@ def write_fmu(path: Path, files: dict[str, bytes]) -> None:
 def build(folder: Path, platforms: list[str], work: Path, destination: Path) -> list[Path]:
     """Builds both FMUs of one model folder into destination; work keeps what lies between. Returns the two paths."""
     model = read_model(folder / "variables.toml")
+    if model.name != folder.name:
+        raise ValueError(f"{folder / 'variables.toml'}: expected the folder's name {folder.name!r}, got {model.name!r}")
     token = model_token(folder)
     built = []
     for version in (2, 3):
@@ -130,22 +153,30 @@ def build(folder: Path, platforms: list[str], work: Path, destination: Path) -> 
                 if version == 3:
                     files[f"binaries/{tuple_name}/{library.name}"] = slices[-1]
             if version == 2:
-                files[f"binaries/{platform}/{model.name}{suffix}"] = slices[0] if len(slices) == 1 else fat_library(slices)
+                files[f"binaries/{platform}/{model.name}{suffix}"] = (
+                    slices[0] if len(slices) == 1 else fat_library(slices)
+                )
         built.append(destination / f"{model.name}{'' if version == 2 else '_fmi3'}.fmu")
         write_fmu(built[-1], files)
     return built
 
 
 def main() -> None:
-    models = sorted(path.parent.name for path in (ROOT / "fmus").glob("*/variables.toml") if (path.parent / "model.c").is_file())
+    models = sorted(
+        path.parent.name for path in (ROOT / "fmus").glob("*/variables.toml") if (path.parent / "model.c").is_file()
+    )
     parser = argparse.ArgumentParser(description="Build the FMUs of fmus/.")
     parser.add_argument("models", nargs="*", metavar="MODEL", help=f"default: all of {', '.join(models)}")
     parser.add_argument("--platforms", default=",".join(TARGETS), help="comma-separated, default: %(default)s")
     arguments = parser.parse_args()
     platforms = arguments.platforms.split(",")
-    unknown = [name for name in arguments.models if name not in models] + [name for name in platforms if name not in TARGETS]
+    unknown = [name for name in arguments.models if name not in models] + [
+        name for name in platforms if name not in TARGETS
+    ]
     if unknown:
-        parser.error(f"unknown: {', '.join(unknown)}; models are {', '.join(models)}, platforms are {', '.join(TARGETS)}")
+        parser.error(
+            f"unknown: {', '.join(unknown)}; models are {', '.join(models)}, platforms are {', '.join(TARGETS)}"
+        )
     try:
         for name in arguments.models or models:
             for path in build(ROOT / "fmus" / name, platforms, ROOT / "build" / "fmus" / name, ROOT / "fmus" / name):

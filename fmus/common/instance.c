@@ -1,3 +1,4 @@
+/* An instance's life, checks, values and integration. */
 #include "instance.h"
 
 #include <float.h>
@@ -6,8 +7,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-_Static_assert(sizeof(MODEL_TOKEN) <= 40, "the token fits the serialised state");
 
 static const char *const phases[] = {"before initialisation", "during initialisation", "after initialisation", "after termination"};
 
@@ -204,8 +203,7 @@ Status instance_set(Instance *self, const unsigned references[], size_t n, const
     return STATUS_OK;
 }
 
-/* Computes derivatives and outputs in v, as if initialisation ended now where it has not. */
-static void evaluate(double *v, Phase phase)
+void instance_evaluate(double *v, Phase phase)
 {
     if (phase < STEPPING)
         model_initialise(v);
@@ -213,8 +211,7 @@ static void evaluate(double *v, Phase phase)
     model_outputs(v);
 }
 
-/* v with derivatives and outputs that follow from the rest. */
-static const double *consistent(Instance *self)
+const double *instance_values(Instance *self)
 {
     double *v = self->state.v;
     if (self->state.phase < STEPPING) {
@@ -222,14 +219,14 @@ static const double *consistent(Instance *self)
         v = self->scratch;
     }
     if (self->stale || v == self->scratch)
-        evaluate(v, self->state.phase);
+        instance_evaluate(v, self->state.phase);
     self->stale = false;
     return v;
 }
 
 Status instance_get(Instance *self, const unsigned references[], size_t n, double values[])
 {
-    const double *v = consistent(self);
+    const double *v = instance_values(self);
     for (size_t i = 0; i < n; i++) {
         if (references[i] >= NV)
             return instance_log(self, STATUS_ERROR, "get: expected a value reference from 0 to %d, got %u", NV - 1, references[i]);
@@ -284,124 +281,5 @@ Status instance_step(Instance *self, double t, double h)
         return STATUS_ERROR;
     }
     self->stale = true;
-    return STATUS_OK;
-}
-
-static Status check_derivative(Instance *self, const unsigned unknowns[], size_t n_unknowns, const unsigned knowns[], size_t n_knowns)
-{
-    for (size_t i = 0; i < n_unknowns + n_knowns; i++) {
-        const bool known = i >= n_unknowns;
-        const unsigned reference = known ? knowns[i - n_unknowns] : unknowns[i];
-        if (reference >= NV)
-            return instance_log(self, STATUS_ERROR, "derivative: expected a value reference from 0 to %d, got %u", NV - 1, reference);
-        const Causality c = variables[reference].causality;
-        if (known ? c != INPUT && c != STATE && c != PARAMETER && c != TUNABLE : c != OUTPUT && c != LOCAL && c != DERIVATIVE)
-            return instance_log(self, STATUS_ERROR, "derivative: expected %s, got %s",
-                                known ? "an input, state or parameter as known" : "an output, local or state derivative as unknown", variables[reference].name);
-    }
-    return STATUS_OK;
-}
-
-/* d v / d known around the present v: (plus - minus) / *width. */
-static void differences(const Instance *self, unsigned known, double plus[NV], double minus[NV], double *width)
-{
-    const double step = cbrt(DBL_EPSILON) * fmax(fabs(self->state.v[known]), variables[known].nominal);
-    memcpy(plus, self->state.v, sizeof self->state.v);
-    memcpy(minus, self->state.v, sizeof self->state.v);
-    plus[known] += step;
-    minus[known] -= step;
-    *width = plus[known] - minus[known];
-    evaluate(plus, self->state.phase);
-    evaluate(minus, self->state.phase);
-}
-
-Status instance_directional(Instance *self, const unsigned unknowns[], size_t n_unknowns, const unsigned knowns[], size_t n_knowns,
-                            const double seed[], double sensitivity[])
-{
-    double plus[NV], minus[NV], width;
-    if (check_derivative(self, unknowns, n_unknowns, knowns, n_knowns))
-        return STATUS_ERROR;
-    for (size_t j = 0; j < n_unknowns; j++)
-        sensitivity[j] = 0.0;
-    for (size_t i = 0; i < n_knowns; i++) {
-        differences(self, knowns[i], plus, minus, &width);
-        for (size_t j = 0; j < n_unknowns; j++)
-            sensitivity[j] += seed[i] * (plus[unknowns[j]] - minus[unknowns[j]]) / width;
-    }
-    return STATUS_OK;
-}
-
-Status instance_adjoint(Instance *self, const unsigned unknowns[], size_t n_unknowns, const unsigned knowns[], size_t n_knowns,
-                        const double seed[], double sensitivity[])
-{
-    double plus[NV], minus[NV], width;
-    if (check_derivative(self, unknowns, n_unknowns, knowns, n_knowns))
-        return STATUS_ERROR;
-    for (size_t i = 0; i < n_knowns; i++) {
-        differences(self, knowns[i], plus, minus, &width);
-        sensitivity[i] = 0.0;
-        for (size_t j = 0; j < n_unknowns; j++)
-            sensitivity[i] += seed[j] * (plus[unknowns[j]] - minus[unknowns[j]]) / width;
-    }
-    return STATUS_OK;
-}
-
-Status instance_get_state(Instance *self, State **state)
-{
-    State *copy = *state ? *state : malloc(sizeof *copy);
-    if (!copy)
-        return instance_log(self, STATUS_ERROR, "get FMU state: no memory for %u bytes", (unsigned)sizeof *copy);
-    consistent(self); /* so that equal states have equal bytes */
-    *copy = self->state;
-    *state = copy;
-    return STATUS_OK;
-}
-
-Status instance_set_state(Instance *self, const State *state)
-{
-    if (!state)
-        return instance_log(self, STATUS_ERROR, "set FMU state: expected a state, got none");
-    self->state = *state;
-    self->stale = true;
-    return instance_log(self, STATUS_OK, "FMU state of t = %.9g s restored", self->state.v[V_time]);
-}
-
-void instance_free_state(State **state)
-{
-    if (state) {
-        free(*state);
-        *state = NULL;
-    }
-}
-
-Status instance_serialise(Instance *self, const State *state, unsigned char bytes[], size_t size)
-{
-    if (!state || size < SERIALISED_SIZE)
-        return instance_log(self, STATUS_ERROR, "serialise FMU state: expected a state and %d bytes, got %s and %u", SERIALISED_SIZE,
-                            state ? "one" : "none", (unsigned)size);
-    const double head[2] = {(double)state->phase, state->stop_time};
-    memset(bytes, 0, size);
-    memcpy(bytes, MODEL_TOKEN, sizeof MODEL_TOKEN);
-    memcpy(bytes + 40, head, sizeof head);
-    memcpy(bytes + 40 + sizeof head, state->v, sizeof state->v);
-    return STATUS_OK;
-}
-
-Status instance_deserialise(Instance *self, const unsigned char bytes[], size_t size, State **state)
-{
-    double head[2];
-    if (size < SERIALISED_SIZE || memcmp(bytes, MODEL_TOKEN, sizeof MODEL_TOKEN))
-        return instance_log(self, STATUS_ERROR, "deserialise FMU state: expected %d bytes that begin with %s, got %u: a state of another model or build",
-                            SERIALISED_SIZE, MODEL_TOKEN, (unsigned)size);
-    memcpy(head, bytes + 40, sizeof head);
-    if (!(head[0] >= INSTANTIATED && head[0] <= TERMINATED))
-        return instance_log(self, STATUS_ERROR, "deserialise FMU state: expected a phase from 0 to 3, got %g", head[0]);
-    State *copy = *state ? *state : malloc(sizeof *copy);
-    if (!copy)
-        return instance_log(self, STATUS_ERROR, "deserialise FMU state: no memory for %u bytes", (unsigned)sizeof *copy);
-    copy->phase = (Phase)head[0];
-    copy->stop_time = head[1];
-    memcpy(copy->v, bytes + 40 + sizeof head, sizeof copy->v);
-    *state = copy;
     return STATUS_OK;
 }

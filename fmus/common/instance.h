@@ -57,6 +57,12 @@ Status instance_exit_initialisation(Instance *self);
 Status instance_terminate(Instance *self);
 Status instance_reset(Instance *self);
 
+/* Computes derivatives and outputs in v, as if initialisation ended now where it has not. */
+void instance_evaluate(double *v, Phase phase);
+
+/* v with derivatives and outputs that follow from the rest; valid until the next call. */
+const double *instance_values(Instance *self);
+
 /* All n values are set, or none. Fixed parameters and states until initialisation ends, tunable parameters and inputs always. */
 Status instance_set(Instance *self, const unsigned references[], size_t n, const double values[]);
 

@@ -16,7 +16,7 @@ def parameters(n: int, rng: np.random.Generator) -> dict[str, float]:
 
 
 def matrices(n: int, p: dict[str, float]) -> tuple[np.ndarray, np.ndarray]:
-    """A (2n, 2n) and B (2n, 2 + 2n) of z' = A z + B u; z = x, v and u = base.d, base.v, forces on masses, forces in joints."""
+    """A (2n, 2n) and B (2n, 2 + 2n) of z' = A z + B u; z is x, v; u is base.d, base.v, mass and joint forces."""
     reach = np.eye(n) - np.eye(n, k=-1)  # joint displacements d = reach x - first base.d
     first = np.zeros(n)
     first[0] = 1.0
@@ -32,8 +32,10 @@ def matrices(n: int, p: dict[str, float]) -> tuple[np.ndarray, np.ndarray]:
 def names(n: int) -> tuple[list[str], list[str]]:
     """States and inputs in the order of matrices()."""
     each = range(1, n + 1)
-    return ([f"x{i}" for i in each] + [f"v{i}" for i in each],
-            ["base.d", "base.v"] + [f"mass{i}.f" for i in each] + [f"joint{i}.f" for i in each])
+    return (
+        [f"x{i}" for i in each] + [f"v{i}" for i in each],
+        ["base.d", "base.v"] + [f"mass{i}.f" for i in each] + [f"joint{i}.f" for i in each],
+    )
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 4])
@@ -79,8 +81,17 @@ def test_adjoint_is_the_transpose(open_fmu):
     unknowns = [fmu.variables[f"der({name})"].valueReference for name in states]
     seed = np.arange(1.0, 2 * n + 1)
     result = (c_double * len(knowns))()
-    fmu.fmu.fmi3GetAdjointDerivative(fmu.fmu.component, (c_uint * len(unknowns))(*unknowns), len(unknowns), (c_uint * len(knowns))(*knowns),
-                                     len(knowns), (c_double * len(seed))(*seed), len(seed), result, len(knowns))
+    fmu.fmu.fmi3GetAdjointDerivative(
+        fmu.fmu.component,
+        (c_uint * len(unknowns))(*unknowns),
+        len(unknowns),
+        (c_uint * len(knowns))(*knowns),
+        len(knowns),
+        (c_double * len(seed))(*seed),
+        len(seed),
+        result,
+        len(knowns),
+    )
     np.testing.assert_allclose(list(result), np.hstack(matrices(n, p)).T @ seed, atol=1e-5, rtol=1e-9)
 
 
@@ -89,16 +100,26 @@ def test_outputs(open_fmu):
     fmu = open_fmu("oscillator").initialise(p | {"x1": 0.1, "v1": -0.2, "x2": 0.3, "v2": 0.5})
     fmu.set({"base.d": 0.02, "base.v": 0.03, "mass2.f": 7.0, "joint2.f": 4.0})
     force = [p["k1"] * 0.08 + p["c1"] * -0.23, p["k2"] * 0.2 + p["c2"] * 0.7]
-    np.testing.assert_allclose(fmu.get("joint1.d", "joint1.v", "joint1.F", "joint2.d", "joint2.v", "joint2.F"),
-                               [0.08, -0.23, force[0], 0.2, 0.7, force[1]], rtol=1e-12)
+    np.testing.assert_allclose(
+        fmu.get("joint1.d", "joint1.v", "joint1.F", "joint2.d", "joint2.v", "joint2.F"),
+        [0.08, -0.23, force[0], 0.2, 0.7, force[1]],
+        rtol=1e-12,
+    )
     wall = p["k_end"] * 0.3 + p["c_end"] * 0.5
-    np.testing.assert_allclose(fmu.get("mass1.a", "mass2.a"), [(-force[0] + force[1] + 4) / p["m1"], (7 - force[1] - 4 - wall) / p["m2"]], rtol=1e-12)
+    np.testing.assert_allclose(
+        fmu.get("mass1.a", "mass2.a"),
+        [(-force[0] + force[1] + 4) / p["m1"], (7 - force[1] - 4 - wall) / p["m2"]],
+        rtol=1e-12,
+    )
     assert not fmu.get("mass3.x", "mass3.v", "mass3.a", "joint3.d", "joint4.F").any()
 
 
 def test_a_joint_force_opposes_as_a_spring(open_fmu):
     """Adding k d through the joint's force input doubles the spring."""
-    added, stiffer = open_fmu("oscillator").initialise({"x1": 0.01}), open_fmu("oscillator").initialise({"x1": 0.01, "k1": 2000.0})
+    added, stiffer = (
+        open_fmu("oscillator").initialise({"x1": 0.01}),
+        open_fmu("oscillator").initialise({"x1": 0.01, "k1": 2000.0}),
+    )
     added.set({"joint1.f": 1000.0 * 0.01})
     assert added.get("mass1.a")[0] == pytest.approx(stiffer.get("mass1.a")[0], rel=1e-12)
     assert added.get("joint1.F")[0] == pytest.approx(10.0)
@@ -122,7 +143,8 @@ def test_half_a_mass_is_refused(version, open_fmu):
     fmu.set({"masses": 2.5})
     with pytest.raises(FMICallException):
         fmu.initialise()
-    assert "masses" in fmu.log[-1] and "2.5" in fmu.log[-1]
+    assert "masses" in fmu.log[-1]
+    assert "2.5" in fmu.log[-1]
     fmu.set({"masses": 2.0})
     fmu.fmu.exitInitializationMode()
     fmu.step(0.0, H)
@@ -142,5 +164,6 @@ def test_divergence_names_the_state(version, open_fmu):
     before = fmu.saved()
     with pytest.raises(FMICallException):
         fmu.step(0.0, 1.0)
-    assert "x1" in fmu.log[-1] and "t = 1 s" in fmu.log[-1]
+    assert "x1" in fmu.log[-1]
+    assert "t = 1 s" in fmu.log[-1]
     assert fmu.saved() == before
