@@ -6,10 +6,10 @@
         file.write("/corrected", chunk)
 
 A column is named `topic.field.subfield`. The topic's leading slash goes, its inner slashes stay or may be written as
-dots; entries of lists are `field[i]`. A name matches in full, or as the end (after a dot) of the full name of just one
-column. Stamps that repeat or go back, and NaN, are errors that say where, unless a repair rule of
-`fmucorrect.records.timebase` was chosen. What a file's metadata gives is in `Record.metadata`, with `path`, `topic` and,
-for a file that was cut off, `truncated` = "true".
+dots; entries of lists are `field[i]`. A name matches in full, or as the end (after a dot) of the full name of one
+column only. Stamps that repeat or go back, and NaN, are errors that say where, unless a repair rule of
+`fmucorrect.records.timebase` was chosen. What a file's metadata gives is in `Record.metadata`, with `path`, `topic`
+and, for a file that was cut off, `truncated` = "true".
 """
 
 from __future__ import annotations
@@ -110,7 +110,12 @@ def describe(path: str | PathLike[str]) -> Contents:
 def _suffix(path: str | PathLike[str]) -> str:
     suffix = Path(path).suffix.lower()
     if suffix not in SUFFIXES:
-        raise RecordError("the file's format is not known", where=fspath(path), expected=f"one of {', '.join(SUFFIXES)}", got=repr(suffix))
+        raise RecordError(
+            "the file's format is not known",
+            where=fspath(path),
+            expected=f"one of {', '.join(SUFFIXES)}",
+            got=repr(suffix),
+        )
     return suffix
 
 

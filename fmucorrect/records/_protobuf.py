@@ -112,8 +112,8 @@ class ProtobufDecoder:
         for field in descriptor.fields:
             name = f"{prefix}{field.name}"
             unit = self._units.get(field.full_name, "1")
-            if field.is_repeated or field.type in _TEXT or field.type == FieldDescriptor.TYPE_GROUP:
-                if field.is_repeated:
+            if _repeated(field) or field.type in _TEXT or field.type == FieldDescriptor.TYPE_GROUP:
+                if _repeated(field):
                     yield f"{name}[", unit  # a prefix: gives its unit to the entries
             elif field.message_type is None:
                 yield name, unit
@@ -138,9 +138,11 @@ class ProtobufDecoder:
             if field.type in _TEXT:
                 continue
             name = f"{prefix}{field.name}"
-            if field.is_repeated:
+            if _repeated(field):
                 entries = getattr(message, field.name)
-                if len(entries) > LONGEST or (field.message_type is not None and field.message_type.GetOptions().map_entry):
+                if len(entries) > LONGEST or (
+                    field.message_type is not None and field.message_type.GetOptions().map_entry
+                ):
                     continue
                 for i, entry in enumerate(entries):
                     self._leaf(entry, field, f"{name}[{i}]", found)
@@ -169,6 +171,11 @@ class ProtobufDecoder:
         return layout if same else None
 
 
+def _repeated(field: Any) -> bool:
+    known: bool | None = getattr(field, "is_repeated", None)  # newer protobuf; older ones have the label
+    return field.label == field.LABEL_REPEATED if known is None else known
+
+
 def _trace(
     data: bytes, at: int, end: int, descriptor: Any, prefix: str, fixed: list[int], places: dict[str, tuple[Place, ...]]
 ) -> bool:
@@ -185,7 +192,7 @@ def _trace(
         if field is not None:
             name = f"{prefix}{field.name}"
             kind = _FIXED.get(field.type)
-            if field.is_repeated or (name in places):
+            if _repeated(field) or (name in places):
                 return False
             if kind is not None and wire != 2:
                 places[name] = (Place(at, kind),)
@@ -209,7 +216,9 @@ def _read_varint(data: bytes, at: int) -> tuple[int, int]:
 
 
 def _equal(a: dict[str, float], b: dict[str, float]) -> bool:
-    return a.keys() == b.keys() and all(x == b[name] or (math.isnan(x) and math.isnan(b[name])) for name, x in a.items())
+    return a.keys() == b.keys() and all(
+        x == b[name] or (math.isnan(x) and math.isnan(b[name])) for name, x in a.items()
+    )
 
 
 def _units(files: Any) -> dict[str, str]:

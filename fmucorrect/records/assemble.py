@@ -20,7 +20,9 @@ RESERVED = ("path", "topic", "truncated")
 """Metadata that reading sets and writing leaves out."""
 
 
-def whole(source: Source, columns: Sequence[str] | None, topic: str | None, repair: str | Sequence[str] | None) -> Record:
+def whole(
+    source: Source, columns: Sequence[str] | None, topic: str | None, repair: str | Sequence[str] | None
+) -> Record:
     """The record of these columns, all rows."""
     names = timebase.rules(repair)
     found = plan(source.topics(), columns, topic, source.path)
@@ -124,8 +126,9 @@ def _joined(source: Source, found: Plan, blocks: Sequence[Block], first_row: int
         if differs.any():
             i = int(np.argmax(differs))
             first, there = timebase.seconds_text(int(t_ns[i])), timebase.seconds_text(int(block.t_ns[i]))
+            one, other = found.parts[0].topic.name, part.topic.name
             raise RecordError(
-                f"topics {found.parts[0].topic.name!r} and {part.topic.name!r} have different stamps at row {first_row + i}",
+                f"topics {one!r} and {other!r} have different stamps at row {first_row + i}",
                 where=source.path,
                 expected=f"{first} s",
                 got=f"{there} s",

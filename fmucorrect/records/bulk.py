@@ -15,12 +15,17 @@ from jaxtyping import Bool, Float64, Int64, UInt8
 
 MESSAGE = 5
 MESSAGE_INDEX = 7
+_Run = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 _RECORD = struct.Struct("<BQ")
 _HEAD = struct.Struct("<BQHIQQ")
 
 
 def assemble(
-    channel: int, sequence: int, t_ns: Int64[np.ndarray, "T"], values: Float64[np.ndarray, "T C"], tags: Sequence[bytes]
+    channel: int,
+    sequence: int,
+    t_ns: Int64[np.ndarray, " T"],
+    values: Float64[np.ndarray, "T C"],
+    tags: Sequence[bytes],
 ) -> bytes:
     """T message records, one after another. tags: what stands before each of the C doubles in the payload."""
     fields: list[tuple[str, str]] = [("head", "V15"), ("log", "<i8"), ("publish", "<i8")]
@@ -42,7 +47,7 @@ def assemble(
     return records.tobytes()
 
 
-def assemble_index(channel: int, t_ns: Int64[np.ndarray, "T"], record_size: int) -> bytes:
+def assemble_index(channel: int, t_ns: Int64[np.ndarray, " T"], record_size: int) -> bytes:
     """The message index record of a chunk that holds T message records of one size and nothing else."""
     entries = np.empty((len(t_ns), 2), "<i8")
     entries[:, 0] = t_ns
@@ -56,17 +61,17 @@ class Messages:
     """The message records in some bytes, in their order: start and size are of the payload."""
 
     data: bytes
-    channel: Int64[np.ndarray, "N"]
-    log_ns: Int64[np.ndarray, "N"]
-    start: Int64[np.ndarray, "N"]
-    size: Int64[np.ndarray, "N"]
+    channel: Int64[np.ndarray, " N"]
+    log_ns: Int64[np.ndarray, " N"]
+    start: Int64[np.ndarray, " N"]
+    size: Int64[np.ndarray, " N"]
 
     def payload(self, row: int) -> bytes:
         """The payload of one message."""
         start = int(self.start[row])
         return self.data[start : start + int(self.size[row])]
 
-    def payloads(self, rows: Int64[np.ndarray, "n"]) -> UInt8[np.ndarray, "n S"]:
+    def payloads(self, rows: Int64[np.ndarray, " n"]) -> UInt8[np.ndarray, "n S"]:
         """The payloads of messages of one size: a view where they lie at equal distances, else a copy."""
         raw = np.frombuffer(self.data, np.uint8)
         start, size = self.start[rows], int(self.size[rows[0]])
@@ -83,7 +88,7 @@ def walk(data: bytes) -> tuple[Messages, list[tuple[int, bytes]]]:
     Raises ValueError where the bytes are no records.
     """
     others: list[tuple[int, bytes]] = []
-    runs: list[tuple[np.ndarray, ...]] = []
+    runs: list[_Run] = []
     loose: list[tuple[int, int, int, int]] = []
     position, end = 0, len(data)
     while position < end:
@@ -103,15 +108,18 @@ def walk(data: bytes) -> tuple[Messages, list[tuple[int, bytes]]]:
             loose.append((channel, log, position + 31, length - 22))
         position = after
     if loose:
-        columns = np.array(loose, dtype=np.uint64).astype(np.int64).T
-        runs.append(tuple(np.ascontiguousarray(column) for column in columns))
+        columns = np.ascontiguousarray(np.array(loose, dtype=np.uint64).astype(np.int64).T)
+        runs.append((columns[0], columns[1], columns[2], columns[3]))
     if not runs:
-        runs.append(tuple(np.empty(0, np.int64) for _ in range(4)))
-    channel, log, start, size = (np.concatenate(parts) if len(parts) > 1 else parts[0] for parts in zip(*runs, strict=True))
+        none = np.empty(0, np.int64)
+        runs.append((none, none, none, none))
+    channel, log, start, size = (
+        np.concatenate(parts) if len(parts) > 1 else parts[0] for parts in zip(*runs, strict=True)
+    )
     return Messages(data, channel, log, start, size), others
 
 
-def _run(data: bytes, position: int, length: int) -> tuple[np.ndarray, ...]:
+def _run(data: bytes, position: int, length: int) -> _Run:
     """channel, log, start, size of the messages of this length that follow one another from here."""
     step = 9 + length
     count = (len(data) - position) // step
@@ -137,7 +145,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Layout:
-    """Where the numbers lie in payloads that equal `template` at the bytes `fixed`; a column is the sum of its places."""
+    """Where numbers lie in payloads that equal `template` at the bytes `fixed`; a column is the sum of its places."""
 
     template: bytes
     fixed: tuple[int, ...]
@@ -145,7 +153,7 @@ class Layout:
 
     def decode(
         self, payloads: UInt8[np.ndarray, "n S"], columns: Sequence[str]
-    ) -> tuple[Float64[np.ndarray, "n C"], Bool[np.ndarray, "n"]]:
+    ) -> tuple[Float64[np.ndarray, "n C"], Bool[np.ndarray, " n"]]:
         """The columns (NaN for one that is not here), and which rows have this layout; the others are worthless."""
         fits = np.ones(len(payloads), bool)
         for position in self.fixed:

@@ -59,7 +59,9 @@ def _everything(topics: Sequence[Topic], path: str) -> Plan:
         raise RecordError("there is no numeric column", where=path, got=notes or None)
     if len(readable) > 1:
         there = ", ".join(repr(topic.name) for topic in readable)
-        raise RecordError(f"there are several topics: {there}", where=path, remedy="Say which: topic=..., or name columns.")
+        raise RecordError(
+            f"there are several topics: {there}", where=path, remedy="Say which: topic=..., or name columns."
+        )
     columns = readable[0].columns
     names = tuple(column.name for column in columns)
     part = Part(readable[0], names, tuple(range(len(names))))
@@ -68,7 +70,9 @@ def _everything(topics: Sequence[Topic], path: str) -> Plan:
 
 def _find(topics: Sequence[Topic], name: str, path: str) -> tuple[int, Column]:
     wanted = _plain(name)
-    every = [(t, column, _plain(topic.full_name(column.name))) for t, topic in enumerate(topics) for column in topic.columns]
+    every = [
+        (t, column, _plain(topic.full_name(column.name))) for t, topic in enumerate(topics) for column in topic.columns
+    ]
     for matches in (
         [(t, column) for t, column, full in every if full == wanted],
         [(t, column) for t, column, _ in every if _plain(column.name) == wanted],

@@ -70,7 +70,7 @@ class Rows:
         self._columns = list(columns)
         self._layouts: dict[int, Layout | None] = {}
 
-    def values(self, messages: Messages, rows: Int64[np.ndarray, "n"]) -> Float64[np.ndarray, "n C"]:
+    def values(self, messages: Messages, rows: Int64[np.ndarray, " n"]) -> Float64[np.ndarray, "n C"]:
         """One row of numbers a message, NaN where a message does not hold a column."""
         sizes = messages.size[rows]
         if len(rows) and (sizes == sizes[0]).all():
@@ -81,7 +81,7 @@ class Rows:
             values[group] = self._group(messages, rows[group])
         return values
 
-    def _group(self, messages: Messages, rows: Int64[np.ndarray, "n"]) -> Float64[np.ndarray, "n C"]:
+    def _group(self, messages: Messages, rows: Int64[np.ndarray, " n"]) -> Float64[np.ndarray, "n C"]:
         """Messages of one size."""
         size = int(messages.size[rows[0]])
         values: np.ndarray | None = None

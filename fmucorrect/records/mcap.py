@@ -1,4 +1,4 @@
-"""MCAP files: the framing of records and chunks, reading any JSON, protobuf or ROS 2 topic. Writing: mcap_writer.py.
+"""MCAP files: reading any JSON, protobuf or ROS 2 topic. Writing: mcap_writer.py.
 
 Files are read front to back, so a file that was cut off anywhere gives all its complete chunks. The summary at the end
 is used to know the topics and to leave out chunks that do not hold a topic. Values are those of the messages; time is
@@ -8,11 +8,10 @@ the log time; messages stay in file order.
 from __future__ import annotations
 
 import struct
-import zlib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from io import BytesIO
-from typing import IO, Any
+from pathlib import Path
+from typing import IO
 
 import numpy as np
 from mcap.data_stream import ReadDataStream
@@ -21,34 +20,14 @@ from mcap.records import Channel, ChunkIndex, Footer, Schema, Statistics
 
 from fmucorrect.errors import RecordError
 from fmucorrect.records.bulk import Messages, walk
+from fmucorrect.records.chunks import MAGIC, Frame, frames, unpacked
 from fmucorrect.records.contents import Column, Extent, Topic
 from fmucorrect.records.decode import Decoder, JsonDecoder, Rows
 from fmucorrect.records.source import Block
 
-MAGIC = b"\x89MCAP0\r\n"
 _FOOTER_SIZE = 9 + 20 + len(MAGIC)
 _SAMPLES = 32
 _LOOSE = 4096
-
-
-@dataclass(frozen=True)
-class Frame:
-    """One record of the file: where its body begins, and how long that is."""
-
-    opcode: int
-    start: int
-    length: int
-
-
-def frames(stream: IO[bytes], size: int, position: int = len(MAGIC)) -> Iterator[Frame]:
-    """The complete records from a position to the end of the data, or to where the file is cut off."""
-    while position + 9 <= size:
-        stream.seek(position)
-        opcode, length = struct.unpack("<BQ", stream.read(9))
-        if opcode == 0 or opcode == Opcode.DATA_END or length > size - position - 9:
-            return
-        yield Frame(opcode, position + 9, length)
-        position += 9 + length
 
 
 class McapSource:
@@ -124,7 +103,7 @@ class McapSource:
 
     def _open(self) -> IO[bytes]:
         try:
-            stream = open(self.path, "rb")
+            stream = Path(self.path).open("rb")  # noqa: SIM115 (close() closes it)
         except OSError as error:
             raise RecordError(f"the file cannot be read: {error.strerror}", where=self.path) from error
         self._streams.append(stream)
@@ -199,7 +178,7 @@ class McapSource:
     def _chunk(self, body: bytes, frame: Frame) -> Messages | None:
         """The messages of a chunk; None where a file that was cut off holds a chunk never fully written."""
         try:
-            messages, others = walk(_unpacked(body))
+            messages, others = walk(unpacked(body))
         except (ValueError, struct.error) as error:
             if self.truncated:
                 return None
@@ -277,7 +256,9 @@ class McapSource:
             return rows.values(messages, which)
         except ValueError as error:
             between = f"between t = {messages.log_ns[which[0]] / 1e9:g} s and {messages.log_ns[which[-1]] / 1e9:g} s"
-            raise RecordError(f"a message cannot be decoded: {error}", where=f"{self.path}, topic {topic}, {between}") from error
+            raise RecordError(
+                f"a message cannot be decoded: {error}", where=f"{self.path}, topic {topic}, {between}"
+            ) from error
 
     def _describe(self, channel: Channel, samples: Sequence[bytes]) -> Topic:
         schema = self._schemas.get(channel.schema_id)
@@ -316,9 +297,8 @@ def _decoder(channel: Channel, schema: Schema | None) -> Decoder:
         from fmucorrect.records.cdr import CdrDecoder
 
         return CdrDecoder(schema.name, schema.data.decode("utf-8", "replace"))
-    raise ValueError(
-        f"messages in {encoding or 'no'} encoding with {written or 'no'} schema cannot be read, expected json, protobuf, or cdr with ros2msg"
-    )
+    got = f"messages in {encoding or 'no'} encoding with {written or 'no'} schema"
+    raise ValueError(f"{got} cannot be read, expected json, protobuf, or cdr with ros2msg")
 
 
 def _fields(channel: Channel, columns: Sequence[str]) -> list[str]:
@@ -329,39 +309,6 @@ def _fields(channel: Channel, columns: Sequence[str]) -> list[str]:
 
 def _of(messages: Messages, ids: Sequence[int]) -> np.ndarray:
     return np.flatnonzero(messages.channel == ids[0] if len(ids) == 1 else np.isin(messages.channel, ids))
-
-
-def _unpacked(body: bytes) -> bytes:
-    """The records inside a chunk. Raises ValueError when they do not have the size and checksum that it states."""
-    _, _, size, crc, name_length = struct.unpack_from("<QQQII", body)
-    at = 32 + name_length
-    compression = body[32:at].decode("ascii", "replace")
-    (length,) = struct.unpack_from("<Q", body, at)
-    packed = memoryview(body)[at + 8 : at + 8 + length]
-    if compression == "zstd":
-        import zstandard
-
-        try:
-            data = zstandard.ZstdDecompressor().decompress(packed, max_output_size=size) if size else b""
-        except zstandard.ZstdError as error:
-            raise ValueError(str(error)) from error
-    elif compression == "lz4":
-        import lz4.frame
-
-        unpack: Any = lz4.frame.decompress
-        try:
-            data = bytes(unpack(packed))
-        except RuntimeError as error:
-            raise ValueError(str(error)) from error
-    elif compression == "":
-        data = bytes(packed)
-    else:
-        raise ValueError(f"compression {compression!r} is not known, expected zstd, lz4 or none")
-    if len(data) != size:
-        raise ValueError(f"it holds {len(data)} bytes, expected {size}")
-    if crc and zlib.crc32(data) != crc:
-        raise ValueError("its checksum is wrong")
-    return data
 
 
 def _data(body: bytes) -> ReadDataStream:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import struct
 import zlib
 from dataclasses import dataclass
+from pathlib import Path
 
 import zstandard
 from mcap.data_stream import RecordBuilder
@@ -19,7 +20,7 @@ from fmucorrect.errors import RecordError
 from fmucorrect.records import _protobuf
 from fmucorrect.records.assemble import RESERVED
 from fmucorrect.records.bulk import assemble, assemble_index
-from fmucorrect.records.mcap import MAGIC
+from fmucorrect.records.chunks import MAGIC
 from fmucorrect.signals import Record
 
 CHUNK_ROWS = 2**14
@@ -47,7 +48,7 @@ class McapSink:
         self._topics: dict[str, _Written] = {}
         self._chunks: list[ChunkIndex] = []
         self._compressor = zstandard.ZstdCompressor(level=_LEVEL)
-        self._stream = open(path, "wb")
+        self._stream = Path(path).open("wb")  # noqa: SIM115 (close() closes it)
         self._stream.write(MAGIC + _bytes(Header(profile="", library="fmucorrect")))
         self._stream.flush()
 

@@ -14,7 +14,7 @@ EXACT_SECONDS = 2.0**22
 _LARGEST = 9.2e9
 
 
-def to_ns(seconds: Float64[np.ndarray, "T"]) -> Int64[np.ndarray, "T"]:
+def to_ns(seconds: Float64[np.ndarray, " T"]) -> Int64[np.ndarray, " T"]:
     """The nearest nanosecond of each double; NO_TIME where it is NaN, Inf or beyond int64.
 
     The whole seconds are taken off before scaling, so nothing is lost far from zero.
@@ -26,14 +26,14 @@ def to_ns(seconds: Float64[np.ndarray, "T"]) -> Int64[np.ndarray, "T"]:
     return t_ns if good.all() else np.where(good, t_ns, NO_TIME)
 
 
-def from_ns(t_ns: Int64[np.ndarray, "T"], origin_ns: int = 0) -> Float64[np.ndarray, "T"]:
+def from_ns(t_ns: Int64[np.ndarray, " T"], origin_ns: int = 0) -> Float64[np.ndarray, " T"]:
     """Seconds since the origin, the nearest double to each; `to_ns` gives the same stamps back below EXACT_SECONDS."""
     difference = t_ns - origin_ns
     whole = difference // NANOSECONDS
     return whole + (difference - whole * NANOSECONDS) / NANOSECONDS
 
 
-def origin_for(t_ns: Int64[np.ndarray, "T"]) -> int:
+def origin_for(t_ns: Int64[np.ndarray, " T"]) -> int:
     """0, or the whole second in ns that a file of doubles must subtract so that its stamps stay exact."""
     if not len(t_ns) or abs(int(t_ns[0])) < EXACT_SECONDS / 2 * NANOSECONDS:
         return 0

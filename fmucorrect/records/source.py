@@ -26,7 +26,7 @@ class Block:
     t_ns: (T,) int64 stamps in ns in any order, NO_TIME where there is none. values: (T, C) float64, NaN where missing.
     """
 
-    t_ns: Int64[np.ndarray, "T"]
+    t_ns: Int64[np.ndarray, " T"]
     values: Float64[np.ndarray, "T C"]
 
 

@@ -5,7 +5,7 @@ Rules, applied in the order that the user writes them (`"sort,drop"` or `("sort"
     sort         rows in the order of their stamps; rows with equal stamps keep their order
     drop         rows with NaN or Inf go, then every row whose stamp is not later than all rows before it
     interpolate  NaN and Inf become linear between their finite neighbours in time (not beyond the first and last finite
-                 value: those stay, for `drop`); topics on different stamps are taken at the first topic's stamps, linear
+                 value: those stay, for `drop`); topics on different stamps are taken at those of the first, linear
     resample     all columns linear on a uniform grid from the first stamp with the median step; bridges jitter and gaps
 """
 
@@ -54,7 +54,9 @@ def check(block: Block, names: Sequence[str], where: str, first_row: int = 0, af
     i = int(np.argmax(wrong))
     row, now = first_row + i, int(t_ns[i])
     if now == NO_TIME:
-        raise RecordError(f"time is not a number at row {row}", where=where, remedy="The repair rule 'drop' leaves the row out.")
+        raise RecordError(
+            f"time is not a number at row {row}", where=where, remedy="The repair rule 'drop' leaves the row out."
+        )
     if late[i]:
         what = "is repeated" if now == before[i] else "goes back"
         raise RecordError(
@@ -100,7 +102,9 @@ def interpolate(block: Block, where: str = "record") -> Block:
     if (np.diff(block.t_ns) < 0).any():
         i = int(np.argmax(np.diff(block.t_ns) < 0)) + 1
         raise RecordError(
-            f"time goes back at row {i}, so nothing can be interpolated", where=where, remedy="Put 'sort' or 'drop' before 'interpolate'."
+            f"time goes back at row {i}, so nothing can be interpolated",
+            where=where,
+            remedy="Put 'sort' or 'drop' before 'interpolate'.",
         )
     values = block.values.copy()
     for c in range(values.shape[1]):
@@ -114,7 +118,7 @@ def interpolate(block: Block, where: str = "record") -> Block:
     return Block(block.t_ns, values)
 
 
-def at_stamps(block: Block, t_ns: Int64[np.ndarray, "T"]) -> Float64[np.ndarray, "T C"]:
+def at_stamps(block: Block, t_ns: Int64[np.ndarray, " T"]) -> Float64[np.ndarray, "T C"]:
     """The block's values at other stamps, linear in time; the stamps must lie inside the block's."""
     if len(t_ns) == len(block.t_ns) and (t_ns == block.t_ns).all():
         return block.values
@@ -136,7 +140,7 @@ def require_uniform(record: Record, step_ns: int | None = None, where: str | Non
     """The step in ns, when every interval of the record equals it within JITTER of a step and the rounding of stamps.
 
     step_ns: the step that is asked for; default the record's median step. where: named in the error, default the
-    record's file. Raises RecordError at the first interval that differs, with row, time and what it is: a gap or jitter.
+    record's file. Raises RecordError at the first interval that differs, with row, time and kind: gap or jitter.
     """
     place = where or record.metadata.get("path", "record")
     step = record.step_ns if step_ns is None else step_ns
@@ -165,7 +169,7 @@ def seconds_text(t_ns: int) -> str:
 
 
 def _linear(
-    at_ns: Int64[np.ndarray, "N"], known_ns: Int64[np.ndarray, "K"], known: Float64[np.ndarray, "K"]
-) -> Float64[np.ndarray, "N"]:
+    at_ns: Int64[np.ndarray, " N"], known_ns: Int64[np.ndarray, " K"], known: Float64[np.ndarray, " K"]
+) -> Float64[np.ndarray, " N"]:
     origin = known_ns[0] if len(known_ns) else 0  # differences from here are exact in double for 104 days
     return np.interp((at_ns - origin).astype(np.float64), (known_ns - origin).astype(np.float64), known)
