@@ -17,15 +17,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from os import PathLike, fspath
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from fmucorrect.errors import RecordError
-
-if TYPE_CHECKING:
-    from fmucorrect.records.contents import Contents
-    from fmucorrect.records.source import Sink, Source
-    from fmucorrect.records.writing import Writer
-    from fmucorrect.signals import Record
+from fmucorrect.records import assemble
+from fmucorrect.records.contents import Contents, TopicContents
+from fmucorrect.records.source import Sink, Source
+from fmucorrect.records.writing import Writer
+from fmucorrect.signals import Record
 
 SUFFIXES = (".mcap", ".csv", ".parquet", ".mf4", ".tdms", ".mat")
 """The suffixes of files that can be read and written."""
@@ -46,8 +44,6 @@ def read(
     several topics are joined when their stamps agree, or by the repair rule `interpolate`. repair: rules by name, as
     "sort,drop" or ("sort", "drop"), applied in that order. Raises RecordError, with place and remedy.
     """
-    from fmucorrect.records import assemble
-
     source = _source(path)
     try:
         return assemble.whole(source, columns, topic, repair)
@@ -68,8 +64,6 @@ def stream(
     Memory does not grow with the file for MCAP (chunk by chunk), CSV (block of lines), Parquet (batch) and TDMS
     (slices). MDF4 and .mat files are read whole, and so is any file with a repair rule other than `drop`.
     """
-    from fmucorrect.records import assemble
-
     if rows < 1:
         raise RecordError("a chunk has at least one row", where=fspath(path), got=rows)
     source = _source(path)
@@ -86,8 +80,6 @@ def writer(path: str | PathLike[str]) -> Writer:
     TDMS; Parquet, MDF4 and .mat files are complete only once closed (the last two are held in memory until then). A
     format other than MCAP makes no file when nothing is written.
     """
-    from fmucorrect.records.writing import Writer
-
     suffix = _suffix(path)
     try:
         return Writer(_sink(suffix, fspath(path)), fspath(path), topics=suffix == ".mcap")
@@ -97,8 +89,6 @@ def writer(path: str | PathLike[str]) -> Writer:
 
 def describe(path: str | PathLike[str]) -> Contents:
     """What is in the file: topics, columns with units, rows, time range, encoding, and whether it was cut off."""
-    from fmucorrect.records.contents import Contents, TopicContents
-
     source = _source(path)
     try:
         topics = tuple(TopicContents(topic, source.extent(topic.name)) for topic in source.topics())

@@ -153,7 +153,7 @@ class ProtobufDecoder:
         if field.message_type is None:
             found[name] = float(value)
         elif field.message_type.full_name in _TIMES:
-            found[name] = value.seconds + value.nanos * 1e-9
+            found[name] = value.seconds + value.nanos / 1e9
         else:
             self._collect(value, f"{name}.", found)
 

@@ -68,11 +68,10 @@ def _checked(source: Source, found: Plan, names: tuple[str, ...], rows: int | No
     for blocks in zip_longest(*(_regular(one, rows or RAM_ROWS) for one in series)):
         counts = [0 if block is None else len(block.t_ns) for block in blocks]
         agreed = min(counts)
+        if agreed:
+            yield _joined(source, found, [Block(b.t_ns[:agreed], b.values[:agreed]) for b in blocks], row)
         if len(set(counts)) > 1 and not source.truncated:
             raise _ended(source, found, counts, row)
-        if agreed:
-            joined = _joined(source, found, [Block(b.t_ns[:agreed], b.values[:agreed]) for b in blocks], row)
-            yield joined
         if len(set(counts)) > 1:
             return
         row += agreed
@@ -177,9 +176,10 @@ def _one_base(source: Source, found: Plan, blocks: Sequence[Block], names: tuple
     if "interpolate" not in names:
         counts = [len(block.t_ns) for block in blocks]
         rows = min(counts)
+        joined = _joined(source, found, [Block(b.t_ns[:rows], b.values[:rows]) for b in blocks], 0)
         if len(set(counts)) > 1 and not source.truncated:
             raise _ended(source, found, counts, 0)
-        return _joined(source, found, [Block(b.t_ns[:rows], b.values[:rows]) for b in blocks], 0)
+        return joined
     if any(not len(block.t_ns) for block in blocks):
         raise RecordError("a topic has no rows, so nothing can be joined to it", where=source.path)
     start, stop = max(int(b.t_ns[0]) for b in blocks), min(int(b.t_ns[-1]) for b in blocks)

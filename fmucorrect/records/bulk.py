@@ -114,7 +114,7 @@ def walk(data: bytes) -> tuple[Messages, list[tuple[int, bytes]]]:
         none = np.empty(0, np.int64)
         runs.append((none, none, none, none))
     channel, log, start, size = (
-        np.concatenate(parts) if len(parts) > 1 else parts[0] for parts in zip(*runs, strict=True)
+        runs[0][k] if len(runs) == 1 else np.concatenate([run[k] for run in runs]) for k in range(4)
     )
     return Messages(data, channel, log, start, size), others
 
@@ -136,11 +136,11 @@ def _run(data: bytes, position: int, length: int) -> _Run:
 
 @dataclass(frozen=True)
 class Place:
-    """A number in a payload: `factor * number of type kind at offset`."""
+    """A number in a payload: `number of type kind at offset / divisor`."""
 
     offset: int
     kind: str
-    factor: float = 1.0
+    divisor: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -178,4 +178,4 @@ class Layout:
 def _numbers(payloads: UInt8[np.ndarray, "n S"], place: Place) -> np.ndarray:
     kind = np.dtype(place.kind)
     numbers = payloads[:, place.offset : place.offset + kind.itemsize].view(kind)[:, 0]
-    return numbers if place.factor == 1.0 else numbers * place.factor
+    return numbers if place.divisor == 1.0 else numbers / place.divisor

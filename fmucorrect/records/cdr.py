@@ -144,14 +144,15 @@ class _Trace:
         return int(struct.unpack_from(f"{self.order}I", self.data, start)[0])
 
     def string(self) -> None:
-        self.at += self.length()
+        length = self.length()
+        self.at += length
         if self.at > len(self.data):
             raise IndexError
 
     def time(self, name: str | None) -> None:
         seconds, nanoseconds = self.take("i4"), self.take("u4")
         if name is not None:
-            self.places[name] = (Place(seconds, f"{self.order}i4"), Place(nanoseconds, f"{self.order}u4", 1e-9))
+            self.places[name] = (Place(seconds, f"{self.order}i4"), Place(nanoseconds, f"{self.order}u4", 1e9))
 
 
 def units(places: Mapping[str, tuple[Place, ...]]) -> dict[str, str]:

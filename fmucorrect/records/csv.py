@@ -54,7 +54,8 @@ class CsvSource:
             )
         self._last = self._last_line()
         self.truncated = self._last is not None and self._cut(self._last)
-        first = self._cells(self._open().readlines(65536)[1:2])
+        lines = self._open().readlines(65536)[1:2]
+        first = self._cells([line for line in lines if line.endswith("\n") or not self.truncated])
         self._numeric = [c for c in range(1, len(names)) if not first or c >= len(first[0]) or _is_number(first[0][c])]
 
     def close(self) -> None:

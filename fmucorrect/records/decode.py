@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
-from typing import Any, Protocol, cast
+from typing import Any, Protocol, cast, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float64, Int64
@@ -17,6 +17,7 @@ LONGEST = 4096
 _ATTEMPTS = 8
 
 
+@runtime_checkable
 class Decoder(Protocol):
     """How the messages of one channel are read. `leaves` and the layout give the same numbers."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float64, Int64
@@ -30,6 +30,7 @@ class Block:
     values: Float64[np.ndarray, "T C"]
 
 
+@runtime_checkable
 class Source(Protocol):
     """An open record file. Call order: topics, then blocks or extent any number of times, then close."""
 
@@ -54,6 +55,7 @@ class Source(Protocol):
         ...
 
 
+@runtime_checkable
 class Sink(Protocol):
     """A record file being written. Records of one topic all have the same channels, in increasing time."""
 

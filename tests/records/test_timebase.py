@@ -1,0 +1,145 @@
+"""What is wrong with time and values is said with its place, and each rule mends what it says."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fmucorrect import records
+from fmucorrect.errors import RecordError
+from fmucorrect.records import timebase
+from fmucorrect.records.source import Block
+from fmucorrect.signals import Channel, Record, join
+
+MS = 1_000_000
+
+
+def csv(folder: Path, rows: list[tuple[float, float]]) -> Path:
+    path = folder / "run.csv"
+    path.write_text("time,a\n" + "".join(f"{t},{a}\n" for t, a in rows))
+    return path
+
+
+def uniform(rows: int = 100, step: int = MS) -> Record:
+    t_ns = step * np.arange(rows, dtype=np.int64)
+    return Record(t_ns, np.sin(t_ns / 1e9)[:, None], (Channel("a"),), {"path": "run.csv"})
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        ([(0, 1), (1, 2), (1, 3)], r"run.csv: time is repeated at row 2 \(t = 1 s\), expected later than 1 s.*drop"),
+        ([(0, 1), (2, 2), (1.5, 3)], r"run.csv: time goes back at row 2 \(t = 1.5 s\), expected later than 2 s.*sort"),
+        ([(0, 1), (1, np.nan), (1.5, 3)], r"run.csv: column 'a' is nan at row 1 \(t = 1 s\).*interpolate"),
+        ([(0, 1), (1, 2), (1.5, -np.inf)], r"run.csv: column 'a' is -inf at row 2"),
+        ([(0, 1), (np.nan, 2)], r"run.csv: time is not a number at row 1"),
+    ],
+)
+def test_without_a_rule(rows: list[tuple[float, float]], message: str, tmp_path: Path) -> None:
+    path = csv(tmp_path, rows)
+    with pytest.raises(RecordError, match=message):
+        records.read(path)
+    with pytest.raises(RecordError, match=message):
+        list(records.stream(path, rows=1))
+
+
+@pytest.mark.parametrize(
+    ("rule", "rows", "mended"),
+    [
+        ("sort", [(2, 3), (0, 1), (1, 2)], [(0, 1), (1, 2), (2, 3)]),
+        ("drop", [(0, 1), (0, 9), (2, 3), (1, 9), (3, 4)], [(0, 1), (2, 3), (3, 4)]),
+        ("drop", [(0, 1), (5, np.nan), (1, 2), (np.nan, 3)], [(0, 1), (1, 2)]),
+        ("sort,drop", [(2, 3), (0, 1), (2, 9)], [(0, 1), (2, 3)]),
+        ("interpolate", [(0, 0), (1, np.nan), (3, np.inf), (4, 8)], [(0, 0), (1, 2), (3, 6), (4, 8)]),
+        ("interpolate,drop", [(0, np.nan), (1, 1), (2, np.nan), (3, 3), (4, np.nan)], [(1, 1), (2, 2), (3, 3)]),
+        ("resample", [(0, 0), (1, 1), (2, 2), (5, 5), (6, 6)], [(i, i) for i in range(7)]),
+        (("drop", "resample"), [(0, 0), (1, 1), (1, 7), (3, 3)], [(0, 0), (1.5, 1.5), (3, 3)]),
+    ],
+)
+def test_rules(rule: str, rows: list[tuple[float, float]], mended: list[tuple[float, float]], tmp_path: Path) -> None:
+    path = csv(tmp_path, rows)
+    record = records.read(path, repair=rule)
+    assert list(zip((record.t_ns / 1e9).tolist(), record["a"].tolist(), strict=True)) == mended
+    again = join(list(records.stream(path, repair=rule, rows=2)))
+    np.testing.assert_array_equal(again.t_ns, record.t_ns)
+    np.testing.assert_array_equal(again.values, record.values)
+
+
+@pytest.mark.parametrize(
+    ("rule", "rows", "message"),
+    [
+        ("mend", [(0, 1)], r"no repair rule 'mend', expected some of drop, interpolate, resample, sort"),
+        ("sort", [(0, 1), (0, 2)], "time is repeated at row 1"),
+        ("interpolate", [(0, np.nan), (1, 2)], "column 'a' is nan at row 0"),
+        ("interpolate", [(1, 1), (0, np.nan), (2, 2)], r"goes back at row 1.*'sort' or 'drop' before"),
+        ("resample", [(0, 1), (2, 1), (1, 2)], "time goes back at row 2"),
+    ],
+)
+def test_what_a_rule_does_not_mend(rule: str, rows: list[tuple[float, float]], message: str, tmp_path: Path) -> None:
+    with pytest.raises(RecordError, match=message):
+        records.read(csv(tmp_path, rows), repair=rule)
+
+
+@given(
+    st.lists(st.tuples(st.integers(-50, 50), st.sampled_from([0.0, 1.0, np.nan, np.inf])), max_size=60),
+    st.integers(1, 9),
+)
+def test_drop_in_pieces_is_drop_at_once(rows: list[tuple[int, float]], size: int) -> None:
+    t_ns, values = np.array([t for t, _ in rows], np.int64), np.array([[v] for _, v in rows]).reshape(-1, 1)
+    whole = timebase.drop(Block(t_ns, values))
+    timebase.check(whole, ["a"], "run")
+    last, kept = records_start(), []
+    for i in range(0, len(t_ns), size):
+        piece = timebase.drop(Block(t_ns[i : i + size], values[i : i + size]), last)
+        kept += piece.t_ns.tolist()
+        last = kept[-1] if kept else last
+    assert kept == whole.t_ns.tolist()
+
+
+def records_start() -> int:
+    from fmucorrect.records.source import NO_TIME
+
+    return NO_TIME
+
+
+def test_uniform() -> None:
+    assert timebase.require_uniform(uniform()) == MS
+    assert timebase.require_uniform(uniform(), MS) == MS
+    third = Record(np.rint(np.arange(1000) * 1e9 / 3000).astype(np.int64), np.zeros((1000, 1)), (Channel("a"),))
+    assert timebase.require_uniform(third) == 333333
+    far = Record(uniform().t_ns + 10**15, uniform().values, (Channel("a"),))
+    assert timebase.require_uniform(far, MS) == MS
+
+
+@pytest.mark.parametrize(
+    ("shift", "step", "message"),
+    [
+        (5 * MS, None, r"run.csv: there is a gap after row 49 \(t = 0.049 s\), expected an interval of 1 ms, got 6 ms"),
+        (20_000, None, r"the sample interval differs after row 49 \(t = 0.049 s\).*got 1.02 ms \(1 of 99"),
+        (0, 2 * MS, r"another sample interval \(1 ms\) after row 0.*expected an interval of 2 ms"),
+    ],
+)
+def test_not_uniform(shift: int, step: int | None, message: str) -> None:
+    record = uniform()
+    t_ns = record.t_ns.copy()
+    t_ns[50:] += shift
+    with pytest.raises(RecordError, match=message):
+        timebase.require_uniform(Record(t_ns, record.values, record.channels, record.metadata), step)
+
+
+def test_jitter_within_a_hundredth_is_uniform() -> None:
+    record = uniform()
+    t_ns = record.t_ns + np.where(np.arange(100) % 2, 9_000, 0)
+    assert timebase.require_uniform(Record(t_ns, record.values, record.channels), MS) == MS
+
+
+def test_resample_gives_the_line_back_after_a_million_seconds() -> None:
+    t_ns = 10**15 + np.sort(np.random.default_rng(1).choice(10**7, 500, replace=False)).astype(np.int64)
+    record = Record(t_ns, ((t_ns - 10**15) / 1e9)[:, None], (Channel("a"),))
+    back = timebase.resample(record)
+    assert len(set(np.diff(back.t_ns).tolist())) == 1
+    np.testing.assert_allclose(back["a"], (back.t_ns - 10**15) / 1e9, rtol=1e-12)
