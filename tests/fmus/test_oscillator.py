@@ -1,5 +1,8 @@
 """The chain of masses against its closed form: the matrix exponential, with inputs held over each step."""
 
+import functools
+import operator
+
 import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
@@ -68,6 +71,20 @@ def test_linearisation_is_the_system_matrix(n, open_fmu):
     for column, known in zip(np.hstack([a, b]).T, states + inputs, strict=True):
         got = fmu.fmu.getDirectionalDerivative(references, [fmu.variables[known].valueReference], [2.0])
         np.testing.assert_allclose(got, 2 * column, atol=1e-6, rtol=1e-9)
+
+
+def test_a_seed_weighs_each_known(open_fmu):
+    n, rng, fmu = 3, np.random.default_rng(1), open_fmu("oscillator")
+    p = parameters(n, rng)
+    fmu.initialise(p)
+    names_of_knowns = functools.reduce(operator.iadd, names(n), [])
+    seed = rng.standard_normal(len(names_of_knowns))
+    unknowns, knowns = (
+        [fmu.variables[name].valueReference for name in group]
+        for group in ([f"der({name})" for name in names(n)[0]], names_of_knowns)
+    )
+    got = fmu.fmu.getDirectionalDerivative(unknowns, knowns, seed.tolist())
+    np.testing.assert_allclose(got, np.hstack(matrices(n, p)) @ seed, atol=1e-5, rtol=1e-9)
 
 
 def test_adjoint_is_the_transpose(open_fmu):
