@@ -145,6 +145,19 @@ def test_a_layout_is_found_where_there_is_one() -> None:
     assert decoder.layout(CLASSES["Flat"](f=3).SerializeToString()) is None
 
 
+def test_equal_sizes_with_other_fields() -> None:
+    """Fields that are absent are NaN, also where another field of the same size is present."""
+    from fmucorrect.records._protobuf import schema as own
+    from fmucorrect.records.bulk import walk
+
+    name, descriptors = own("/a", ["x", "y"], ["x", "y"], ["mm", "N"])
+    decoder = ProtobufDecoder(name, descriptors)
+    assert decoder.declared() == [("x", "mm"), ("y", "N")]
+    payloads = [struct.pack("<Bd", tag, 1.5) for tag in (9, 9, 17, 9, 17)]
+    assert [list(decoder.leaves(payload)) for payload in payloads] == [["x"], ["x"], ["y"], ["x"], ["y"]]
+    compare(decoder, payloads, walk)
+
+
 ROS_SCHEMA = """# a comment
 uint8 OK=1
 string<=10 label
@@ -242,6 +255,12 @@ def test_ros2_messages_of_changing_length() -> None:
     for i, payload in enumerate(payloads):
         assert decoder.leaves(payload) == ros_leaves(i, shapes[i % 5][1])
     compare(decoder, payloads, walk)
+
+
+def test_an_empty_ros2_sequence_is_not_aligned() -> None:
+    decoder = CdrDecoder("a/B", "float64[] free\nuint8 id")
+    assert decoder.leaves(Cdr().put("I", 0).put("B", 7).bytes()) == {"id": 7}
+    assert decoder.leaves(Cdr().put("I", 1).put("d", 2.5).put("B", 7).bytes()) == {"free[0]": 2.5, "id": 7}
 
 
 def test_a_short_ros2_payload_is_an_error() -> None:

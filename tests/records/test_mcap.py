@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import os
 import signal
+import struct
 import subprocess
 import sys
 import tracemalloc
+import zlib
 from contextlib import suppress
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 from mcap.reader import make_reader
-from mcap.records import Message
-from mcap.stream_reader import StreamReader
+from mcap.records import Chunk, Message, MessageIndex
+from mcap.stream_reader import StreamReader, get_chunk_data_stream
 from mcap.writer import CompressionType
 from mcap.writer import Writer as LibraryWriter
 from mcap_protobuf.decoder import DecoderFactory
@@ -90,6 +93,12 @@ def test_indexes_and_checksums(tmp_path: Path) -> None:
     path, _ = save(tmp_path / "run.mcap", 40_000)
     with path.open("rb") as stream:
         chunks = list(StreamReader(stream, emit_chunks=True, validate_crcs=True).records)
+    for chunk, index in pairwise(chunks):
+        if isinstance(chunk, Chunk) and isinstance(index, MessageIndex):
+            inside, _ = get_chunk_data_stream(chunk, validate_crc=True)
+            unpacked = inside.read(chunk.uncompressed_size)
+            for log_ns, offset in index.records[::501]:
+                assert struct.unpack_from("<BQHIQ", unpacked, offset)[::4] == (5, log_ns)
     kinds = [type(record).__name__ for record in chunks]
     assert kinds.count("Chunk") == kinds.count("MessageIndex") == kinds.count("ChunkIndex") == 3
     with path.open("rb") as stream:
@@ -99,6 +108,8 @@ def test_indexes_and_checksums(tmp_path: Path) -> None:
         summary = make_reader(stream).get_summary()
     assert summary is not None
     data = path.read_bytes()
+    start, _, checksum = struct.unpack("<QQI", data[-28:-8])
+    assert checksum == zlib.crc32(data[start:-12])
     for index in summary.chunk_indexes:
         assert data[index.chunk_start_offset] == 6
         assert data[index.message_index_offsets[1]] == 7
@@ -175,6 +186,8 @@ file = records.writer(sys.argv[1])
 for i in range(7):
     t = np.arange(1000 * i, 1000 * (i + 1), dtype=np.int64)
     file.write("/simulation", Record(t, t[:, None] * 0.5, (Channel("a", "mm"),)))
+t = np.arange(7000, 7003, dtype=np.int64)  # few enough to stay in any buffer
+file.write("/simulation", Record(t, t[:, None] * 0.5, (Channel("a", "mm"),)))
 os.kill(os.getpid(), signal.SIGKILL)
 """
     for suffix in (".mcap", ".csv", ".tdms"):
@@ -183,8 +196,8 @@ os.kill(os.getpid(), signal.SIGKILL)
         done = subprocess.run([sys.executable, "-c", code, str(path)], env=environment, check=False)
         assert done.returncode == -signal.SIGKILL
         back = records.read(path)
-        assert back.t_ns.tolist() == list(range(7000))
-        assert back["a"].tolist() == [0.5 * i for i in range(7000)]
+        assert back.t_ns.tolist() == list(range(7003))
+        assert back["a"].tolist() == [0.5 * i for i in range(7003)]
         assert back.metadata.get("truncated") == ("true" if suffix == ".mcap" else None)
 
 
@@ -301,7 +314,7 @@ def test_the_librarys_framing(compression: CompressionType, chunked: bool, tmp_p
     assert record["deep.list[1]"].tolist() == [i + 0.5 for i in times]
     assert {t.topic.name: t.extent.rows for t in records.describe(path).topics} == {"/a": 67, "/b": 33}
     data, early = path.read_bytes(), [0]
-    for size in range(60, len(data), 487):
+    for size in range(60, len(data), 97):
         path.write_bytes(data[:size])
         try:
             back = records.read(path, ["x"], topic="/a")
@@ -309,5 +322,8 @@ def test_the_librarys_framing(compression: CompressionType, chunked: bool, tmp_p
             early.append(size)
             continue
         assert back["x"].tolist() == times[: len(back)]
+        extents = {t.topic.name: t.extent for t in records.describe(path).topics}
+        assert extents["/a"].rows == len(back)
+        assert extents["/a"].stop_ns == (times[len(back) - 1] if len(back) else None)
         assert back.metadata["truncated"] == "true"
     assert max(early) < 1200

@@ -84,6 +84,16 @@ def test_what_a_rule_does_not_mend(rule: str, rows: list[tuple[float, float]], m
         records.read(csv(tmp_path, rows), repair=rule)
 
 
+@pytest.mark.parametrize("last", [8191, 8192, 8193, 20000])
+def test_errors_across_blocks_name_the_row_of_the_file(last: int, tmp_path: Path) -> None:
+    path = csv(tmp_path, [(i, 1) for i in range(last)] + [(last - 1, 2), (last, 3)])
+    with pytest.raises(RecordError, match=rf"time is repeated at row {last} \(t = {last - 1} s\)"):
+        records.read(path)
+    mended = records.read(path, repair="drop")
+    assert mended.t_ns.tolist() == [10**9 * i for i in range(last + 1)]
+    assert mended["a"][-2:].tolist() == [1, 3]
+
+
 @given(
     st.lists(st.tuples(st.integers(-50, 50), st.sampled_from([0.0, 1.0, np.nan, np.inf])), max_size=60),
     st.integers(1, 9),
