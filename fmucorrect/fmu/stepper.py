@@ -1,11 +1,12 @@
-"""FmuStepper: an FMI 2.0 or 3.0 co-simulation FMU as a Stepper."""
+"""FmuStepper: an FMU as a Stepper, on a loop of its own over the FMI functions."""
 
 from __future__ import annotations
 
-import math
+import logging
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from ctypes import c_void_p
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType, TracebackType
 from typing import Self, final
@@ -15,67 +16,70 @@ from jaxtyping import Float64
 
 from fmucorrect.errors import FmuError, SignalError
 from fmucorrect.fmu import archive
-from fmucorrect.fmu.description import FmuDescription, Variable, describe
-from fmucorrect.fmu.parameters import checked
-from fmucorrect.fmu.solver import Block, Solver
+from fmucorrect.fmu.fmi2 import Instance2
+from fmucorrect.fmu.fmi3 import Instance3
+from fmucorrect.fmu.description import FmuDescription, Variable, open_fmu
+from fmucorrect.fmu.ports import Port, ports
+from fmucorrect.fmu.solverlog import SolverLog
+from fmucorrect.fmu.startvalues import start_values
 from fmucorrect.signals import NANOSECONDS, Channel, Condition, Record
 from fmucorrect.stepper import Row, Status, Step
 from fmucorrect.units import conversion
 
-_NOTHING: Mapping[str, float] = MappingProxyType({})
+_NONE: Mapping[str, float] = MappingProxyType({})
+
+
+@dataclass(frozen=True)
+class SolverState:
+    """A copy of everything in the solver at one moment; belongs to the run of the stepper that gave it."""
+
+    handle: c_void_p
+    t_ns: int
 
 
 @final
 class FmuStepper:
-    """A solver FMU as a Stepper.
+    """An FMU for co-simulation, streamed sample by sample.
 
-    channels: the responses; `simulation` (or else `name`) is the FMU variable, whose values are converted to the
-    channel's unit. extra: more channels of the same kind, logged after these. inputs: the FMU inputs that the columns of
-    u are, in the FMU's own units. parameters: start values for all conditions; those of a condition come first.
+    channels: the responses; each one's `simulation` (or `name`) is an FMU variable, whose values are converted to the
+    channel's unit. extra: further channels that process() adds behind the responses. inputs: FMU inputs, in the order
+    of the columns of u, which is in the FMU's own units. parameters: start values that hold in every condition.
+    log: where the solver's messages go, the logger "fmucorrect.fmu" by default; at level DEBUG the solver says all.
 
-    The simulation starts at the time of the first sample after reset(). Nothing is held before the first reset, and
-    whatever raises releases the extracted files, the instance and the library; reset() then starts afresh.
-    Raises FmuError, and SignalError where units do not fit or inputs are not finite. NaN outputs are passed on.
+    The FMU is started at the first sample's time, with that sample's inputs: errors of initialisation come from the first
+    step() or process() after reset(). After an exception everything is released, and reset() starts anew.
+
+    Raises FmuError (file, names, start values, what the solver refuses) and SignalError (units, times, NaN inputs).
     """
 
     def __init__(
         self,
         path: str | Path,
-        channels: Sequence[Channel],
+        channels: tuple[Channel, ...],
         *,
-        extra: Sequence[Channel] = (),
+        extra: tuple[Channel, ...] = (),
         inputs: Sequence[str] = (),
-        parameters: Mapping[str, float] | None = None,
+        parameters: Mapping[str, float] = _NONE,
+        log: logging.Logger | None = None,
     ) -> None:
-        self._description = describe(path)
-        self._description.require_binary()
-        self._where = str(path)
-        self._channels = (*channels, *extra)
-        self._outputs = [self._variable(c.simulation or c.name, f"channel {c.name!r}") for c in self._channels]
-        self._factors = np.array(
-            [
-                _factor(variable.unit, channel.unit, f"{self._where}, channel {channel.name!r}")
-                for variable, channel in zip(self._outputs, self._channels, strict=True)
-            ],
-            np.float64,
-        )
-        self._scaled = bool((self._factors != 1.0).any())
-        self._inputs = [self._input(name) for name in inputs]
-        self._parameters = parameters or _NOTHING
-        checked(self._description, self._parameters, self._inputs)
-        self._starts: tuple[list[Variable], list[float]] = ([], [])
-        self._sigma = np.zeros(len(self._channels))
-        self._u = np.zeros(len(self._inputs))
-        self._raw = np.zeros(len(self._channels))
-        self._solver: Solver | None = None
+        self._description = open_fmu(path)
+        self._description.binaries  # noqa: B018 - raises where there is no library for this machine
+        self._channels, self._all = channels, (*channels, *extra)
+        self._outputs, self._factors = _outputs(self._description, self._all)
+        self._inputs = _inputs(self._description, inputs)
+        self._parameters, self._logger = parameters, log
+        start_values(self._description, parameters)
         self._folder: tempfile.TemporaryDirectory[str] | None = None
-        self._gets: list[Block] = []
-        self._sets: list[Block] = []
+        self._log: SolverLog | None = None
+        self._instance: Instance2 | Instance3 | None = None
+        self._readers: list[Port] = []
+        self._writers: list[Port] = []
+        self._row = np.zeros(len(self._all))
+        self._zeros = np.zeros(len(channels))
         self._last_ns: int | None = None
 
     @property
     def channels(self) -> tuple[Channel, ...]:
-        """The channels and the extra channels."""
         return self._channels
 
     @property
@@ -84,216 +88,232 @@ class FmuStepper:
         return self._description
 
     def reset(self, condition: Condition) -> None:
-        """Start anew under the condition's parameters. Raises FmuError naming every parameter that is wrong."""
-        self._last_ns = None
+        """Start the solver with the start values of `parameters` and `condition.parameters`, the latter going first."""
+        values = start_values(self._description, {**self._parameters, **condition.parameters})
         try:
-            self._starts = checked(self._description, {**self._parameters, **condition.parameters}, self._inputs)
-            if self._solver is not None:
-                self._solver.reset()
-            else:
-                self._open()
+            instance = self._instance or self._open()
+            instance.begin()
+            instance.set_start(values)
         except BaseException:
-            self._release()
+            self.close()
             raise
+        self._last_ns = None
 
     def step(self, t_ns: int, u: Row) -> Step:
-        """Advance to `t_ns` (the first step after reset starts there), then apply `u`, then read the outputs."""
+        instance = self._advancing(t_ns, len(u))
+        if len(u) and not np.isfinite(u).all():
+            raise self._not_finite(u[None], [t_ns])
         try:
-            self._advance(t_ns, self._checked(u))
-            values = self._raw * self._factors if self._scaled else self._raw.copy()
+            last = self._last_ns
+            if last is None:
+                self._initialise(instance, t_ns, u)
+            else:
+                instance.time.value, instance.size.value = last / NANOSECONDS, (t_ns - last) / NANOSECONDS
+                if (status := instance.step()) or instance.flags.value:
+                    instance.finish_step(status)
+                if len(u):
+                    for port in self._writers:
+                        port.put(u)
+            for port in self._readers:
+                port.get(self._row)
         except BaseException:
-            self._release()
+            self.close()
             raise
-        return Step(t_ns, values, values, self._sigma, Status.OK)
+        self._last_ns = t_ns
+        simulated = self._row[: len(self._channels)]
+        simulated = simulated.copy() if self._factors is None else simulated * self._factors[: len(simulated)]
+        return Step(t_ns, simulated, simulated, self._zeros, Status.OK)
 
     def process(self, record: Record) -> Record:
-        """step() row by row; the columns of `record` are the inputs, by name, converted from the record's units where it
-        gives them ("1" is taken as the FMU's own unit)."""
-        values = np.empty((len(record), len(self._channels)))
-        try:
-            inputs = self._columns(record)
-            if len(record):
-                self._stream(record.t_ns, inputs, values)
-            if self._scaled:
+        """Columns of `record` are inputs by name, in any order and any fitting unit; a record without columns leaves the
+        inputs as they are. What comes back: the responses, then `extra`."""
+        u = self._input_values(record)
+        values = np.zeros((len(record), len(self._all)))
+        if len(record):
+            instance = self._advancing(int(record.t_ns[0]), u.shape[1])
+            if not np.isfinite(u).all():
+                raise self._not_finite(u, record.t_ns)
+            try:
+                self._run(instance, record.t_ns, u, values)
+            except BaseException:
+                self.close()
+                raise
+            self._last_ns = int(record.t_ns[-1])
+            if self._factors is not None:
                 values *= self._factors
-        except BaseException:
-            self._release()
-            raise
-        return replace(record, values=values, channels=self._channels)
+        return replace(record, values=values, channels=self._all)
+
+    def _run(
+        self,
+        instance: Instance2 | Instance3,
+        t_ns: np.ndarray,
+        u: Float64[np.ndarray, "T U"],
+        values: Float64[np.ndarray, "T K"],
+    ) -> None:
+        steps: np.ndarray
+        if self._last_ns is None:
+            self._initialise(instance, int(t_ns[0]), u[0])
+            for port in self._readers:
+                port.get(values[0])
+            points, u, into = t_ns, u[1:], values[1:]
+        else:
+            points, into = np.concatenate([[self._last_ns], t_ns]), values
+        steps = np.diff(points)
+        moves = [port.rows_from(u) for port in self._writers] if u.shape[1] else []
+        reads = [port.rows_into(into) for port in self._readers]
+        moves += reads
+        step, flags, time, size = instance.step, instance.flags, instance.time, instance.size
+        for start, h in zip((points[:-1] / NANOSECONDS).tolist(), (steps / NANOSECONDS).tolist(), strict=True):
+            time.value = start
+            size.value = h
+            if (status := step()) or flags.value:
+                instance.finish_step(status)
+            for pointer, addresses, call, function in moves:
+                pointer.value = next(addresses)
+                if status := call():
+                    instance.check(status, function)
+        for port in self._readers:
+            port.collect(into)
+
+    def _initialise(self, instance: Instance2 | Instance3, t_ns: int, u: Row) -> None:
+        instance.time.value, instance.size.value = t_ns / NANOSECONDS, 0.0
+        instance.initialise(instance.time.value)
+        if len(u):
+            for port in self._writers:
+                port.put(u)
+        instance.exit_initialisation()
+
+    def get_state(self) -> SolverState:
+        """A copy of the solver's state at the last sample; free_state() releases it, reset() and close() make it void."""
+        instance = self._running()
+        if self._last_ns is None or "get and set state" not in self._description.capabilities:
+            what = (
+                "the state can be copied only after the first step"
+                if self._last_ns is None
+                else "it cannot copy its state"
+            )
+            raise FmuError(what, where=str(self._description.path))
+        return SolverState(instance.get_state(), self._last_ns)
+
+    def set_state(self, state: SolverState) -> None:
+        """Go back to a state of this run."""
+        self._running().set_state(state.handle)
+        self._last_ns = state.t_ns
+
+    def free_state(self, state: SolverState) -> None:
+        """Release a state."""
+        self._running().free_state(state.handle)
 
     def close(self) -> None:
-        """Release the instance, the library and the extracted files. May be called twice."""
-        self._release()
+        instance, log, folder = self._instance, self._log, self._folder
+        self._instance = self._log = self._folder = None
+        self._readers, self._writers = [], []
+        try:
+            if instance is not None:
+                instance.close()
+        finally:
+            if log is not None:
+                log.close()
+            if folder is not None:
+                folder.cleanup()
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, problem: BaseException | None, trace: TracebackType | None
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
 
-    def _advance(self, t_ns: int, u: Row) -> None:
-        """One step; the outputs are in self._raw afterwards, in the FMU's units."""
-        solver, last_ns = self._solver, self._last_ns
-        if solver is None:
-            raise FmuError("the FMU has not been started", where=self._where, remedy="Call reset(condition) first.")
-        self._u[:] = u
-        if last_ns is None:
-            solver.set(*self._starts)
-            solver.begin(t_ns / 1e9, self._write)
-        else:
-            if t_ns <= last_ns:
-                raise self._backwards(t_ns, last_ns)
-            solver.time.value = last_ns / 1e9
-            solver.length.value = (t_ns - last_ns) / 1e9
-            status = solver.do_step(*solver.step_args)
-            if status or solver.stopped.value:
-                solver.check(status, solver.step_name)
-        if self._sets:
-            self._write()
-        for block in self._gets:
-            status = block.function(*block.args)
-            if status:
-                solver.check(status, block.name)
-            if not self._direct:
-                self._raw[block.columns] = block.buffer
-        self._last_ns = t_ns
-
-    def _write(self) -> None:
-        assert self._solver is not None
-        for block in self._sets:
-            if not self._direct:
-                block.buffer[:] = self._u[block.columns]
-            status = block.function(*block.args)
-            if status:
-                self._solver.check(status, block.name)
-
-    def _stream(self, t_ns: np.ndarray, u: np.ndarray, values: np.ndarray) -> None:
-        """Rows of u in, rows of values out, both in the FMU's units: _advance() without what a row does not need."""
-        first = 0
-        if self._last_ns is None or not self._direct:
-            first = 1 if self._direct else len(t_ns)
-            for row in range(first):
-                self._advance(int(t_ns[row]), u[row])
-                values[row] = self._raw
-        if first == len(t_ns):
-            return
-        solver = self._solver
-        assert solver is not None
-        before = np.concatenate([[self._last_ns if first == 0 else t_ns[0]], t_ns[first:-1]])
-        if t_ns[first] <= before[0]:
-            raise self._backwards(int(t_ns[first]), int(before[0]))
-        times, lengths = (before / 1e9).tolist(), ((t_ns[first:] - before) / 1e9).tolist()
-        do_step, args, time, length, stopped = (
-            solver.do_step,
-            solver.step_args,
-            solver.time,
-            solver.length,
-            solver.stopped,
-        )
-        get, set_ = (self._gets or [None])[0], (self._sets or [None])[0]
-        get_row, get_args, target = (get.function, get.args, get.pointer) if get else (None, (), None)
-        set_row, set_args, source = (set_.function, set_.args, set_.pointer) if set_ else (None, (), None)
-        address, stride = values.ctypes.data + first * values.strides[0], values.strides[0]
-        origin, pitch = u.ctypes.data + first * u.strides[0], u.strides[0]
-        try:
-            for time.value, length.value in zip(times, lengths, strict=True):
-                status = do_step(*args)
-                if status or stopped.value:
-                    solver.check(status, solver.step_name)
-                if set_row:
-                    source.value = origin  # pyright: ignore[reportOptionalMemberAccess]
-                    origin += pitch
-                    status = set_row(*set_args)
-                    if status:
-                        solver.check(status, set_.name)  # pyright: ignore[reportOptionalMemberAccess]
-                if get_row:
-                    target.value = address  # pyright: ignore[reportOptionalMemberAccess]
-                    address += stride
-                    status = get_row(*get_args)
-                    if status:
-                        solver.check(status, get.name)  # pyright: ignore[reportOptionalMemberAccess]
-        finally:
-            self._point_home()
-        self._last_ns = int(t_ns[-1])
-
-    def _point_home(self) -> None:
-        """Let the prepared calls read into and write from the row of _advance()."""
-        for block, row in [(self._gets, self._raw), (self._sets, self._u)]:
-            if self._direct and block:
-                block[0].pointer.value = row.ctypes.data
-
-    def _open(self) -> None:
+    def _open(self) -> Instance2 | Instance3:
         self._folder = tempfile.TemporaryDirectory(prefix="fmucorrect-", ignore_cleanup_errors=True)
-        folder = Path(self._folder.name).resolve()
-        archive.extract(self._description.path, folder, self._description.platform)
-        self._solver = solver = Solver(self._description, folder)
-        self._gets, self._sets = solver.blocks("Get", self._outputs), solver.blocks("Set", self._inputs)
-        blocks = [*self._gets, *self._sets]
-        self._direct = len(self._gets) <= 1 and len(self._sets) <= 1 and all(block.plain for block in blocks)
-        self._point_home()
+        folder = Path(self._folder.name)
+        archive.extract(self._description.path, folder, self._description.binaries)
+        self._log = SolverLog(self._description.path.name, self._logger)
+        kind = Instance3 if self._description.fmi.startswith("3") else Instance2
+        self._instance = kind(self._description, folder, self._log)
+        self._readers = ports(self._instance, "Get", self._outputs)
+        self._writers = ports(self._instance, "Set", self._inputs)
+        return self._instance
 
-    def _release(self) -> None:
-        solver, self._solver = self._solver, None
-        folder, self._folder = self._folder, None
-        self._gets, self._sets, self._last_ns = [], [], None
-        try:
-            if solver is not None:
-                solver.close()
-        finally:
-            if folder is not None:
-                folder.cleanup()
+    def _running(self) -> Instance2 | Instance3:
+        if self._instance is None:
+            raise FmuError("the solver is not running", where=str(self._description.path), remedy="Call reset() first.")
+        return self._instance
 
-    def _variable(self, name: str, where: str) -> Variable:
-        variable = self._description.variable(name)
-        if not variable.numeric:
-            what = f"an array of shape {variable.shape}" if variable.shape else f"of type {variable.type}"
-            raise FmuError(f"{name!r} is {what}", where=f"{self._where}, {where}", expected="a scalar number")
-        return variable
+    def _advancing(self, t_ns: int, width: int) -> Instance2 | Instance3:
+        instance = self._running()
+        if self._last_ns is not None and t_ns <= self._last_ns:
+            raise SignalError(
+                "time does not increase",
+                where=str(self._description.path),
+                expected=f"> {self._last_ns} ns",
+                got=f"{t_ns} ns",
+            )
+        if width and width != len(self._inputs):
+            names = [variable.name for variable in self._inputs]
+            raise SignalError("the row of inputs has the wrong length", expected=f"{len(names)}: {names}", got=width)
+        return instance
 
-    def _input(self, name: str) -> Variable:
-        variable = self._variable(name, "inputs")
-        if variable.causality != "input":
-            inputs = ", ".join(self._description.names("input")) or "it has none"
-            raise FmuError(f"{name!r} is no input but {variable.causality}", where=self._where, expected=inputs)
-        return variable
+    def _input_values(self, record: Record) -> Float64[np.ndarray, "T U"]:
+        if not record.channels:
+            return np.zeros((len(record), 0))
+        wanted = [variable.name for variable in self._inputs]
+        if sorted(wanted) != sorted(record.names):
+            raise SignalError(
+                "the columns are not the inputs of this stepper", where=str(self._description.path), expected=wanted,
+                got=list(record.names),
+            )  # fmt: skip
+        order = [record.index(name) for name in wanted]
+        values = np.ascontiguousarray(record.values[:, order])
+        factors = [_factor(record.channels[c].unit, v.unit, v.name) for c, v in zip(order, self._inputs, strict=True)]
+        return values if all(factor == 1.0 for factor in factors) else values * np.array(factors)
 
-    def _checked(self, u: Row) -> Row:
-        if u.shape != self._u.shape:
-            expected = f"{len(self._inputs)} inputs: {', '.join(v.name for v in self._inputs)}"
-            raise SignalError("the row of inputs has the wrong shape", expected=expected, got=u.shape)
-        if len(u) and not math.isfinite(sum(u.tolist())):
-            self._finite(u[None], None)
-        return u
-
-    def _columns(self, record: Record) -> Float64[np.ndarray, "T U"]:
-        """The inputs in the FMU's units, (T, U), in the order of `inputs`."""
-        names = [variable.name for variable in self._inputs]
-        if sorted(names) != sorted(record.names):
-            expected = ", ".join(names) or "no columns"
-            raise SignalError("the columns are not the FMU's inputs", expected=expected, got=", ".join(record.names))
-        record = record.select(names)
-        values = np.ascontiguousarray(record.values)
-        channels = zip(self._inputs, record.channels, strict=True)
-        factors = [1.0 if c.unit == "1" else _factor(c.unit, v.unit, f"input {v.name!r}") for v, c in channels]
-        if any(factor != 1.0 for factor in factors):
-            values = values * np.array(factors)
-        self._finite(values, record.t_ns)
-        return values
-
-    def _finite(self, values: np.ndarray, t_ns: np.ndarray | None) -> None:
-        for row, column in np.argwhere(~np.isfinite(values))[:1]:
-            at = "" if t_ns is None else f" at t = {t_ns[row] / NANOSECONDS:.9g} s"
-            raise SignalError(f"input {self._inputs[column].name!r} is {values[row, column]}{at}", expected="a number")
-
-    def _backwards(self, t_ns: int, last_ns: int) -> SignalError:
-        what = f"more than {last_ns / NANOSECONDS:.9g} s"
+    def _not_finite(self, u: np.ndarray, t_ns: Sequence[int] | np.ndarray) -> SignalError:
+        row, column = np.argwhere(~np.isfinite(u))[0]
+        name = self._inputs[column].name
         return SignalError(
-            "time does not increase", where=self._where, expected=what, got=f"{t_ns / NANOSECONDS:.9g} s"
+            f"input {name!r} is {u[row, column]} at t = {int(t_ns[row]) / NANOSECONDS:.9g} s",
+            where=str(self._description.path),
+            expected="finite numbers",
         )
 
 
-def _factor(source: str, target: str, where: str) -> float:
-    """What values in `source` are multiplied by; without a unit they are taken to be in `target`."""
-    return 1.0 if source in ("", target) or target == "" else conversion(source, target, where)
+def _factor(source: str, target: str, name: str) -> float:
+    """1 where either side says no unit."""
+    return 1.0 if source == target or source in ("", "1") or not target else conversion(source, target, name)
+
+
+def _outputs(
+    description: FmuDescription, channels: tuple[Channel, ...]
+) -> tuple[list[Variable], Float64[np.ndarray, " K"] | None]:
+    names = [channel.simulation or channel.name for channel in channels]
+    problems = description.unknown(names, "variable")
+    variables = [description.variables[name] for name in names if name in description.variables]
+    problems += [f"{v.name!r} is {_shape(v)}, expected one number" for v in variables if not v.number]
+    if problems:
+        raise FmuError("; ".join(problems), where=str(description.path))
+    factors = np.array(
+        [
+            1.0
+            if not v.unit or v.unit == channel.unit
+            else conversion(v.unit, channel.unit, f"channel {channel.name!r}")
+            for v, channel in zip(variables, channels, strict=True)
+        ]
+    )
+    return variables, None if (factors == 1.0).all() else factors
+
+
+def _inputs(description: FmuDescription, names: Sequence[str]) -> list[Variable]:
+    known = description.of("input")
+    problems = description.unknown(names, "input", known)
+    problems += [f"the input {name!r} is given twice" for name in {n for n in names if list(names).count(n) > 1}]
+    variables = [v for name in names for v in known if v.name == name]
+    problems += [f"the input {v.name!r} is {_shape(v)}, expected one number" for v in variables if not v.number]
+    if problems:
+        raise FmuError("; ".join(problems), where=str(description.path))
+    return variables
+
+
+def _shape(variable: Variable) -> str:
+    return f"an array of {'x'.join(map(str, variable.shape))}" if variable.shape else f"a {variable.type}"
