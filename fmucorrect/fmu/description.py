@@ -1,0 +1,225 @@
+"""What an FMU says of itself: a frozen view of its model description."""
+
+from __future__ import annotations
+
+import difflib
+import logging
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import cast
+
+import fmpy
+from fmpy import model_description as fmpy_description
+
+from fmucorrect.errors import FmuError
+from fmucorrect.fmu import archive
+
+_LIBRARY_SUFFIXES = (".so", ".dll", ".dylib")
+_CAPABILITIES = {
+    "canHandleVariableCommunicationStepSize": "variable step size",
+    "canGetAndSetFMUstate": "get and set state",
+    "canSerializeFMUstate": "serialise state",
+    "canInterpolateInputs": "interpolate inputs",
+    "providesDirectionalDerivative": "directional derivatives",
+    "hasEventMode": "event mode",
+    "mightReturnEarlyFromDoStep": "may return early from a step",
+    "needsExecutionTool": "needs its tool installed",
+    "canBeInstantiatedOnlyOncePerProcess": "one instance in a process",
+    "canNotUseMemoryManagementFunctions": "own memory management",
+}
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One variable of an FMU.
+
+    type: Real, Integer, Boolean, Enumeration or String of FMI 2; Float64, Int32, ... of FMI 3. unit: "" where the FMU
+    says none. start: as the description writes it, "" without one. minimum, maximum: -inf, inf where there are none.
+    reference: FMI value reference. shape: () for a scalar. settable: whether a start value may be given.
+    """
+
+    name: str
+    type: str
+    causality: str = "local"
+    variability: str = "continuous"
+    unit: str = ""
+    start: str = ""
+    minimum: float = -math.inf
+    maximum: float = math.inf
+    reference: int = 0
+    shape: tuple[int, ...] = ()
+    settable: bool = False
+    description: str = ""
+
+    @property
+    def number(self) -> bool:
+        """Whether its value is one number."""
+        return self.shape == () and self.type not in ("String", "Binary", "Clock")
+
+
+@dataclass(frozen=True)
+class FmuDescription:
+    """What an FMU says of itself.
+
+    fmi: "2.0" or "3.0". identifier: name of its library. token: what the library checks it by. platforms: folders in
+    binaries/ that hold the library. start_time, stop_time, step_size: s, of the default experiment, None where it says
+    nothing. capabilities: what it can, in words. log_categories: names of its log categories.
+    """
+
+    path: Path
+    name: str
+    fmi: str
+    identifier: str
+    token: str
+    description: str
+    tool: str
+    variables: Mapping[str, Variable] = field(repr=False)
+    platforms: tuple[str, ...]
+    has_sources: bool
+    capabilities: tuple[str, ...]
+    log_categories: tuple[str, ...]
+    start_time: float | None
+    stop_time: float | None
+    step_size: float | None
+
+    def of(self, causality: str) -> tuple[Variable, ...]:
+        """All variables of one causality: input, output, parameter, ..."""
+        return tuple(v for v in self.variables.values() if v.causality == causality)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Unit by variable name, "" where the FMU says none."""
+        return {variable.name: variable.unit for variable in self.variables.values()}
+
+    @property
+    def one_instance(self) -> bool:
+        """Whether a process may hold only one instance."""
+        return _CAPABILITIES["canBeInstantiatedOnlyOncePerProcess"] in self.capabilities
+
+    @property
+    def binaries(self) -> str:
+        """The folder in binaries/ for the machine that this runs on. Raises FmuError when the FMU has none for it."""
+        wanted = fmpy.platform_tuple if self.fmi.startswith("3") else fmpy.platform
+        if wanted not in self.platforms:
+            remedy = f"Export it for {wanted}."
+            if self.has_sources:
+                remedy = f"Compile its sources with 'fmpy compile {self.path.name}', or export it for {wanted}."
+            inside = ", ".join(self.platforms) or "none"
+            raise FmuError(
+                "there is no library for this machine in it",
+                where=str(self.path),
+                expected=wanted,
+                got=inside,
+                remedy=remedy,
+            )
+        return wanted
+
+    def unknown(self, names: Iterable[str], use: str, candidates: Iterable[Variable] | None = None) -> list[str]:
+        """A line for each name that no variable (of `candidates`, if given) has, with the nearest that there is."""
+        known = list(self.variables) if candidates is None else [variable.name for variable in candidates]
+        lines: list[str] = []
+        for name in names:
+            if name not in known:
+                near = difflib.get_close_matches(name, known, 1, 0.6)
+                hint = f" (did you mean {near[0]!r}?)" if near else ""
+                lines.append(f"there is no {use} {name!r}{hint}")
+        return lines
+
+
+def open_fmu(path: str | Path) -> FmuDescription:
+    """Read and check the model description of the FMU at `path`; nothing is unpacked or loaded.
+
+    Raises FmuError when the file is no FMU for co-simulation of FMI 2 or 3, is damaged, or is not safe to open.
+    """
+    path = Path(path)
+    with archive.opened(path) as file:
+        version = archive.fmi_version(file, path)
+        names = file.namelist()
+    if not version.startswith(("2.", "3.")):
+        raise FmuError(
+            f"FMI version {version!r} is not supported",
+            where=str(path),
+            expected="2.0 or 3.0",
+            remedy="Export it again for co-simulation of FMI 2.0 or 3.0.",
+        )
+    model = _parse(path)
+    slave = model.coSimulation
+    if slave is None:
+        raise FmuError(
+            "this FMU has no co-simulation",
+            where=str(path),
+            got="model exchange only, which has no solver in it",
+            remedy="Export it again for co-simulation.",
+        )
+    platforms = [
+        parts[1]
+        for parts in (name.split("/") for name in names)
+        if len(parts) == 3
+        and parts[0] == "binaries"
+        and parts[2] in {f"{slave.modelIdentifier}{s}" for s in _LIBRARY_SUFFIXES}
+    ]
+    experiment = model.defaultExperiment or fmpy_description.DefaultExperiment()
+    return FmuDescription(
+        path=path,
+        name=model.modelName or path.stem,
+        fmi=version,
+        identifier=slave.modelIdentifier or "",
+        token=model.instantiationToken or "",
+        description=model.description or "",
+        tool=model.generationTool or "",
+        variables={v.name: v for v in map(_variable, model.modelVariables)},
+        platforms=tuple(sorted(set(platforms))),
+        has_sources=any(name.startswith("sources/") and name.endswith(".c") for name in names),
+        capabilities=tuple(text for flag, text in _CAPABILITIES.items() if getattr(slave, flag, False)),
+        log_categories=tuple(category.name for category in model.logCategories),
+        start_time=_float(experiment.startTime, None),
+        stop_time=_float(experiment.stopTime, None),
+        step_size=_float(experiment.stepSize, None),
+    )
+
+
+def _parse(path: Path) -> fmpy_description.ModelDescription:
+    with path.open("rb") as file:  # not by name: fmpy takes a name that ends in .xml for something else
+        try:
+            return fmpy_description.read_model_description(file)
+        except fmpy_description.ValidationError as error:
+            problems = cast("list[str]", error.problems)
+            logging.getLogger("fmucorrect.fmu").warning(
+                "%s: the model description breaks the FMI standard: %s", path, "; ".join(problems)
+            )
+        except Exception as error:  # fmpy raises nothing narrower
+            raise FmuError(f"the model description cannot be read ({error})", where=str(path)) from error
+        try:
+            return fmpy_description.read_model_description(file, validate=False)
+        except Exception as error:  # as above; what the schema said is the better message
+            text = "; ".join(problems)
+            raise FmuError(f"the model description breaks the FMI standard ({text})", where=str(path)) from error
+
+
+def _variable(variable: fmpy_description.ModelVariable) -> Variable:
+    declared = variable.declaredType or fmpy_description.SimpleType()
+    return Variable(
+        name=variable.name,
+        type=variable.type,
+        causality=variable.causality,
+        variability=variable.variability,
+        unit=variable.unit or declared.unit or "",
+        start=variable.start or "",
+        minimum=cast(float, _float(variable.min or declared.min, -math.inf)),
+        maximum=cast(float, _float(variable.max or declared.max, math.inf)),
+        reference=variable.valueReference,
+        shape=variable.shape or (),
+        settable=variable.variability != "constant"
+        and variable.causality not in ("structuralParameter", "independent")
+        and (variable.causality == "input" or variable.initial in ("exact", "approx")),
+        description=variable.description or "",
+    )
+
+
+def _float(text: str | None, default: float | None) -> float | None:
+    try:
+        return default if text is None else float(text)
+    except ValueError:
+        return default

@@ -1,0 +1,184 @@
+"""One instance of an FMU's library: what FMI 2 and 3 have in common.
+
+Functions are called without ctypes' argument conversion, on objects made once: that halves the time of a step. Hence
+every argument must be a ctypes object of the C type, and nothing here accepts anything else from outside.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from ctypes import byref, c_double, c_size_t, c_uint, c_uint32, c_void_p
+from functools import partial
+from pathlib import Path
+from typing import Any, ClassVar
+
+import fmpy
+
+from fmucorrect.errors import FmuError
+from fmucorrect.fmu.description import FmuDescription, Variable
+from fmucorrect.fmu.solverlog import STATUS, SolverLog
+
+WARNING, DISCARD, FATAL = 1, 2, 4
+
+
+class Instance(ABC):
+    """Call order: begin; set_start; initialise; exit_initialisation; then step() and what bind() gave; begin again for
+    another run; close. Raises FmuError when the library cannot be loaded or the solver refuses.
+
+    time, size: s, where step() starts and how far it goes, to be set before it. step() gives an FMI status, and flags
+    is not 0 when the solver has more to say: finish_step() is for both. What bind() gave stays valid until close().
+    """
+
+    PREFIX: ClassVar[str]
+    TYPES: ClassVar[Mapping[str, tuple[str, type[Any]]]]
+    """FMI type -> name in the getters and setters, C type."""
+    COUNTED: ClassVar[bool]
+    """Whether getters and setters take the number of values beside that of references."""
+    STATE: ClassVar[str]
+
+    def __init__(self, description: FmuDescription, folder: Path, log: SolverLog) -> None:
+        self.time, self.size, self.flags = c_double(), c_double(), c_uint32()
+        self._description, self._folder, self._log = description, folder, log
+        self._component = c_void_p()
+        self._initialised = False
+        self._last_status = 0
+        name = description.identifier + fmpy.sharedLibraryExtension
+        library = folder / "binaries" / description.binaries / name
+        try:
+            self._library: ctypes.CDLL | None = ctypes.CDLL(str(library.absolute()))
+        except OSError as error:
+            raise FmuError(
+                f"its library {name} cannot be loaded ({error})",
+                where=str(description.path),
+                remedy="A library that it needs may be missing on this machine, or it was built for another.",
+            ) from error
+        try:
+            self.step = self._bind_step()
+        except BaseException:
+            self.close()
+            raise
+
+    @abstractmethod
+    def _bind_step(self) -> Callable[[], int]: ...
+
+    @abstractmethod
+    def _instantiate(self) -> int | None: ...
+
+    @abstractmethod
+    def initialise(self, start: float) -> None:
+        """Enter initialisation at time `start` (s)."""
+
+    @abstractmethod
+    def finish_step(self, status: int) -> None:
+        """Deal with a step() that did not simply succeed: returns when time + size was reached, else FmuError."""
+
+    def begin(self) -> None:
+        """A fresh instance: whatever an earlier run left behind is gone."""
+        if self._component and self._description.one_instance and self._last_status < DISCARD:
+            if self._initialised:
+                self.call("Terminate")
+            self.call("Reset")
+        else:
+            # not Reset: many solvers leave something behind in it
+            self._end()
+            self._last_status = 0
+            self._component.value = self._instantiate()
+            if not self._component:
+                raise FmuError(f"the solver could not be started{self._log.said}", where=str(self._description.path))
+            categories = self._log.categories(self._description.log_categories)
+            if categories and not self._log.verbose:
+                names = (ctypes.c_char_p * len(categories))(*categories)
+                self.function("SetDebugLogging")(self._component, ctypes.c_int(1), c_size_t(len(names)), names)
+        self._initialised = False
+
+    def set_start(self, values: Mapping[Variable, float]) -> None:
+        """Set start values, one call a type."""
+        for kind in {variable.type for variable in values}:
+            group = {v.reference: value for v, value in values.items() if v.type == kind}
+            ctype: Any = self.TYPES[kind][1]
+            number = float if ctype in (c_double, ctypes.c_float) else int
+            buffer = (ctype * len(group))(*map(number, group.values()))
+            pointer = c_void_p(ctypes.addressof(buffer))
+            self.check(self.bind("Set", kind, list(group), pointer)(), f"{self.PREFIX}Set{self.TYPES[kind][0]}")
+
+    def exit_initialisation(self) -> None:
+        """The end of initialisation: outputs are there from now on."""
+        self.call("ExitInitializationMode")
+        self._initialised = True
+
+    def bind(self, verb: str, kind: str, references: Sequence[int], pointer: c_void_p) -> Callable[[], int]:
+        """A call that gets (`verb` "Get") or sets ("Set") variables of one type where `pointer` points to by then."""
+        count = c_size_t(len(references))
+        array = (c_uint * len(references))(*references)
+        more = (count,) if self.COUNTED else ()
+        return partial(self.function(f"{verb}{self.TYPES[kind][0]}"), self._component, array, count, pointer, *more)
+
+    def get_state(self) -> c_void_p:
+        """A copy of the solver's state, to be given back to free_state()."""
+        state = c_void_p()
+        self.call(f"Get{self.STATE}", byref(state))
+        return state
+
+    def set_state(self, state: c_void_p) -> None:
+        """Back to a state."""
+        self.call(f"Set{self.STATE}", state)
+
+    def free_state(self, state: c_void_p) -> None:
+        """Release a state."""
+        self.call(f"Free{self.STATE}", byref(state))
+
+    def function(self, name: str) -> Any:
+        """A function of the library by its name without prefix."""
+        try:
+            return getattr(self._library, f"{self.PREFIX}{name}")
+        except AttributeError:
+            raise FmuError(
+                f"its library has no function {self.PREFIX}{name}, which the FMI standard asks for",
+                where=str(self._description.path),
+                remedy="Export it again.",
+            ) from None
+
+    def call(self, name: str, *arguments: Any) -> None:
+        """Call a function on the instance and check its status."""
+        self.check(self.function(name)(self._component, *arguments), f"{self.PREFIX}{name}")
+
+    def check(self, status: int, function: str) -> None:
+        """Return on ok and warning, else raise FmuError with what the solver said."""
+        if status == 0:
+            return
+        when = f" at t = {self.time.value + self.size.value:.9g} s" if self._initialised else ""
+        word = STATUS[status] if 0 <= status < len(STATUS) else str(status)
+        if status == WARNING:
+            self._log.warning(f"{function} returned 'warning'{when}")
+            return
+        raise self.failed(f"{function} returned {word!r}{when}", status)
+
+    def failed(self, what: str, status: int) -> FmuError:
+        """The error to raise; from now on the instance is only fit to be freed, after 'fatal' not even that."""
+        self._last_status = status
+        return FmuError(f"{what}{self._log.said}", where=str(self._description.path))
+
+    def _end(self) -> None:
+        component = self._component
+        if not component:
+            return
+        if self._last_status < DISCARD and self._initialised:
+            self.function("Terminate")(component)
+        if self._last_status != FATAL:  # the standard forbids any further call after it
+            self.function("FreeInstance")(component)
+        self._component.value = None
+        self._initialised = False
+
+    def close(self) -> None:
+        """Free the instance and unload the library. May be called twice."""
+        if self._library is None:
+            return
+        try:
+            self._end()
+        finally:
+            # after a fatal error the library may still have threads running in it: it stays loaded
+            if self._last_status != FATAL:
+                fmpy.freeLibrary(self._library._handle)
+            self._library = None

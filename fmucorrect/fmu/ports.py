@@ -1,0 +1,95 @@
+"""Where values enter and leave an instance: one port for all variables of one type, on memory laid out once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from ctypes import c_void_p
+from typing import NamedTuple, final
+
+import numpy as np
+
+from fmucorrect.fmu.description import Variable
+from fmucorrect.fmu.instance import Instance
+from fmucorrect.stepper import Row
+
+
+class Move(NamedTuple):
+    """For each row: point `pointer` to the next of `addresses`, then `call`; its status belongs to `function`."""
+
+    pointer: c_void_p
+    addresses: Iterator[int]
+    call: Callable[[], int]
+    function: str
+
+
+@final
+class Port:
+    """All variables of one type among the K that are moved.
+
+    columns: which of the K they are. row: (K,) float64, shared by all ports; the solver accesses it itself where
+    all K are float64 to it, else through a buffer of its type.
+    """
+
+    def __init__(self, instance: Instance, verb: str, kind: str, columns: list[int], references: list[int], row: Row):
+        name, ctype = instance.TYPES[kind]
+        dtype = np.dtype(ctype)
+        self._instance, self._columns, self._row = instance, columns, row
+        self._function = f"{instance.PREFIX}{verb}{name}"
+        self._whole = len(columns) == len(row)
+        self._direct = self._whole and dtype == row.dtype
+        self._buffer = row if self._direct else np.zeros(len(columns), dtype)
+        self._address = self._buffer.ctypes.data
+        self._pointer = c_void_p(self._address)
+        self._call = instance.bind(verb, kind, references, self._pointer)
+        self._rows: np.ndarray = self._buffer[None]
+
+    def put(self) -> None:
+        """Set the variables from the row."""
+        if not self._direct:
+            self._buffer[:] = self._cast(self._row[self._columns])
+        self._pointer.value = self._address
+        if status := self._call():
+            self._instance.check(status, self._function)
+
+    def get(self) -> None:
+        """Write the variables into the row."""
+        self._pointer.value = self._address
+        if status := self._call():
+            self._instance.check(status, self._function)
+        if not self._direct:
+            self._row[self._columns] = self._buffer
+
+    def rows_from(self, values: np.ndarray) -> Move:
+        """To set the variables from the rows of `values` (T, K)."""
+        chosen = values if self._whole else values[:, self._columns]
+        self._rows = np.ascontiguousarray(self._cast(chosen), self._buffer.dtype)
+        return self._move()
+
+    def rows_into(self, values: np.ndarray) -> Move:
+        """To get the variables for the rows of `values` (T, K); they are there after collect()."""
+        self._rows = values if self._direct else np.zeros((len(values), len(self._columns)), self._buffer.dtype)
+        return self._move()
+
+    def collect(self, values: np.ndarray) -> None:
+        """The end of rows_into()."""
+        if self._rows is not values:
+            values[:, self._columns] = self._rows
+
+    def _cast(self, values: np.ndarray) -> np.ndarray:
+        return values if self._buffer.dtype.kind == "f" else np.rint(values)
+
+    def _move(self) -> Move:
+        stride, start = self._rows.strides[0], self._rows.ctypes.data
+        addresses = iter(range(start, start + stride * len(self._rows), stride))
+        return Move(self._pointer, addresses, self._call, self._function)
+
+
+def ports(instance: Instance, verb: str, variables: Sequence[Variable], row: Row) -> list[Port]:
+    """One port a type for `variables`, whose values are those of `row`. verb: "Get" or "Set"."""
+    kinds = dict.fromkeys(variable.type for variable in variables)
+    result: list[Port] = []
+    for kind in kinds:
+        columns = [i for i, variable in enumerate(variables) if variable.type == kind]
+        references = [variables[i].reference for i in columns]
+        result.append(Port(instance, verb, kind, columns, references, row))
+    return result

@@ -1,0 +1,36 @@
+"""Start values for an FMU, checked against its description before the solver sees any."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from fmucorrect.errors import FmuError
+from fmucorrect.fmu.description import FmuDescription, Variable
+
+_INTEGERS = ("Integer", "Enumeration", "Boolean")
+
+
+def start_values(description: FmuDescription, values: Mapping[str, float]) -> dict[Variable, float]:
+    """`values` by variable. Raises FmuError that names every unknown, fixed, out-of-range or ill-typed one at once."""
+    problems = description.unknown(values, "parameter")
+    known = {description.variables[name]: value for name, value in values.items() if name in description.variables}
+    for variable, value in known.items():
+        problems += _problems(variable, value)
+    if problems:
+        raise FmuError("start values do not fit: " + "; ".join(problems), where=str(description.path))
+    return known
+
+
+def _problems(variable: Variable, value: float) -> list[str]:
+    name = repr(variable.name)
+    if not variable.number:
+        return [f"{name} is no single number (type {variable.type}, shape {variable.shape})"]
+    if not variable.settable:
+        return [f"{name} is a {variable.variability} {variable.causality}, whose value the model computes"]
+    if not math.isfinite(value):
+        return [f"{name} is {value}"]
+    if not variable.minimum <= value <= variable.maximum:
+        return [f"{name} = {value:g} is outside [{variable.minimum:g}, {variable.maximum:g}] {variable.unit}".rstrip()]
+    whole = variable.type in _INTEGERS or "Int" in variable.type
+    return [f"{name} = {value:g} is not a whole number"] if whole and value != math.floor(value) else []

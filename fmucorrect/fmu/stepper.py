@@ -1,0 +1,283 @@
+"""FmuStepper: an FMU as a Stepper, on a loop of its own over the FMI functions."""
+
+from __future__ import annotations
+
+import logging
+import math
+import tempfile
+from collections.abc import Mapping, Sequence
+from ctypes import c_void_p
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import MappingProxyType, TracebackType
+from typing import Self, final
+
+import numpy as np
+from jaxtyping import Float64
+
+from fmucorrect.errors import FmuError, SignalError
+from fmucorrect.fmu import archive, matching
+from fmucorrect.fmu.description import FmuDescription, open_fmu
+from fmucorrect.fmu.fmi2 import Instance2
+from fmucorrect.fmu.fmi3 import Instance3
+from fmucorrect.fmu.instance import Instance
+from fmucorrect.fmu.ports import Port, ports
+from fmucorrect.fmu.solverlog import SolverLog
+from fmucorrect.fmu.startvalues import start_values
+from fmucorrect.signals import Channel, Condition, Record, Times, Values
+from fmucorrect.stepper import Row, Status, Step
+
+SECOND = 1e9
+"""Nanoseconds. A float, so that Python and numpy round alike at any time: both convert first and then divide."""
+_NONE: Mapping[str, float] = MappingProxyType({})
+
+
+@dataclass(frozen=True)
+class SolverState:
+    """A copy of everything in the solver at one moment; belongs to the run of the stepper that gave it."""
+
+    handle: c_void_p
+    t_ns: int
+
+
+@final
+class FmuStepper:
+    """An FMU for co-simulation, streamed sample by sample.
+
+    channels: the responses; each one's `simulation` (or `name`) is an FMU variable, whose values are converted to the
+    channel's unit. extra: further channels that process() adds behind the responses. inputs: FMU inputs, in the order
+    of the columns of u, which is in the FMU's own units. parameters: start values that hold in every condition.
+    log: where the solver's messages go, the logger "fmucorrect.fmu" by default; at level DEBUG the solver says all.
+
+    The FMU starts at the first sample's time, with that sample's inputs: errors of initialisation come from the first
+    step() or process() after reset(). After an exception everything is released, and reset() starts anew.
+
+    Raises FmuError (file, names, start values, what the solver refuses) and SignalError (units, times, NaN inputs).
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        channels: tuple[Channel, ...],
+        *,
+        extra: tuple[Channel, ...] = (),
+        inputs: Sequence[str] = (),
+        parameters: Mapping[str, float] = _NONE,
+        log: logging.Logger | None = None,
+    ) -> None:
+        self._description = open_fmu(path)
+        self._description.binaries  # noqa: B018 - raises where there is no library for this machine
+        self._channels, self._all = channels, (*channels, *extra)
+        self._outputs, self._factors = matching.outputs(self._description, self._all)
+        self._inputs = matching.inputs(self._description, inputs)
+        self._parameters, self._logger = parameters, log
+        start_values(self._description, parameters)
+        self._folder: tempfile.TemporaryDirectory[str] | None = None
+        self._log: SolverLog | None = None
+        self._instance: Instance | None = None
+        self._readers: list[Port] = []
+        self._writers: list[Port] = []
+        self._row, self._given = np.zeros(len(self._all)), np.zeros(len(self._inputs))
+        self._zeros = np.zeros(len(channels))
+        self._last_ns: int | None = None
+
+    @property
+    def channels(self) -> tuple[Channel, ...]:
+        return self._channels
+
+    @property
+    def description(self) -> FmuDescription:
+        """What the FMU says of itself."""
+        return self._description
+
+    def reset(self, condition: Condition) -> None:
+        """Start the solver with the start values of `parameters` and `condition.parameters`, the latter going first."""
+        values = start_values(self._description, {**self._parameters, **condition.parameters})
+        try:
+            instance = self._instance or self._open()
+            instance.begin()
+            instance.set_start(values)
+        except BaseException:
+            self.close()
+            raise
+        self._last_ns = None
+
+    def step(self, t_ns: int, u: Row) -> Step:
+        instance = self._advancing(t_ns, len(u))
+        if len(u):
+            if not math.isfinite(sum(u.tolist())):
+                self._require_finite(u[None], np.array([t_ns]))
+            self._given[:] = u
+        try:
+            last = self._last_ns
+            if last is None:
+                self._initialise(instance, t_ns, len(u) > 0)
+            else:
+                instance.time.value = last / SECOND
+                instance.size.value = (t_ns - last) / SECOND
+                if (status := instance.step()) or instance.flags.value:
+                    instance.finish_step(status)
+                if len(u):
+                    for port in self._writers:
+                        port.put()
+            for port in self._readers:
+                port.get()
+        except BaseException:
+            self.close()
+            raise
+        self._last_ns = t_ns
+        simulated = self._row.copy() if self._factors is None else self._row * self._factors
+        simulated = simulated[: len(self._channels)] if len(self._all) > len(self._channels) else simulated
+        return Step(t_ns, simulated, simulated, self._zeros, Status.OK)
+
+    def process(self, record: Record) -> Record:
+        """Columns of `record` are inputs by name, in any order and fitting unit; a record without columns leaves the
+        inputs as they are. What comes back: the responses, then `extra`."""
+        u = self._input_values(record)
+        values = np.zeros((len(record), len(self._all)))
+        if len(record):
+            instance = self._advancing(int(record.t_ns[0]), u.shape[1])
+            self._require_finite(u, record.t_ns)
+            try:
+                self._run(instance, record.t_ns, u, values)
+            except BaseException:
+                self.close()
+                raise
+            self._last_ns = int(record.t_ns[-1])
+            if self._factors is not None:
+                values *= self._factors
+        return replace(record, values=values, channels=self._all)
+
+    def _run(self, instance: Instance, t_ns: Times, u: Values, values: Values) -> None:
+        """Rows of `u` (T, U; U may be 0) into the solver, rows of outputs into `values` (T, K), in the FMU's units."""
+        points = t_ns
+        if self._last_ns is None:
+            self._given[: u.shape[1]] = u[0]
+            self._initialise(instance, int(t_ns[0]), u.shape[1] > 0)
+            for port in self._readers:
+                port.get()
+            values[0] = self._row
+            u, values = u[1:], values[1:]
+        else:
+            points = np.concatenate([[self._last_ns], t_ns])
+        moves = [port.rows_from(u) for port in self._writers] if u.shape[1] else []
+        moves += [port.rows_into(values) for port in self._readers]
+        step, flags, time, size = instance.step, instance.flags, instance.time, instance.size
+        for start, length in zip((points[:-1] / SECOND).tolist(), (np.diff(points) / SECOND).tolist(), strict=True):
+            time.value = start
+            size.value = length
+            if (status := step()) or flags.value:
+                instance.finish_step(status)
+            for pointer, addresses, call, function in moves:
+                pointer.value = next(addresses)
+                if status := call():
+                    instance.check(status, function)
+        for port in self._readers:
+            port.collect(values)
+
+    def _initialise(self, instance: Instance, t_ns: int, inputs: bool) -> None:
+        instance.time.value, instance.size.value = t_ns / SECOND, 0.0
+        instance.initialise(instance.time.value)
+        if inputs:
+            for port in self._writers:
+                port.put()
+        instance.exit_initialisation()
+
+    def get_state(self) -> SolverState:
+        """A copy of the solver's state at the last sample; free_state() releases it, reset() and close() void it."""
+        instance = self._running()
+        if self._last_ns is None or "get and set state" not in self._description.capabilities:
+            what = (
+                "the state can be copied only after the first step"
+                if self._last_ns is None
+                else "it cannot copy its state"
+            )
+            raise FmuError(what, where=str(self._description.path))
+        return SolverState(instance.get_state(), self._last_ns)
+
+    def set_state(self, state: SolverState) -> None:
+        """Go back to a state of this run."""
+        self._running().set_state(state.handle)
+        self._last_ns = state.t_ns
+
+    def free_state(self, state: SolverState) -> None:
+        """Release a state."""
+        self._running().free_state(state.handle)
+
+    def close(self) -> None:
+        instance, log, folder = self._instance, self._log, self._folder
+        self._instance = self._log = self._folder = None
+        self._readers, self._writers = [], []
+        try:
+            if instance is not None:
+                instance.close()
+        finally:
+            if log is not None:
+                log.close()
+            if folder is not None:
+                folder.cleanup()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _open(self) -> Instance:
+        self._folder = tempfile.TemporaryDirectory(prefix="fmucorrect-", ignore_cleanup_errors=True)
+        folder = Path(self._folder.name)
+        archive.extract(self._description.path, folder, self._description.binaries)
+        self._log = SolverLog(self._description.path.name, self._logger)
+        kind = Instance3 if self._description.fmi.startswith("3") else Instance2
+        self._instance = kind(self._description, folder, self._log)
+        self._readers = ports(self._instance, "Get", self._outputs, self._row)
+        self._writers = ports(self._instance, "Set", self._inputs, self._given)
+        return self._instance
+
+    def _running(self) -> Instance:
+        if self._instance is None:
+            raise FmuError("the solver is not running", where=str(self._description.path), remedy="Call reset() first.")
+        return self._instance
+
+    def _advancing(self, t_ns: int, width: int) -> Instance:
+        instance = self._running()
+        if self._last_ns is not None and t_ns <= self._last_ns:
+            raise SignalError(
+                "time does not increase",
+                where=str(self._description.path),
+                expected=f"> {self._last_ns} ns",
+                got=f"{t_ns} ns",
+            )
+        if width and width != len(self._inputs):
+            names = [variable.name for variable in self._inputs]
+            raise SignalError("the row of inputs has the wrong length", expected=f"{len(names)}: {names}", got=width)
+        return instance
+
+    def _input_values(self, record: Record) -> Float64[np.ndarray, "T U"]:
+        if not record.channels:
+            return np.zeros((len(record), 0))
+        wanted = [variable.name for variable in self._inputs]
+        if sorted(wanted) != sorted(record.names):
+            raise SignalError(
+                "the columns are not the inputs of this stepper", where=str(self._description.path), expected=wanted,
+                got=list(record.names),
+            )  # fmt: skip
+        order = [record.index(name) for name in wanted]
+        values = np.ascontiguousarray(record.values[:, order])
+        factors = [
+            matching.input_factor(record.channels[c].unit, v.unit, v.name)
+            for c, v in zip(order, self._inputs, strict=True)
+        ]
+        return values if all(factor == 1.0 for factor in factors) else values * np.array(factors)
+
+    def _require_finite(self, u: Values, t_ns: Times) -> None:
+        bad = np.argwhere(~np.isfinite(u))
+        if len(bad):
+            row, column = bad[0]
+            raise SignalError(
+                f"input {self._inputs[column].name!r} is {u[row, column]} at t = {t_ns[row] / SECOND:.9g} s",
+                where=str(self._description.path),
+                expected="finite numbers",
+            )
