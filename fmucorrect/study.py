@@ -1,0 +1,219 @@
+"""Study: what is simulated, what was measured and how the two belong together, as one TOML file says it.
+
+`load_study` reads the file and reports everything that is wrong with it at once; `check_study` compares it with what
+the FMU and the records hold. Both name the line of the file.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+
+from fmucorrect.errors import StudyError
+from fmucorrect.signals import NANOSECONDS, Channel, Condition
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """How the model is run.
+
+    fmu: the FMU's file, None when every condition names a simulated record. step_ns: communication step and sample
+    time of the corrector, ns. parameters: FMU start values of all conditions, in the FMU's own units.
+    """
+
+    fmu: Path | None
+    step_ns: int
+    parameters: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+
+    @property
+    def step_size(self) -> float:
+        """The communication step in s."""
+        return self.step_ns / NANOSECONDS
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """A known input that is recorded on both sides, for time registration.
+
+    simulation: FMU output or input variable. measurement: column of the measured record. kind: "command", what was
+    asked for, or "actual", what was measured; only an actual motion can show an excitation error by itself.
+    """
+
+    simulation: str
+    measurement: str
+    kind: str
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A place where a missing force may act.
+
+    force: FMU input, N or N.m, where a positive value opposes a positive displacement once multiplied by `sign`.
+    displacement: FMU output, m or rad; it need not belong to the force. velocity: FMU output, m/s or rad/s, "" where it
+    is to be differentiated. nominal_force: FMU output, N or N.m, what the model's own element gives, or "".
+    acceleration: FMU output, m/s2 or rad/s2, absolute, of the body that an added mass would sit on, or "".
+    sign: 1, or -1 where the FMU's input has the opposite convention. kinds: families tried here, () for all.
+    """
+
+    name: str
+    force: str
+    displacement: str
+    velocity: str = ""
+    nominal_force: str = ""
+    acceleration: str = ""
+    sign: int = 1
+    kinds: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Group:
+    """Joints, by name, where one law acts alike."""
+
+    name: str
+    joints: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Rotation:
+    """What turns with the speed. radius: m; order n means n * speed / (2 pi radius), in Hz for a speed in m/s."""
+
+    name: str
+    radius: float
+
+    def frequency(self, speed: float) -> float:
+        """Turns a second, Hz, at `speed` in km/h."""
+        return speed / 3.6 / (6.283185307179586 * self.radius)
+
+
+@dataclass(frozen=True)
+class Adjustable:
+    """FMU parameters that are not known exactly; several are scaled together.
+
+    minimum, maximum: of the value in the FMU's unit. tolerance: relative standard deviation expected anyway;
+    absolute_tolerance: the same in the FMU's unit; at most one of the two is not None.
+    """
+
+    parameters: tuple[str, ...]
+    minimum: float
+    maximum: float
+    tolerance: float | None = None
+    absolute_tolerance: float | None = None
+
+
+@dataclass(frozen=True)
+class Study:
+    """A validated study file. All paths are absolute.
+
+    path: the file. hash: SHA-256 of its bytes, hex. places: what `place` looks up.
+    """
+
+    path: Path
+    hash: str
+    name: str
+    simulation: Simulation
+    channels: tuple[Channel, ...]
+    conditions: tuple[Condition, ...]
+    excitation: Excitation | None = None
+    joints: tuple[Joint, ...] = ()
+    groups: tuple[Group, ...] = ()
+    rotations: tuple[Rotation, ...] = ()
+    adjustable: tuple[Adjustable, ...] = ()
+    places: Mapping[tuple[str | int, ...], str] = field(default_factory=dict, repr=False, compare=False)
+
+    @property
+    def fmu(self) -> Path | None:
+        """The FMU's file, None when every condition names a simulated record."""
+        return self.simulation.fmu
+
+    @property
+    def step_ns(self) -> int:
+        """The communication step in ns."""
+        return self.simulation.step_ns
+
+    @property
+    def parameters(self) -> Mapping[str, float]:
+        """FMU start values of all conditions; a condition's own come after them."""
+        return self.simulation.parameters
+
+    @property
+    def development(self) -> tuple[Condition, ...]:
+        """The conditions that anything may be fitted to, in the file's order."""
+        return tuple(condition for condition in self.conditions if condition.role == "development")
+
+    @property
+    def evaluation(self) -> tuple[Condition, ...]:
+        """The conditions that nothing may be fitted to, in the file's order."""
+        return tuple(condition for condition in self.conditions if condition.role == "evaluation")
+
+    def condition(self, name: str) -> Condition:
+        """The condition of this name. Raises StudyError with the names that there are."""
+        for condition in self.conditions:
+            if condition.name == name:
+                return condition
+        names = ", ".join(repr(condition.name) for condition in self.conditions)
+        raise StudyError(str(self.path), [f"there is no condition {name!r}; there are {names}"])
+
+
+def load_study(path: str | Path) -> Study:
+    """The study that a TOML file holds. Raises StudyError with every problem of the file, each with its line."""
+    from fmucorrect.study_schema import read  # pydantic stays there
+
+    file = Path(path).resolve()
+    try:
+        data = file.read_bytes()
+    except OSError as error:
+        raise StudyError(str(path), [f"cannot be read: {error.strerror}"]) from None
+    table, places, problems = read(data, file.parent)
+    if table is None or problems:
+        raise StudyError(str(path), problems)
+
+    def resolve(name: str | None) -> Path | None:
+        return None if name is None else (file.parent / name).resolve()
+
+    channels = [Channel(**row.model_dump(exclude_none=True)) for row in table.channels]
+    conditions = [
+        Condition(
+            **row.model_dump(exclude={"parameters", "inputs", "measurement", "simulated", "quiet"}),
+            parameters=MappingProxyType(row.parameters),
+            inputs=resolve(row.inputs),
+            measurement=resolve(row.measurement),
+            simulated=resolve(row.simulated),
+            quiet=None if row.quiet is None else (row.quiet[0], row.quiet[1]),
+        )
+        for row in table.conditions
+    ]
+    joints = [
+        Joint(**row.model_dump(exclude={"kinds"}, exclude_none=True), kinds=tuple(row.kinds)) for row in table.joints
+    ]
+    adjustable = [
+        Adjustable(
+            tuple(row.parameters or [row.parameter or ""]),
+            row.minimum,
+            row.maximum,
+            row.tolerance,
+            row.absolute_tolerance,
+        )
+        for row in table.adjustable
+    ]
+    simulation = table.simulation
+    return Study(
+        path=file,
+        hash=hashlib.sha256(data).hexdigest(),
+        name=table.name,
+        simulation=Simulation(
+            resolve(simulation.fmu),
+            round(simulation.step_size * NANOSECONDS),
+            MappingProxyType(simulation.parameters),
+        ),
+        channels=tuple(channels),
+        conditions=tuple(conditions),
+        excitation=None if table.excitation is None else Excitation(**table.excitation.model_dump()),
+        joints=tuple(joints),
+        groups=tuple(Group(row.name, tuple(row.joints)) for row in table.groups),
+        rotations=tuple(Rotation(row.name, row.radius) for row in table.rotations),
+        adjustable=tuple(adjustable),
+        places=MappingProxyType(places),
+    )

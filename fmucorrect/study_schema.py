@@ -1,0 +1,360 @@
+"""What a study file may say: its tables as pydantic models, what must fit between them, and where each key stands.
+
+Imported by study.load_study only when a file is read; nothing of pydantic leaves this module.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterable, Iterator, Mapping
+from decimal import Decimal
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+
+from fmucorrect import units
+from fmucorrect.errors import SignalError
+
+Location = tuple[str | int, ...]
+"""Where a value stands: table, row of an array of tables, keys; as ("channels", 1, "unit")."""
+
+Places = Mapping[Location, str]
+"""Where it stands in the file, in words."""
+
+_QUANTITIES = {
+    "displacement": ("m",),
+    "velocity": ("m/s", "rad/s"),
+    "acceleration": ("m/s2", "rad/s2"),
+    "force": ("N", "N.m"),
+    "angle": ("rad",),
+}
+Quantity = Literal["displacement", "velocity", "acceleration", "force", "angle"]
+
+
+def _unit(text: str) -> str:
+    try:
+        units.parse(text)
+    except SignalError as error:
+        raise ValueError(str(error)) from None
+    return text
+
+
+def _step(seconds: float) -> float:
+    if seconds <= 0:
+        raise ValueError(f"must be positive, in s, got {seconds}")
+    nanoseconds = Decimal(repr(seconds)) * 1_000_000_000
+    if nanoseconds % 1:
+        below = int(nanoseconds)
+        near = f"{below / 1e9!r} or {(below + 1) / 1e9!r}" if below else "1e-09"
+        raise ValueError(f"must be a whole number of nanoseconds, got {seconds!r} s; the nearest is {near}")
+    return seconds
+
+
+def _interval(bounds: list[float]) -> list[float]:
+    if bounds[0] < 0:
+        raise ValueError(f"must not begin before 0 s, got {bounds}")
+    if bounds[1] <= bounds[0]:
+        raise ValueError(f"must end after it begins, in s, got {bounds}; write it as [{bounds[1]}, {bounds[0]}]")
+    return bounds
+
+
+Text = Annotated[str, Field(min_length=1)]
+Number = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Sign = Literal[1, -1]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+
+class SimulationTable(_Table):
+    fmu: Text | None = None
+    step_size: Annotated[float, Field(allow_inf_nan=False), AfterValidator(_step)] = Field(
+        description="the communication step in s, as step_size = 0.001"
+    )
+    parameters: dict[str, Number] = {}
+
+
+class ChannelRow(_Table):
+    name: Text = Field(description="what the channel is called")
+    simulation: Text = Field(description="FMU output variable, or column of the simulated record")
+    measurement: Text = Field(description="column of the measured record")
+    quantity: Quantity = Field(description=f"one of {', '.join(_QUANTITIES)}")
+    unit: Annotated[str, AfterValidator(_unit)] = Field(description="unit of the corrected output, as 'mm'")
+    axis: str = ""
+    positive: str = ""
+    frame: str = ""
+    noise: NotNegative | None = None
+    measurement_sign: Sign = 1
+    acceleration: Text | None = None
+
+
+class ExcitationTable(_Table):
+    simulation: Text = Field(description="FMU output or input variable")
+    measurement: Text = Field(description="column of the measured record")
+    kind: Literal["command", "actual"] = Field(description="'command' or 'actual'")
+
+
+class JointRow(_Table):
+    name: Text = Field(description="what the joint is called")
+    force: Text = Field(description="FMU input, N or Nm")
+    displacement: Text = Field(description="FMU output, m or rad")
+    velocity: Text | None = None
+    nominal_force: Text | None = None
+    acceleration: Text | None = None
+    sign: Sign = 1
+    kinds: list[Text] = []
+
+
+class GroupRow(_Table):
+    name: Text = Field(description="what the group is called")
+    joints: Annotated[list[Text], Field(min_length=1)] = Field(description="names of joints where one law acts alike")
+
+
+class RotationRow(_Table):
+    name: Text = Field(description="what turns")
+    radius: Positive = Field(description="m")
+
+
+class AdjustableRow(_Table):
+    parameter: Text | None = None
+    parameters: Annotated[list[Text], Field(min_length=1)] | None = None
+    minimum: Number = Field(description="lower bound")
+    maximum: Number = Field(description="upper bound")
+    tolerance: Positive | None = None
+    absolute_tolerance: Positive | None = None
+
+
+class ConditionRow(_Table):
+    name: Text = Field(description="name, role and measurement are required")
+    role: Literal["development", "evaluation"] = Field(description="'development' or 'evaluation'")
+    speed: NotNegative = 0.0
+    amplitude: NotNegative = 0.0
+    frequency: NotNegative = 0.0
+    start: Number = 0.0
+    parameters: dict[str, Number] = {}
+    inputs: Text | None = None
+    measurement: Text = Field(description="the measured record's file; name, role and measurement are required")
+    simulated: Text | None = None
+    quiet: Annotated[list[Number], Field(min_length=2, max_length=2), AfterValidator(_interval)] | None = None
+
+
+class StudyTable(_Table):
+    format: Literal[1] = Field(description="write format = 1")
+    name: str = ""
+    simulation: SimulationTable = Field(description="a table with step_size and, where an FMU is run, fmu")
+    channels: Annotated[list[ChannelRow], Field(min_length=1)] = Field(description="one table a response channel")
+    excitation: ExcitationTable | None = None
+    joints: list[JointRow] = []
+    groups: list[GroupRow] = []
+    rotations: list[RotationRow] = []
+    adjustable: list[AdjustableRow] = []
+    conditions: Annotated[list[ConditionRow], Field(min_length=1)] = Field(description="one table a condition")
+
+
+_TABLES: dict[str | int, type[_Table]] = {
+    "simulation": SimulationTable,
+    "channels": ChannelRow,
+    "excitation": ExcitationTable,
+    "joints": JointRow,
+    "groups": GroupRow,
+    "rotations": RotationRow,
+    "adjustable": AdjustableRow,
+    "conditions": ConditionRow,
+}
+_ARRAYS = _TABLES.keys() - {"simulation", "excitation"}
+_TYPES = {
+    "string_type": "a string in quotes",
+    "float_type": "a number",
+    "list_type": "an array, as [ ... ]",
+    "dict_type": "a table, as { key = value }",
+    "model_type": "a table",
+    "finite_number": "a finite number",
+}
+
+
+def read(data: bytes, folder: Path) -> tuple[StudyTable | None, Places, list[str]]:
+    """The tables of a file whose paths are relative to `folder`, where its values stand, and all that is wrong."""
+    try:
+        text = data.decode("utf-8-sig").replace("\r\n", "\n")
+        document = tomllib.loads(text)
+    except UnicodeDecodeError as error:
+        before = data[: error.start].splitlines()
+        return None, {}, [f"line {len(before)}: is not UTF-8 text"]
+    except tomllib.TOMLDecodeError as error:
+        message, _, at = str(error).partition(" (at ")
+        line = at.split(",")[0] if at.startswith("line") else f"line {len(data.splitlines())}"
+        return None, {}, [f"{line}: is not TOML: {message}"]
+    places = scan(text, document)
+    table, problems = None, list(_across(document, folder, places))
+    try:
+        table = StudyTable.model_validate(document)
+    except ValidationError as error:
+        problems += [f"{place(places, e['loc'])}: {_message(dict(e))}" for e in error.errors()]
+    return table, places, sorted(problems, key=lambda problem: int(problem[5:].split(",")[0].split(":")[0]))
+
+
+def _message(error: dict[str, Any]) -> str:
+    kind, loc, value = error["type"], error["loc"], error["input"]
+    fields = (_TABLES[loc[0]] if len(loc) > 1 else StudyTable).model_fields
+    if kind == "extra_forbidden":
+        return f"is not known{nearest(loc[-1], fields) or '; known here: ' + ', '.join(fields)}"
+    if kind == "missing":
+        return f"is missing: {fields[loc[-1]].description}"
+    if kind == "literal_error":
+        expected = str(error["ctx"]["expected"])
+        known = expected.replace("'", "").replace(" or ", ", ").split(", ")
+        return f"must be {expected}, got {value!r}{nearest(value, known) if isinstance(value, str) else ''}"
+    if kind == "value_error":
+        return str(error["ctx"]["error"])
+    expected = f"must be {_TYPES[kind]}" if kind in _TYPES else error["msg"].replace("Input should", "must")
+    return f"{expected}, got {value!r}"
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """`; did you mean ...?` with up to three names that are near, or nothing."""
+    folded = {k.casefold(): k for k in known}
+    close = get_close_matches(name.casefold(), folded, n=3, cutoff=0.6)
+    return f"; did you mean {' or '.join(repr(folded[c]) for c in close)}?" if close else ""
+
+
+def place(places: Places, loc: Location) -> str:
+    """`line 16, [[channels]] 2 "FB", key unit` of a value, or of the nearest table that is there."""
+    known = next(loc[:n] for n in range(len(loc), -1, -1) if loc[:n] in places)
+    rest = [str(key) for key in loc[len(known) :]]
+    if not known and rest and rest[0] in _TABLES:
+        return f"{places[()]}, {f'[[{rest[0]}]]' if rest[0] in _ARRAYS else f'[{rest[0]}]'}"
+    return ", key ".join([places[known], ".".join(rest)] if rest else [places[known]])
+
+
+def scan(text: str, document: Mapping[str, Any]) -> Places:
+    """Where every table and key of a valid TOML text stands. Keys inside an inline value stand at its first line."""
+    places: dict[Location, str] = {(): "line 1"}
+    counts: dict[str, int] = {}
+    prefix: Location = ()
+    statement, first = "", 0
+    for number, line in enumerate(text.split("\n"), start=1):
+        statement, first = (f"{statement}\n{line}", first) if statement else (line, number)
+        try:
+            parsed = tomllib.loads(statement)
+        except tomllib.TOMLDecodeError:
+            continue  # goes on in the next line
+        if statement.lstrip().startswith("["):
+            keys = list(_header(parsed))
+            if statement.lstrip().startswith("[[") and len(keys) == 1:
+                counts[keys[0]] = counts.get(keys[0], -1) + 1
+            row = (counts[keys[0]],) if keys[0] in counts else ()
+            prefix = (keys[0], *row, *keys[1:])
+            places[prefix] = f"line {number}, {_title(document, prefix)}"
+        else:
+            for path in _paths(parsed, prefix):
+                places.setdefault(path, f"line {first}, {_title(document, path)}")
+        statement = ""
+    return places
+
+
+def _header(parsed: Any) -> Iterator[str]:
+    while isinstance(parsed, dict) and parsed:
+        key, parsed = next(iter(parsed.items()))
+        yield key
+
+
+def _paths(value: Any, prefix: Location) -> Iterator[Location]:
+    rows = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, inner in rows:
+        yield (*prefix, key)
+        yield from _paths(inner, (*prefix, key))
+
+
+def _title(document: Any, path: Location) -> str:
+    """`[[channels]] 2 "FB", key unit` of a path."""
+    table, keys = str(path[0]), path[1:]
+    value, title = document[table], ""
+    if isinstance(value, list) and keys and isinstance(keys[0], int):
+        row, keys = value[keys[0]], keys[1:]
+        name = row.get("name") if isinstance(row, dict) else None
+        title = f"[[{table}]] {int(path[1]) + 1}" + (f' "{name}"' if isinstance(name, str) else "")
+    else:
+        title = f"[{table}]" if isinstance(value, dict) else f"key {table}"
+    return f"{title}, key {'.'.join(map(str, keys))}" if keys else title
+
+
+def _rows(document: Mapping[str, Any], table: str) -> Iterator[tuple[int, dict[str, Any]]]:
+    rows = document.get(table)
+    yield from ((i, row) for i, row in enumerate(rows if isinstance(rows, list) else []) if isinstance(row, dict))
+
+
+def _across(document: Mapping[str, Any], folder: Path, places: Places) -> Iterator[str]:
+    """What does not fit between values. Values of a wrong type are passed over: validation reports them."""
+    names: dict[str, dict[str, Location]] = {}
+    for table in ("channels", "joints", "groups", "rotations", "conditions"):
+        seen = names.setdefault(table, {})
+        for i, row in _rows(document, table):
+            loc, name = (table, i, "name"), row.get("name")
+            if not isinstance(name, str):
+                continue
+            if other := seen.get(name) or (names["joints"].get(name) if table == "groups" else None):
+                yield f"{place(places, loc)}: {name!r} is taken by {place(places, other[:2])}; names must differ"
+            seen.setdefault(name, loc)
+    for i, row in _rows(document, "channels"):
+        quantity, unit = row.get("quantity"), row.get("unit")
+        if isinstance(unit, str) and quantity in _QUANTITIES:
+            yield from _fits(place(places, ("channels", i, "unit")), quantity, unit)
+    for i, row in _rows(document, "groups"):
+        for name in row.get("joints", ()) if isinstance(row.get("joints"), list) else ():
+            if isinstance(name, str) and name not in names["joints"]:
+                hint = (
+                    nearest(name, names["joints"]) or f"; joints are {', '.join(map(repr, names['joints'])) or 'none'}"
+                )
+                yield f"{place(places, ('groups', i, 'joints'))}: there is no joint {name!r}{hint}"
+    owners: dict[str, int] = {}
+    for i, row in _rows(document, "adjustable"):
+        yield from (f"{place(places, ('adjustable', i, key))}: {text}" for key, text in _adjustable(row, i, owners))
+    yield from _files(document, folder, places)
+
+
+def _fits(where: str, quantity: str, unit: str) -> Iterator[str]:
+    """A problem when `unit` is known and measures something else than `quantity`."""
+    try:
+        dimension = units.parse(unit).dimension[:5]
+    except SignalError:
+        return
+    known = _QUANTITIES[quantity]
+    if all(units.parse(k).dimension[:5] != dimension for k in known):
+        yield f"{where}: {unit!r} is no unit of {quantity}; write one like {' or '.join(map(repr, known))}"
+
+
+def _adjustable(row: Mapping[str, Any], index: int, owners: dict[str, int]) -> Iterator[tuple[str, str]]:
+    """Key and text of each problem of one row; `owners` collects which row has which parameter."""
+    if ("parameter" in row) == ("parameters" in row):
+        yield "parameter", 'write either parameter = "..." or parameters = [...], not both and not neither'
+    for key in ("parameter", "parameters"):
+        value = row.get(key)
+        for name in value if isinstance(value, list) else [value]:
+            if isinstance(name, str) and owners.setdefault(name, index) != index:
+                yield key, f"{name!r} is already in [[adjustable]] {owners[name] + 1}"
+    low, high = row.get("minimum"), row.get("maximum")
+    if isinstance(low, int | float) and isinstance(high, int | float) and low >= high:
+        yield "maximum", f"must be above minimum = {low}, got {high}"
+    if "tolerance" in row and "absolute_tolerance" in row:
+        yield "absolute_tolerance", "write either tolerance or absolute_tolerance, not both"
+
+
+def _files(document: Mapping[str, Any], folder: Path, places: Places) -> Iterator[str]:
+    """Files that are not there, and conditions that neither an FMU nor a record simulates."""
+    simulation = document.get("simulation")
+    fmu = simulation.get("fmu") if isinstance(simulation, dict) else None
+    files: list[tuple[Location, Any]] = [(("simulation", "fmu"), fmu)]
+    for i, row in _rows(document, "conditions"):
+        files += [(("conditions", i, key), row.get(key)) for key in ("inputs", "measurement", "simulated")]
+        if fmu is None and "simulated" not in row:
+            text = "is missing: without [simulation] fmu every condition needs a simulated record"
+            yield f"{place(places, ('conditions', i, 'simulated'))}: {text}"
+    for loc, name in files:
+        if isinstance(name, str) and name and not (target := folder / name).is_file():
+            there = [file.name for file in target.parent.iterdir()] if target.parent.is_dir() else []
+            yield f"{place(places, loc)}: there is no file {name!r} beside the study{nearest(target.name, there)}"
