@@ -47,7 +47,9 @@ def resample(record: Record, step_ns: int) -> Record:
     ratio = Fraction(old, step_ns).limit_denominator(4096)
     if abs(ratio * step_ns - old) * len(record) > step_ns:
         raise SignalError(
-            "the sample intervals have no usable ratio", expected=f"a simple multiple or part of {step_ns} ns", got=f"{old} ns"
+            "the sample intervals have no usable ratio",
+            expected=f"a simple multiple or part of {step_ns} ns",
+            got=f"{old} ns",
         )
     values = resample_poly(record.values, ratio.numerator, ratio.denominator, axis=0, padtype="line")
     t_ns = record.t_ns[0] + np.arange(len(values), dtype=np.int64) * step_ns

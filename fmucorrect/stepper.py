@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from enum import IntEnum
-from typing import NamedTuple, Protocol, final
+from typing import NamedTuple, Protocol, final, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float32, Float64
@@ -40,6 +40,7 @@ class Step(NamedTuple):
     status: Status
 
 
+@runtime_checkable
 class Stepper(Protocol):
     """Anything that turns inputs into responses, sample by sample.
 
@@ -76,6 +77,7 @@ class Correction(NamedTuple):
     inside: Float32[np.ndarray, " N"]
 
 
+@runtime_checkable
 class Corrector(Protocol):
     """What CorrectedStepper asks of a corrector; `bundle.Bundle` is the one that ships.
 

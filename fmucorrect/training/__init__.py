@@ -1,0 +1,1 @@
+"""Training of correctors: the only place that knows torch. Ends in a bundle, which the stepper loads."""

@@ -1,0 +1,91 @@
+"""Windows and targets of the development conditions, and every scale that is derived from them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float32, Float64
+
+from fmucorrect.errors import SignalError
+from fmucorrect.experiment import Pair
+from fmucorrect.signals import NANOSECONDS
+from fmucorrect.stepper import Window
+
+
+@dataclass(frozen=True)
+class Samples:
+    """One condition as the networks see it: N complete windows and what was measured at their last rows.
+
+    windows: (N, W, J), mm or the channels' units, oldest row first. condition: (3,) speed km/h, amplitude deg, frequency
+    Hz. seconds: (N,) since the excitation began. simulated, measured: (N, J) at the last rows.
+    """
+
+    name: str
+    windows: Float32[np.ndarray, "N W J"]
+    condition: Float32[np.ndarray, "3"]
+    seconds: Float64[np.ndarray, " N"]
+    simulated: Float64[np.ndarray, "N J"]
+    measured: Float64[np.ndarray, "N J"]
+
+
+def samples(pair: Pair, rows: int) -> Samples:
+    """The complete windows of a pair. The history reaches back before the measurement where the simulation does."""
+    simulated = pair.simulated.values[:, : pair.measured.shape[1]]
+    windows = Window(rows, simulated.shape[1]).extend(simulated)
+    first = max(pair.rows.start, rows - 1)
+    last = pair.rows.stop
+    if last <= first:
+        raise SignalError(f"condition {pair.condition.name!r} is shorter than one window of {rows} samples")
+    return Samples(
+        name=pair.condition.name,
+        windows=windows[first - rows + 1 : last - rows + 1],
+        condition=np.array(pair.condition.features, np.float32),
+        seconds=(pair.simulated.t_ns[first:last] - pair.condition.start_ns) / NANOSECONDS,
+        simulated=simulated[first:last],
+        measured=pair.measured[first - pair.rows.start :],
+    )
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Everything that is derived from the development data before any network is fitted.
+
+    response: (J,) displacement scales s_q, the standard deviation of the measured channels (paper, section 3.3). window:
+    one scale for the simulated histories. components: (W J, d) window features, whitened. speed: km/h, centre and half
+    span; uncorrected: (J,) rms of measurement minus simulation. extent: (J,) largest simulated deflection.
+    """
+
+    response: Float64[np.ndarray, " J"]
+    window: float
+    components: Float64[np.ndarray, "WJ d"]
+    speed: tuple[float, float]
+    uncorrected: Float64[np.ndarray, " J"]
+    extent: Float64[np.ndarray, " J"]
+
+
+def scales(development: Sequence[Samples], history: int, stride: int) -> Scales:
+    """Scales of the development conditions. Raises SignalError where nothing moves."""
+    flat = np.concatenate([s.windows[::stride].reshape(len(s.windows[::stride]), -1) for s in development])
+    flat = flat.astype(np.float64)
+    window = float(flat.std())
+    measured = np.concatenate([s.measured for s in development])
+    response = measured.std(axis=0)
+    if window == 0.0 or not (response > 0.0).all():
+        raise SignalError("the development records do not move; nothing can be learned from them")
+    # eigenvectors of the second moments: the same directions as a singular value decomposition, at a fraction of the time
+    power, vectors = np.linalg.eigh(flat.T @ flat / (len(flat) * window**2))
+    order = np.argsort(power)[::-1][:history]
+    kept = order[power[order] > 1e-10 * power[order[0]]]
+    speeds = [float(s.condition[0]) for s in development]
+    half = (max(speeds) - min(speeds)) / 2.0
+    error = np.concatenate([s.measured - s.simulated for s in development])
+    return Scales(
+        response=response,
+        window=window,
+        components=vectors[:, kept] / np.sqrt(power[kept]) / window,
+        speed=((max(speeds) + min(speeds)) / 2.0, 2.0 * half if half > 0.0 else max(abs(max(speeds)), 1.0)),
+        uncorrected=np.sqrt((error**2).mean(axis=0)),
+        extent=np.max([np.abs(s.simulated).max(axis=0) for s in development], axis=0),
+    )

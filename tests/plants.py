@@ -1,0 +1,71 @@
+"""Closed-form plants and correctors, so that most tests need neither an FMU nor a trained network."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from fmucorrect.signals import Channel, Condition, Record
+from fmucorrect.stepper import Correction, Status, Step
+
+CHANNELS = (Channel("FW", unit="mm", quantity="displacement"), Channel("FB", unit="mm", quantity="displacement"))
+STEP_NS = 1_000_000
+
+
+def response(t_ns: np.ndarray, condition: Condition) -> np.ndarray:
+    """(T, 2) mm: two sines of the condition's frequency, amplitude growing with speed."""
+    phase = 2.0 * np.pi * condition.frequency * (t_ns - condition.start_ns) * 1e-9
+    return condition.speed / 100.0 * np.stack([np.sin(phase), 0.5 * np.cos(phase)], axis=1)
+
+
+class SinePlant:
+    """A Stepper whose response is known in closed form; it has no inputs. `broken` makes one sample NaN."""
+
+    def __init__(self, broken_ns: int | None = None) -> None:
+        self._condition = Condition("none")
+        self._broken = broken_ns
+        self.closed = 0
+
+    @property
+    def channels(self) -> tuple[Channel, ...]:
+        return CHANNELS
+
+    def reset(self, condition: Condition) -> None:
+        self._condition = condition
+
+    def _values(self, t_ns: np.ndarray) -> np.ndarray:
+        values = response(t_ns, self._condition)
+        values[t_ns == self._broken, 1] = np.nan
+        return values
+
+    def step(self, t_ns: int, u: np.ndarray) -> Step:
+        values = self._values(np.array([t_ns]))[0]
+        return Step(t_ns, values, values, np.zeros(2), Status.OK)
+
+    def process(self, record: Record) -> Record:
+        return Record(record.t_ns, self._values(record.t_ns), CHANNELS)
+
+    def close(self) -> None:
+        self.closed += 1
+
+
+class LinearCorrector:
+    """A Corrector whose every number is known: delta = weights . window, summed in float32 row by row, so that one row and
+    many rows give the same bits. Beyond `limit` km/h nothing is admitted."""
+
+    def __init__(self, rows: int = 5, scale: float = 0.1, limit: float = 1e9, step_ns: int = STEP_NS) -> None:
+        self.rows, self.step_ns, self.channels = rows, step_ns, CHANNELS
+        self.uncorrected = np.array([0.3, 0.4], np.float32)
+        self._weights = (scale * np.linspace(-1.0, 1.0, rows)).astype(np.float32)
+        self._limit = limit
+
+    def correct(self, windows: np.ndarray, condition: np.ndarray, seconds: np.ndarray) -> Correction:
+        inside = np.full(len(windows), float(condition[0] <= self._limit), np.float32)
+        delta = np.zeros((len(windows), 2), np.float32)
+        for row, weight in enumerate(self._weights):
+            delta += weight * windows[:, row]
+        return Correction(delta * inside[:, None], np.full_like(delta, 0.1), inside)
+
+    def bind(self, window: np.ndarray, condition: np.ndarray, seconds: np.ndarray) -> Callable[[], Correction]:
+        return lambda: self.correct(window, condition[0], seconds[:, 0])
