@@ -7,13 +7,14 @@ the FMU and the records hold. Both name the line of the file.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 
 from fmucorrect.errors import StudyError
 from fmucorrect.signals import NANOSECONDS, Channel, Condition
+from fmucorrect.study_places import Location, Places, by_line, like, misfit, place
 
 
 @dataclass(frozen=True)
@@ -78,14 +79,10 @@ class Group:
 
 @dataclass(frozen=True)
 class Rotation:
-    """What turns with the speed. radius: m; order n means n * speed / (2 pi radius), in Hz for a speed in m/s."""
+    """What turns with the speed. radius: m; order n means n * speed / (2 pi radius)."""
 
     name: str
     radius: float
-
-    def frequency(self, speed: float) -> float:
-        """Turns a second, Hz, at `speed` in km/h."""
-        return speed / 3.6 / (6.283185307179586 * self.radius)
 
 
 @dataclass(frozen=True)
@@ -107,7 +104,7 @@ class Adjustable:
 class Study:
     """A validated study file. All paths are absolute.
 
-    path: the file. hash: SHA-256 of its bytes, hex. places: what `place` looks up.
+    path: the file. hash: SHA-256 of its bytes, hex. places: where in the file each value stands.
     """
 
     path: Path
@@ -121,17 +118,12 @@ class Study:
     groups: tuple[Group, ...] = ()
     rotations: tuple[Rotation, ...] = ()
     adjustable: tuple[Adjustable, ...] = ()
-    places: Mapping[tuple[str | int, ...], str] = field(default_factory=dict, repr=False, compare=False)
+    places: Places = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def fmu(self) -> Path | None:
         """The FMU's file, None when every condition names a simulated record."""
         return self.simulation.fmu
-
-    @property
-    def step_ns(self) -> int:
-        """The communication step in ns."""
-        return self.simulation.step_ns
 
     @property
     def parameters(self) -> Mapping[str, float]:
@@ -190,11 +182,7 @@ def load_study(path: str | Path) -> Study:
     ]
     adjustable = [
         Adjustable(
-            tuple(row.parameters or [row.parameter or ""]),
-            row.minimum,
-            row.maximum,
-            row.tolerance,
-            row.absolute_tolerance,
+            tuple(row.parameters or [row.parameter or ""]), **row.model_dump(exclude={"parameter", "parameters"})
         )
         for row in table.adjustable
     ]
@@ -217,3 +205,94 @@ def load_study(path: str | Path) -> Study:
         adjustable=tuple(adjustable),
         places=MappingProxyType(places),
     )
+
+
+def check_study(
+    study: Study, variables: Mapping[str, str] | None, columns: Mapping[Path, Mapping[str, str]]
+) -> list[str]:
+    """What the study asks for and the FMU or the records do not have, one line each, in the order of the file.
+
+    variables: unit by name of the FMU's variables, None to leave the FMU out. columns: unit by column name of each
+    record and input series that was looked into, by its path in `study`; others are left out.
+    """
+    found = [*_check_records(study, variables, columns)]
+    if variables is not None:
+        found += [*_check_model(study, variables), *_check_inputs(study, variables, columns)]
+    return by_line(f"{place(study.places, loc)}: {text}" for loc, text in found)
+
+
+Wanted = tuple[Location, str, Sequence[str]]
+"""Where a name stands, the name, and units of which its own must be like one; () for any."""
+
+_JOINT_UNITS = {
+    "force": ("N", "N.m"),
+    "displacement": ("m", "rad"),
+    "velocity": ("m/s", "rad/s"),
+    "nominal_force": ("N", "N.m"),
+    "acceleration": ("m/s2", "rad/s2"),
+}
+_PARTNERS = {"velocity": "displacement", "nominal_force": "force"}
+
+
+def _check_model(study: Study, variables: Mapping[str, str]) -> Iterator[tuple[Location, str]]:
+    tables: list[tuple[Location, Mapping[str, float]]] = [(("simulation",), study.parameters)]
+    tables += [(("conditions", i), condition.parameters) for i, condition in enumerate(study.conditions)]
+    wanted: list[Wanted] = [((*loc, "parameters", name), name, ()) for loc, table in tables for name in table]
+    for i, row in enumerate(study.adjustable):
+        key = "parameters" if ("adjustable", i, "parameters") in study.places else "parameter"
+        wanted += [(("adjustable", i, key), name, ()) for name in row.parameters]
+    for i, joint in enumerate(study.joints):
+        for key, known in _JOINT_UNITS.items():
+            partner = _PARTNERS.get(key, key)
+            unit = variables.get(getattr(joint, partner), "")
+            same = [mine for mine, its in zip(known, _JOINT_UNITS[partner], strict=True) if like(unit, its)]
+            if name := getattr(joint, key):
+                wanted.append((("joints", i, key), name, same or known))
+    if any(condition.simulated is None for condition in study.conditions):
+        wanted += _responses(study)
+    for loc, name, known in wanted:
+        if problem := misfit("variable", name, variables, known):
+            yield loc, f"{problem[0]} in the FMU{problem[1]}"
+
+
+def _check_inputs(
+    study: Study, variables: Mapping[str, str], columns: Mapping[Path, Mapping[str, str]]
+) -> Iterator[tuple[Location, str]]:
+    for i, condition in enumerate(study.conditions):
+        for name, unit in columns.get(condition.inputs, {}).items() if condition.inputs else ():
+            # without a unit a column is in the FMU's own
+            if problem := misfit("input", name, variables, () if unit in ("", "1") else (unit,)):
+                yield ("conditions", i, "inputs"), f"{problem[0]} in the FMU{problem[1]}"
+
+
+def _check_records(
+    study: Study, variables: Mapping[str, str] | None, columns: Mapping[Path, Mapping[str, str]]
+) -> Iterator[tuple[Location, str]]:
+    measured: list[Wanted] = []
+    for i, channel in enumerate(study.channels):
+        measured.append((("channels", i, "measurement"), channel.measurement, (channel.unit,)))
+        if channel.acceleration:
+            measured.append((("channels", i, "acceleration"), channel.acceleration, ("m/s2",)))
+    if study.excitation:
+        unit = (variables or {}).get(study.excitation.simulation)
+        measured.append((("excitation", "measurement"), study.excitation.measurement, (unit,) if unit else ()))
+    for wanted, files in (
+        (measured, [condition.measurement for condition in study.conditions]),
+        (_responses(study), [condition.simulated for condition in study.conditions]),
+    ):
+        for loc, name, known in wanted:
+            same: dict[tuple[str, str], list[str]] = {}
+            for file in dict.fromkeys(file for file in files if file in columns):
+                if file and (problem := misfit("column", name, columns[file], known)):
+                    same.setdefault(problem, []).append(file.name)
+            yield from ((loc, f"{head} in {', '.join(names)}{tail}") for (head, tail), names in same.items())
+
+
+def _responses(study: Study) -> list[Wanted]:
+    """What the FMU, or a simulated record, must give."""
+    wanted: list[Wanted] = [
+        (("channels", i, "simulation"), channel.simulation, (channel.unit,)) for i, channel in enumerate(study.channels)
+    ]
+    if study.excitation:
+        wanted.append((("excitation", "simulation"), study.excitation.simulation, ()))
+    return wanted

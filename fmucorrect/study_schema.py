@@ -1,4 +1,4 @@
-"""What a study file may say: its tables as pydantic models, what must fit between them, and where each key stands.
+"""What a study file may say: its tables as pydantic models, and what must fit between them.
 
 Imported by study.load_study only when a file is read; nothing of pydantic leaves this module.
 """
@@ -6,9 +6,8 @@ Imported by study.load_study only when a file is read; nothing of pydantic leave
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from decimal import Decimal
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -16,12 +15,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 
 from fmucorrect import units
 from fmucorrect.errors import SignalError
-
-Location = tuple[str | int, ...]
-"""Where a value stands: table, row of an array of tables, keys; as ("channels", 1, "unit")."""
-
-Places = Mapping[Location, str]
-"""Where it stands in the file, in words."""
+from fmucorrect.study_places import Location, Places, by_line, nearest, place, scan
 
 _QUANTITIES = {
     "displacement": ("m",),
@@ -146,14 +140,20 @@ class ConditionRow(_Table):
 class StudyTable(_Table):
     format: Literal[1] = Field(description="write format = 1")
     name: str = ""
-    simulation: SimulationTable = Field(description="a table with step_size and, where an FMU is run, fmu")
-    channels: Annotated[list[ChannelRow], Field(min_length=1)] = Field(description="one table a response channel")
+    simulation: SimulationTable = Field(
+        description="write a [simulation] table with step_size and, where an FMU is run, fmu"
+    )
+    channels: Annotated[list[ChannelRow], Field(min_length=1)] = Field(
+        description="write one [[channels]] table a response channel"
+    )
     excitation: ExcitationTable | None = None
     joints: list[JointRow] = []
     groups: list[GroupRow] = []
     rotations: list[RotationRow] = []
     adjustable: list[AdjustableRow] = []
-    conditions: Annotated[list[ConditionRow], Field(min_length=1)] = Field(description="one table a condition")
+    conditions: Annotated[list[ConditionRow], Field(min_length=1)] = Field(
+        description="write one [[conditions]] table a condition"
+    )
 
 
 _TABLES: dict[str | int, type[_Table]] = {
@@ -166,7 +166,6 @@ _TABLES: dict[str | int, type[_Table]] = {
     "adjustable": AdjustableRow,
     "conditions": ConditionRow,
 }
-_ARRAYS = _TABLES.keys() - {"simulation", "excitation"}
 _TYPES = {
     "string_type": "a string in quotes",
     "float_type": "a number",
@@ -174,11 +173,16 @@ _TYPES = {
     "dict_type": "a table, as { key = value }",
     "model_type": "a table",
     "finite_number": "a finite number",
+    "string_too_short": "a name, not empty",
+    "too_long": "of two numbers, as [begin, end]",
 }
 
 
 def read(data: bytes, folder: Path) -> tuple[StudyTable | None, Places, list[str]]:
-    """The tables of a file whose paths are relative to `folder`, where its values stand, and all that is wrong."""
+    """The tables of a file whose paths are relative to `folder`, where its values stand, and all that is wrong.
+
+    The tables are None when a single one is wrong; they are there but not to be used when they do not fit together.
+    """
     try:
         text = data.decode("utf-8-sig").replace("\r\n", "\n")
         document = tomllib.loads(text)
@@ -195,7 +199,7 @@ def read(data: bytes, folder: Path) -> tuple[StudyTable | None, Places, list[str
         table = StudyTable.model_validate(document)
     except ValidationError as error:
         problems += [f"{place(places, e['loc'])}: {_message(dict(e))}" for e in error.errors()]
-    return table, places, sorted(problems, key=lambda problem: int(problem[5:].split(",")[0].split(":")[0]))
+    return table, places, by_line(problems)
 
 
 def _message(error: dict[str, Any]) -> str:
@@ -211,76 +215,10 @@ def _message(error: dict[str, Any]) -> str:
         return f"must be {expected}, got {value!r}{nearest(value, known) if isinstance(value, str) else ''}"
     if kind == "value_error":
         return str(error["ctx"]["error"])
+    if kind == "too_short" and loc[-1] == "quiet":
+        kind = "too_long"
     expected = f"must be {_TYPES[kind]}" if kind in _TYPES else error["msg"].replace("Input should", "must")
     return f"{expected}, got {value!r}"
-
-
-def nearest(name: str, known: Iterable[str]) -> str:
-    """`; did you mean ...?` with up to three names that are near, or nothing."""
-    folded = {k.casefold(): k for k in known}
-    close = get_close_matches(name.casefold(), folded, n=3, cutoff=0.6)
-    return f"; did you mean {' or '.join(repr(folded[c]) for c in close)}?" if close else ""
-
-
-def place(places: Places, loc: Location) -> str:
-    """`line 16, [[channels]] 2 "FB", key unit` of a value, or of the nearest table that is there."""
-    known = next(loc[:n] for n in range(len(loc), -1, -1) if loc[:n] in places)
-    rest = [str(key) for key in loc[len(known) :]]
-    if not known and rest and rest[0] in _TABLES:
-        return f"{places[()]}, {f'[[{rest[0]}]]' if rest[0] in _ARRAYS else f'[{rest[0]}]'}"
-    return ", key ".join([places[known], ".".join(rest)] if rest else [places[known]])
-
-
-def scan(text: str, document: Mapping[str, Any]) -> Places:
-    """Where every table and key of a valid TOML text stands. Keys inside an inline value stand at its first line."""
-    places: dict[Location, str] = {(): "line 1"}
-    counts: dict[str, int] = {}
-    prefix: Location = ()
-    statement, first = "", 0
-    for number, line in enumerate(text.split("\n"), start=1):
-        statement, first = (f"{statement}\n{line}", first) if statement else (line, number)
-        try:
-            parsed = tomllib.loads(statement)
-        except tomllib.TOMLDecodeError:
-            continue  # goes on in the next line
-        if statement.lstrip().startswith("["):
-            keys = list(_header(parsed))
-            if statement.lstrip().startswith("[[") and len(keys) == 1:
-                counts[keys[0]] = counts.get(keys[0], -1) + 1
-            row = (counts[keys[0]],) if keys[0] in counts else ()
-            prefix = (keys[0], *row, *keys[1:])
-            places[prefix] = f"line {number}, {_title(document, prefix)}"
-        else:
-            for path in _paths(parsed, prefix):
-                places.setdefault(path, f"line {first}, {_title(document, path)}")
-        statement = ""
-    return places
-
-
-def _header(parsed: Any) -> Iterator[str]:
-    while isinstance(parsed, dict) and parsed:
-        key, parsed = next(iter(parsed.items()))
-        yield key
-
-
-def _paths(value: Any, prefix: Location) -> Iterator[Location]:
-    rows = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
-    for key, inner in rows:
-        yield (*prefix, key)
-        yield from _paths(inner, (*prefix, key))
-
-
-def _title(document: Any, path: Location) -> str:
-    """`[[channels]] 2 "FB", key unit` of a path."""
-    table, keys = str(path[0]), path[1:]
-    value, title = document[table], ""
-    if isinstance(value, list) and keys and isinstance(keys[0], int):
-        row, keys = value[keys[0]], keys[1:]
-        name = row.get("name") if isinstance(row, dict) else None
-        title = f"[[{table}]] {int(path[1]) + 1}" + (f' "{name}"' if isinstance(name, str) else "")
-    else:
-        title = f"[{table}]" if isinstance(value, dict) else f"key {table}"
-    return f"{title}, key {'.'.join(map(str, keys))}" if keys else title
 
 
 def _rows(document: Mapping[str, Any], table: str) -> Iterator[tuple[int, dict[str, Any]]]:
