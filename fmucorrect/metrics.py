@@ -40,7 +40,7 @@ class Scores:
         return float(self.nmae.mean())
 
 
-def score(predicted: Response, measured: Response) -> Scores:
+def score(predicted: Response, measured: Float64[np.ndarray, "_ _"]) -> Scores:
     """R2, NRMSE and NMAE (eq. metrics); mean and range are those of the measurement (eq. evaluation_range).
 
     Raises SignalError for different shapes, NaN or Inf, and a channel whose measurement does not vary.
@@ -94,7 +94,7 @@ def oracle_lag(predicted: Response, measured: Response, scales: PerChannel, limi
     return OracleLag(best, score(*_overlap(predicted, measured, best)))
 
 
-def _overlap(predicted: Response, measured: Response, lag: int) -> tuple[Response, Response]:
+def _overlap(predicted: np.ndarray, measured: np.ndarray, lag: int) -> tuple[np.ndarray, np.ndarray]:
     if lag >= 0:
         return predicted[: len(predicted) - lag], measured[lag:]
     return predicted[-lag:], measured[:lag]
