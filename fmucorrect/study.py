@@ -260,9 +260,11 @@ def _check_inputs(
 ) -> Iterator[tuple[Location, str]]:
     for i, condition in enumerate(study.conditions):
         for name, unit in columns.get(condition.inputs, {}).items() if condition.inputs else ():
-            # without a unit a column is in the FMU's own
-            if problem := misfit("input", name, variables, () if unit in ("", "1") else (unit,)):
-                yield ("conditions", i, "inputs"), f"{problem[0]} in the FMU{problem[1]}"
+            if name not in variables:
+                head, tail = misfit("input", name, variables, ()) or ("", "")
+                yield ("conditions", i, "inputs"), f"{head} in the FMU{tail}"
+            elif unit not in ("", "1") and not like(unit, variables[name]):  # without a unit it is in the FMU's own
+                yield ("conditions", i, "inputs"), f"column {name!r} has unit {unit!r}, not like {variables[name]!r}"
 
 
 def _check_records(
@@ -271,8 +273,7 @@ def _check_records(
     measured: list[Wanted] = []
     for i, channel in enumerate(study.channels):
         measured.append((("channels", i, "measurement"), channel.measurement, (channel.unit,)))
-        if channel.acceleration:
-            measured.append((("channels", i, "acceleration"), channel.acceleration, ("m/s2",)))
+        measured.append((("channels", i, "acceleration"), channel.acceleration, ("m/s2",)))
     if study.excitation:
         unit = (variables or {}).get(study.excitation.simulation)
         measured.append((("excitation", "measurement"), study.excitation.measurement, (unit,) if unit else ()))
@@ -283,7 +284,7 @@ def _check_records(
         for loc, name, known in wanted:
             same: dict[tuple[str, str], list[str]] = {}
             for file in dict.fromkeys(file for file in files if file in columns):
-                if file and (problem := misfit("column", name, columns[file], known)):
+                if file and name and (problem := misfit("column", name, columns[file], known)):
                     same.setdefault(problem, []).append(file.name)
             yield from ((loc, f"{head} in {', '.join(names)}{tail}") for (head, tail), names in same.items())
 

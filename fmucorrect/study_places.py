@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from difflib import get_close_matches
+from difflib import SequenceMatcher, get_close_matches
 from typing import Any
 
 from fmucorrect import units
@@ -18,10 +18,14 @@ Places = Mapping[Location, str]
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """`; did you mean ...?` with up to three names that are near, or nothing."""
-    folded = {k.casefold(): k for k in known}
-    close = get_close_matches(name.casefold(), folded, n=3, cutoff=0.6)
-    return f"; did you mean {' or '.join(repr(folded[c]) for c in close)}?" if close else ""
+    """`; did you mean ...?` with the nearest name, and up to two that are as near, or nothing."""
+    spelled = {k: k for k in known}
+    if not (close := get_close_matches(name, spelled)):
+        name, spelled = name.casefold(), {k.casefold(): k for k in spelled}
+        close = get_close_matches(name, spelled)
+    ratios = {candidate: SequenceMatcher(None, candidate, name).ratio() for candidate in close}
+    close = [repr(spelled[candidate]) for candidate in close if ratios[candidate] > max(ratios.values()) - 0.05]
+    return f"; did you mean {' or '.join(close)}?" if close else ""
 
 
 def by_line(problems: Iterable[str]) -> list[str]:
@@ -56,6 +60,7 @@ def scan(text: str, document: Mapping[str, Any]) -> Places:
             keys = list(_header(parsed))
             if start.startswith("[[") and len(keys) == 1:
                 counts[keys[0]] = counts.get(keys[0], -1) + 1
+                places.setdefault((keys[0],), f"line {number}, [[{keys[0]}]]")
             row = (counts[keys[0]],) if keys[0] in counts else ()
             prefix = (keys[0], *row, *keys[1:])
             places.setdefault(prefix, f"line {number}, {_title(document, prefix)}")

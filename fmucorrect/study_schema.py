@@ -211,8 +211,8 @@ def _message(error: dict[str, Any]) -> str:
         return f"is missing: {fields[loc[-1]].description}"
     if kind == "literal_error":
         expected = str(error["ctx"]["expected"])
-        known = expected.replace("'", "").replace(" or ", ", ").split(", ")
-        return f"must be {expected}, got {value!r}{nearest(value, known) if isinstance(value, str) else ''}"
+        quoted, known = "'" in expected, expected.replace("'", "").replace(" or ", ", ").split(", ")
+        return f"must be {expected}, got {value!r}{nearest(value, known) if isinstance(value, str) and quoted else ''}"
     if kind == "value_error":
         return str(error["ctx"]["error"])
     if kind == "too_short" and loc[-1] == "quiet":
@@ -240,7 +240,7 @@ def _across(document: Mapping[str, Any], folder: Path, places: Places) -> Iterat
             seen.setdefault(name, loc)
     for i, row in _rows(document, "channels"):
         quantity, unit = row.get("quantity"), row.get("unit")
-        if isinstance(unit, str) and quantity in _QUANTITIES:
+        if isinstance(unit, str) and isinstance(quantity, str) and quantity in _QUANTITIES:
             yield from _fits(place(places, ("channels", i, "unit")), quantity, unit)
     for i, row in _rows(document, "groups"):
         for name in row.get("joints", ()) if isinstance(row.get("joints"), list) else ():
