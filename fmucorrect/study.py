@@ -89,8 +89,8 @@ class Rotation:
 class Adjustable:
     """FMU parameters that are not known exactly; several are scaled together.
 
-    minimum, maximum: of the value in the FMU's unit. tolerance: relative standard deviation expected anyway;
-    absolute_tolerance: the same in the FMU's unit; at most one of the two is not None.
+    minimum, maximum: of the value in the FMU's unit; of the common factor on the start values where there are several.
+    tolerance: relative standard deviation expected anyway, or absolute_tolerance: in the unit of the bounds; or neither.
     """
 
     parameters: tuple[str, ...]
