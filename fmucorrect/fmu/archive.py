@@ -21,7 +21,7 @@ class _DoctypeFound(Exception):
 
 
 @contextmanager
-def opened(path: Path) -> Generator[zipfile.ZipFile]:
+def opened(path: Path) -> Generator[zipfile.ZipFile, None, None]:
     """The zip file at `path`, its names checked. Raises FmuError when it is none, is cut off or would write outside."""
     if not path.exists():
         raise FmuError("there is no such file", where=str(path))

@@ -22,7 +22,6 @@ _CAPABILITIES = {
     "canGetAndSetFMUstate": "get and set state",
     "canSerializeFMUstate": "serialise state",
     "canInterpolateInputs": "interpolate inputs",
-    "providesDirectionalDerivative": "directional derivatives",
     "hasEventMode": "event mode",
     "mightReturnEarlyFromDoStep": "may return early from a step",
     "needsExecutionTool": "needs its tool installed",

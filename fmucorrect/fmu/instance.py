@@ -90,7 +90,8 @@ class Instance(ABC):
             categories = self._log.categories(self._description.log_categories)
             if categories and not self._log.verbose:
                 names = (ctypes.c_char_p * len(categories))(*categories)
-                self.function("SetDebugLogging")(self._component, ctypes.c_int(1), c_size_t(len(names)), names)
+                on = self.TYPES["Boolean"][1](1)
+                self.function("SetDebugLogging")(self._component, on, c_size_t(len(names)), names)
         self._initialised = False
 
     def set_start(self, values: Mapping[Variable, float]) -> None:

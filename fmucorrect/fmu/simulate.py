@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fmucorrect.errors import StudyError
+from fmucorrect.errors import RecordError, StudyError
 from fmucorrect.fmu.stepper import FmuStepper
 from fmucorrect.signals import NANOSECONDS, Channel, Condition, Record, Times, join
 from fmucorrect.study import Study
@@ -16,7 +16,10 @@ _ROWS = 4096
 
 
 def input_record(t_ns: Times, series: Record) -> Record:
-    """The columns of `series` at the times `t_ns`: linear between its rows, held at its ends."""
+    """The columns of `series` at the times `t_ns`: linear between its rows, held at its ends. Raises RecordError
+    when it has none."""
+    if not len(series):
+        raise RecordError("the time series of the inputs has no rows", where=series.metadata.get("path"))
     seconds, known = (t_ns - series.t_ns[0]) / NANOSECONDS, series.seconds(int(series.t_ns[0]))
     columns = [np.interp(seconds, known, column) for column in series.values.T]
     values = np.stack(columns, axis=1) if columns else np.zeros((len(t_ns), 0))
@@ -44,7 +47,7 @@ def simulate(
     ) as stepper:
         stepper.reset(condition)
         parts: list[Record] = []
-        for start in range(0, len(t_ns), _ROWS):
+        for start in range(0, max(len(t_ns), 1), _ROWS):
             times = t_ns[start : start + _ROWS]
             none = Record(times, np.zeros((len(times), 0)), ())
             parts.append(stepper.process(input_record(times, inputs) if inputs is not None else none))

@@ -10,7 +10,7 @@ from ctypes import c_void_p
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType, TracebackType
-from typing import Self, final
+from typing import final
 
 import numpy as np
 from jaxtyping import Float64
@@ -45,9 +45,10 @@ class FmuStepper:
     """An FMU for co-simulation, streamed sample by sample.
 
     channels: the responses; each one's `simulation` (or `name`) is an FMU variable, whose values are converted to the
-    channel's unit. extra: further channels that process() adds behind the responses. inputs: FMU inputs, in the order
-    of the columns of u, which is in the FMU's own units. parameters: start values that hold in every condition.
-    log: where the solver's messages go, the logger "fmucorrect.fmu" by default; at level DEBUG the solver says all.
+    channel's unit, or left in the variable's own for "". extra: further channels that process() adds behind the
+    responses. inputs: FMU inputs, in the order of the columns of u, which is in the FMU's own units. parameters: start
+    values that hold in every condition. log: where the solver's messages go, the logger "fmucorrect.fmu" by default; at
+    level DEBUG the solver says all.
 
     The FMU starts at the first sample's time, with that sample's inputs: errors of initialisation come from the first
     step() or process() after reset(). After an exception everything is released, and reset() starts anew.
@@ -66,9 +67,10 @@ class FmuStepper:
         log: logging.Logger | None = None,
     ) -> None:
         self._description = open_fmu(path)
-        self._description.binaries  # noqa: B018 - raises where there is no library for this machine
-        self._channels, self._all = channels, (*channels, *extra)
-        self._outputs, self._factors = matching.outputs(self._description, self._all)
+        self._binaries = self._description.binaries
+        self._outputs, self._all = matching.outputs(self._description, (*channels, *extra))
+        self._factors = matching.output_factors(self._outputs, self._all)
+        self._channels = self._all[: len(channels)]
         self._inputs = matching.inputs(self._description, inputs)
         self._parameters, self._logger = parameters, log
         start_values(self._description, parameters)
@@ -103,21 +105,22 @@ class FmuStepper:
         self._last_ns = None
 
     def step(self, t_ns: int, u: Row) -> Step:
-        instance = self._advancing(t_ns, len(u))
-        if len(u):
+        instance, last, width = self._instance, self._last_ns, len(u)
+        if instance is None or (last is not None and t_ns <= last) or (width and width != len(self._given)):
+            instance = self._advancing(t_ns, width)
+        if width:
             if not math.isfinite(sum(u.tolist())):
                 self._require_finite(u[None], np.array([t_ns]))
             self._given[:] = u
         try:
-            last = self._last_ns
             if last is None:
-                self._initialise(instance, t_ns, len(u) > 0)
+                self._initialise(instance, t_ns, width > 0)
             else:
                 instance.time.value = last / SECOND
                 instance.size.value = (t_ns - last) / SECOND
                 if (status := instance.step()) or instance.flags.value:
                     instance.finish_step(status)
-                if len(u):
+                if width:
                     for port in self._writers:
                         port.put()
             for port in self._readers:
@@ -148,7 +151,9 @@ class FmuStepper:
                 values *= self._factors
         return replace(record, values=values, channels=self._all)
 
-    def _run(self, instance: Instance, t_ns: Times, u: Values, values: Values) -> None:
+    def _run(
+        self, instance: Instance, t_ns: Times, u: Float64[np.ndarray, "T U"], values: Float64[np.ndarray, "T K"]
+    ) -> None:
         """Rows of `u` (T, U; U may be 0) into the solver, rows of outputs into `values` (T, K), in the FMU's units."""
         points = t_ns
         if self._last_ns is None:
@@ -217,7 +222,7 @@ class FmuStepper:
             if folder is not None:
                 folder.cleanup()
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> FmuStepper:
         return self
 
     def __exit__(
@@ -228,7 +233,7 @@ class FmuStepper:
     def _open(self) -> Instance:
         self._folder = tempfile.TemporaryDirectory(prefix="fmucorrect-", ignore_cleanup_errors=True)
         folder = Path(self._folder.name)
-        archive.extract(self._description.path, folder, self._description.binaries)
+        archive.extract(self._description.path, folder, self._binaries)
         self._log = SolverLog(self._description.path.name, self._logger)
         kind = Instance3 if self._description.fmi.startswith("3") else Instance2
         self._instance = kind(self._description, folder, self._log)

@@ -1,0 +1,130 @@
+"""Opening: what an FMU says of itself, and what is refused before anything of it is loaded."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from trouble_fmu import OSCILLATOR, description, packed
+
+from fmucorrect.errors import FmuError
+from fmucorrect.fmu import FmuStepper, open_fmu
+from fmucorrect.signals import Channel
+
+
+def test_description(oscillator: Path):
+    fmu = open_fmu(oscillator)
+    assert (fmu.name, fmu.identifier, fmu.step_size, fmu.start_time) == ("oscillator", "oscillator", 0.001, 0.0)
+    mass = fmu.variables["m1"]
+    assert (mass.unit, mass.start, mass.minimum, mass.causality, mass.variability) == (
+        "kg", "1.0", 1e-9, "parameter", "tunable",
+    )  # fmt: skip
+    assert mass.settable
+    assert not fmu.variables["mass1.a"].settable
+    assert fmu.binaries in fmu.platforms
+    assert fmu.has_sources
+    assert {"variable step size", "get and set state"} <= set(fmu.capabilities)
+    assert {v.name for v in fmu.of("input")} >= {"base.d", "base.v", "mass1.f", "joint4.f"}
+    assert fmu.units["joint1.F"] == "N"
+
+
+def test_both_versions_say_the_same():
+    two, three = open_fmu(OSCILLATOR / "oscillator.fmu"), open_fmu(OSCILLATOR / "oscillator_fmi3.fmu")
+    assert (two.fmi, three.fmi) == ("2.0", "3.0")
+    described = [{n: (v.unit, v.start, v.causality, v.minimum) for n, v in f.variables.items()} for f in (two, three)]
+    assert described[0] == described[1]
+
+
+def test_declared_type_gives_unit_and_limits(tmp_path: Path):
+    xml = description("2.0", '<ScalarVariable name="a" valueReference="90"><Real declaredType="L"/></ScalarVariable>')
+    xml = xml.replace(
+        "<TypeDefinitions>", '<TypeDefinitions><SimpleType name="L"><Real unit="m" max="2"/></SimpleType>'
+    )
+    variable = open_fmu(packed(tmp_path / "a.fmu", xml, None, "2.0")).variables["a"]
+    assert (variable.unit, variable.maximum) == ("m", 2.0)
+
+
+def _zip(entries: dict[str, str]) -> Callable[[Path], object]:
+    def write(path: Path) -> None:
+        with zipfile.ZipFile(path, "w") as archive:
+            for name, text in entries.items():
+                archive.writestr(name, text)
+
+    return write
+
+
+def _cut(path: Path) -> None:
+    path.write_bytes((OSCILLATOR / "oscillator.fmu").read_bytes()[:-3000])
+
+
+def _damaged(path: Path) -> None:
+    content = bytearray((OSCILLATOR / "oscillator.fmu").read_bytes())
+    with zipfile.ZipFile(OSCILLATOR / "oscillator.fmu") as archive:
+        entry = archive.getinfo("modelDescription.xml")
+    content[entry.header_offset + 200 : entry.header_offset + 230] = bytes(30)
+    path.write_bytes(content)
+
+
+BOMB = '<!DOCTYPE a [<!ENTITY x "ha"><!ENTITY y "&x;&x;&x;">]><fmiModelDescription fmiVersion="2.0">&y;</fmiModelDescription>'
+
+
+@pytest.mark.parametrize(
+    ("write", "message"),
+    [
+        (lambda path: None, "no such file"),
+        (lambda path: path.mkdir(), "this is a folder"),
+        (lambda path: path.write_text("hello"), "not a zip file"),
+        (_cut, "cut off or damaged"),
+        (_damaged, "modelDescription.xml is damaged"),
+        (_zip({"readme.txt": ""}), "no modelDescription.xml"),
+        (_zip({"modelDescription.xml": "", "../../evil": ""}), "'../../evil' would be written outside"),
+        (_zip({"modelDescription.xml": "", "/etc/evil": ""}), "'/etc/evil' would be written outside"),
+        (_zip({"modelDescription.xml": "", "resources\\..\\..\\evil": ""}), "would be written outside"),
+        (_zip({"modelDescription.xml": "", "C:/evil": ""}), "'C:/evil' would be written outside"),
+        (_zip({"modelDescription.xml": BOMB}), "declares a document type"),
+        (_zip({"modelDescription.xml": "<a/>", "sources/buildDescription.xml": BOMB}), "buildDescription.xml declares"),
+        (_zip({"modelDescription.xml": "<fmiModelDescription>"}), "not well-formed XML"),
+        (
+            _zip({"modelDescription.xml": '<fmiModelDescription fmiVersion="1.0"/>'}),
+            "FMI version '1.0' is not supported",
+        ),
+        (_zip({"modelDescription.xml": '<fmiModelDescription fmiVersion="4.0"/>'}), "expected 2.0 or 3.0"),
+        (_zip({"modelDescription.xml": "<other/>"}), "FMI version '' is not supported"),
+        (_zip({"modelDescription.xml": '<fmiModelDescription fmiVersion="2.0"/>'}), "breaks the FMI standard"),
+        (
+            _zip({"modelDescription.xml": description("2.0").replace("CoSimulation", "ModelExchange")}),
+            "no co-simulation, got model exchange only",
+        ),
+    ],
+)
+def test_refused(tmp_path: Path, write: Callable[[Path], object], message: str):
+    path = tmp_path / "model.fmu"
+    write(path)
+    with pytest.raises(FmuError, match=message) as caught:
+        open_fmu(path)
+    assert str(caught.value).startswith(str(path))
+
+
+def test_small_fault_of_the_description_is_only_warned_of(tmp_path: Path, caplog: pytest.LogCaptureFixture):
+    xml = description("2.0").replace('modelName="trouble"', 'modelName="trouble" unheard="of"')
+    assert open_fmu(packed(tmp_path / "a.fmu", xml, None, "2.0")).name == "trouble"
+    assert "unheard" in caplog.text
+
+
+def test_library_of_other_platforms_only(tmp_path: Path, version: str):
+    path = packed(tmp_path / "a.fmu", description(version), None, version)
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr("binaries/riscv/trouble.so", "")
+    assert open_fmu(path).platforms == ("riscv",)
+    with pytest.raises(FmuError, match=r"no library for this machine in it, expected .*64.*, got riscv. Export it for"):
+        FmuStepper(path, (Channel("y", simulation="real.y"),))
+
+
+def test_sources_only(tmp_path: Path, version: str):
+    path = packed(tmp_path / "a.fmu", description(version), None, version)
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr("sources/a.c", "")
+    with pytest.raises(FmuError, match=r"got none. Compile its sources"):
+        FmuStepper(path, (Channel("y", simulation="real.y"),))
