@@ -3,7 +3,8 @@
 Inputs `window` float32 (N, W, J), oldest row first, in the channels' units; `condition` float32 (N, 3): speed km/h,
 amplitude deg, frequency Hz; `time` float64 (N, 1): s since the excitation began. Outputs `corrected`, `baseline` and
 `sigma` float32 (N, J) in the channels' units, `in_envelope` float32 (N, 1) in [0, 1]; further outputs may follow.
-`metadata_props["fmucorrect"]` is JSON (see Info); `metadata_props["fmucorrect_sha256"]` seals it and the graph.
+`metadata_props["fmucorrect"]` is JSON (see Info); `metadata_props["fmucorrect_sha256"]`, the last field of the file, seals
+everything before it.
 """
 
 from __future__ import annotations
@@ -86,9 +87,8 @@ def seal(graph: bytes, info: Info, golden: Mapping[str, np.ndarray]) -> bytes:
     ONNX is protobuf: fields that are appended belong to the same message, so that the graph's bytes stay as they are.
     """
     packed = {name: _pack(array) for name, array in golden.items()}
-    text = json.dumps({**info.to_json(), "golden": packed, "graph_bytes": len(graph)})
-    digest = hashlib.sha256(graph + text.encode()).hexdigest()
-    return graph + _metadata("fmucorrect", text) + _metadata("fmucorrect_sha256", digest)
+    content = graph + _metadata("fmucorrect", json.dumps({**info.to_json(), "golden": packed}))
+    return content + _metadata("fmucorrect_sha256", hashlib.sha256(content).hexdigest())
 
 
 @final
@@ -188,13 +188,13 @@ def load(path: str | Path) -> Bundle:
         raise BundleError(
             "this ONNX file is no corrector", where=str(path), remedy="Make one with `fmucorrect train` (see tools/)."
         )
-    text = metadata["fmucorrect"]
-    data = json.loads(text)
-    graph = content[: data.get("graph_bytes", 0)]
-    if hashlib.sha256(graph + text.encode()).hexdigest() != metadata.get("fmucorrect_sha256"):
+    last = _metadata("fmucorrect_sha256", metadata.get("fmucorrect_sha256", ""))
+    digest = hashlib.sha256(content.removesuffix(last)).hexdigest()
+    if metadata.get("fmucorrect_sha256") != digest:
         raise BundleError(
             "the seal does not fit: the file was changed after it was made", where=str(path), remedy="Export it again."
         )
+    data = json.loads(metadata["fmucorrect"])
     bundle = Bundle(session, Info.from_json(data, str(path)), path)
     _check_contract(session, bundle)
     _replay(session, {name: _unpack(entry) for name, entry in data["golden"].items()}, str(path))

@@ -42,8 +42,8 @@ def graph(corrector: Corrector, rows: int, channels: int) -> bytes:
     weights = {name: tensor.numpy() for name, tensor in corrector.tensors().items()}
     weights["minus_S"] = -weights["S"]
     constants: dict[str, np.ndarray] = {
-        "zero": np.float32(0.0),
-        "one": np.float32(1.0),
+        "zero": np.array(0.0, np.float32),
+        "one": np.array(1.0, np.float32),
         "axis": np.array([1], np.int64),
     }
     flat = add("Flatten", ["window"], "history", axis=1)
@@ -88,9 +88,9 @@ def graph(corrector: Corrector, rows: int, channels: int) -> bytes:
 
 def _phase(add: Any, constants: dict[str, np.ndarray]) -> str:
     """networks.phase_features: cycles = round(1e4 f) / 1e4 t, in double."""
-    constants["steps"] = np.float64(FREQUENCY_STEPS)
-    constants["turn"] = np.float64(2.0 * math.pi)
-    constants["start"] = np.float64(0.0)
+    constants["steps"] = np.array(FREQUENCY_STEPS)
+    constants["turn"] = np.array(2.0 * math.pi)
+    constants["start"] = np.array(0.0)
     constants["two"] = np.array([2], np.int64)
     frequency = add(
         "Cast", [add("Gather", ["condition", "two"], "frequency", axis=1)], "frequency_64", to=TensorProto.DOUBLE

@@ -94,15 +94,19 @@ class Corrector(nn.Module):
         sigma: Sequence[float],
         phase: bool,
     ) -> None:
-        """envelope: (index into (base, condition), outer low, inner low, inner high, outer high) each; sigma: (J,) of the
+        """envelope: (index into (q, condition), outer low, inner low, inner high, outer high) each; sigma: (J,) of the
         corrected response, the channels' units."""
         super().__init__()
         channels, self.phase = len(scales.response), phase
         double = torch.float64
         tensors: dict[str, Tensor] = {}
         tensors["A1"], tensors["a1"], tensors["A2"], tensors["a2"] = baseline.folded(rho)
-        tensors["P"] = torch.zeros(*first_size(scales), dtype=double)
-        tensors["P"][: len(scales.components)] = torch.tensor(scales.components, dtype=double)
+        size, history = scales.components.shape
+        select = torch.zeros(size + 3, channels, dtype=double)
+        select[size - channels : size] = torch.eye(channels, dtype=double)
+        components = torch.zeros(size + 3, history, dtype=double)
+        components[:size] = torch.tensor(scales.components, dtype=double)
+        tensors["S"], tensors["P"] = select, torch.cat([components, select], 1)
         response = torch.tensor(scales.response, dtype=double)
         for i, module in enumerate(residual.hidden):
             assert isinstance(module, nn.Linear)
@@ -111,19 +115,13 @@ class Corrector(nn.Module):
                 weight, bias = self._fold(weight, bias, scales)
             tensors[f"W{i + 1}"], tensors[f"w{i + 1}"] = weight, bias
         tensors["Wo"] = residual.out.weight.double().T * response
-        width = tensors["W1"].shape[0]
-        history = scales.components.shape[1]
-        ramps = torch.zeros(width, 2 * len(envelope), dtype=double)
+        ramps = torch.zeros(tensors["W1"].shape[0], 2 * len(envelope), dtype=double)
         levels = torch.zeros(2 * len(envelope), dtype=double)
         for i, (index, low, inner_low, inner_high, high) in enumerate(envelope):
-            row = index if index < channels else index + history
+            row = channels + history + index
             ramps[row, 2 * i], levels[2 * i] = 1.0 / (inner_low - low), -low / (inner_low - low)
             ramps[row, 2 * i + 1], levels[2 * i + 1] = -1.0 / (high - inner_high), high / (high - inner_high)
         tensors["R"], tensors["r"] = ramps, levels
-        size = len(scales.components)
-        select = torch.zeros(size + 3, channels, dtype=double)
-        select[size - channels : size] = torch.eye(channels, dtype=double)
-        tensors["S"] = select
         uncorrected = torch.tensor(scales.uncorrected, dtype=double)
         tensors["s"], tensors["s_u"] = (torch.tensor(sigma, dtype=double) - uncorrected)[None], uncorrected
         self.layers = len(residual.hidden)
@@ -132,13 +130,15 @@ class Corrector(nn.Module):
 
     @staticmethod
     def _fold(weight: Tensor, bias: Tensor, scales: Scales) -> tuple[Tensor, Tensor]:
-        """First residual layer, from (base / s_q, P' x, scaled speed, [phase]) to (base, P' x, condition, [phase])."""
+        """First residual layer, from (base / s_q, history, scaled speed, [phase]) to u, which q, amplitude and frequency
+        do not enter."""
         channels, history = len(scales.response), scales.components.shape[1]
         centre, span = scales.speed
         base, rest, speed, phase = weight.split([channels, history, 1, len(weight) - channels - history - 1])
-        unused = torch.zeros(2, weight.shape[1], dtype=weight.dtype)
+        q = torch.zeros(channels, weight.shape[1], dtype=weight.dtype)
+        others = torch.zeros(2, weight.shape[1], dtype=weight.dtype)
         scaled = base / torch.tensor(scales.response, dtype=weight.dtype)[:, None]
-        return torch.cat([scaled, rest, speed / span, unused, phase]), bias - speed[0] * centre / span
+        return torch.cat([scaled, rest, q, speed / span, others, phase]), bias - speed[0] * centre / span
 
     def tensors(self) -> dict[str, Tensor]:
         """Every weight by its name in the formulae above, float32."""
@@ -159,12 +159,6 @@ class Corrector(nn.Module):
             u = torch.tanh(torch.addmm(b[f"w{i}"], u, b[f"W{i}"]))
         delta = inside * (torch.mm(u, b["Wo"]) + (base - torch.mm(x, b["S"])))
         return Outputs(torch.mm(x, b["S"]) + delta, base, torch.addmm(b["s_u"], inside, b["s"]), inside)
-
-
-def first_size(scales: Scales) -> tuple[int, int]:
-    """Shape of P: (W J + 3, d)."""
-    size, history = scales.components.shape
-    return size + 3, history
 
 
 def phase_features(condition: Float[Tensor, "N 3"], time: Float[Tensor, "N 1"]) -> Float[Tensor, "N 2"]:

@@ -65,7 +65,7 @@ def train(study: Study, settings: Settings | None = None, tick: Tick = lambda: N
     selection = select(development, settings, tick)
     basis = scales(development, settings.history, settings.stride)
     fitted = fit(development, basis, settings, selection.epochs, tick)
-    corners = envelope(development, basis, fitted)
+    corners = envelope(development, basis)
     corrector = assemble(fitted, basis, corners, selection.residual, settings)
     info = Info(
         name=study.name,
@@ -123,17 +123,17 @@ def select(development: Sequence[Samples], settings: Settings, tick: Tick = lamb
 
 
 Corners = list[tuple[int, float, float, float, float]]
-"""Index into (base, condition); outer low, inner low, inner high, outer high."""
+"""Index into (q, condition); outer low, inner low, inner high, outer high."""
 
 
-def envelope(development: Sequence[Samples], basis: Scales, fitted: Fitted) -> Corners:
+def envelope(development: Sequence[Samples], basis: Scales) -> Corners:
     """Where the correction may be used. Speed: half the trained span beyond its ends, fading over another half. Amplitude
     and frequency: 5 % beyond, fading over another 5 % (none where a condition does not say). Response: 1.25 times the
-    largest aligned response, fading until 1.5 times."""
+    largest simulated response of training, fading until 1.5 times."""
     channels = len(basis.response)
     corners: Corners = []
     for j in range(channels):
-        limit = float(basis.extent[j]) * fitted.rho
+        limit = float(basis.extent[j])
         corners.append((j, -1.5 * limit, -1.25 * limit, 1.25 * limit, 1.5 * limit))
     for k in range(3):
         values = [float(item.condition[k]) for item in development]

@@ -1,0 +1,109 @@
+"""torch = ONNX; the phase stays exact; the envelope fades to the bare simulation."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import onnxruntime
+import pytest
+import torch
+from conftest import SMALL
+
+from fmucorrect import bundle
+from fmucorrect.study import Study
+from fmucorrect.training.export import graph
+from fmucorrect.training.networks import phase_features
+from fmucorrect.training.protocol import Trained, save, train
+
+ROOT = Path(__file__).resolve().parent.parent.parent
+
+
+@pytest.fixture(scope="module")
+def with_phase(study: Study) -> Trained:
+    return train(study, replace(SMALL, phase=True, epochs=(5,)))
+
+
+def random_inputs(count: int, rows: int, channels: int, seed: int = 0) -> dict[str, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    return {
+        "window": rng.normal(size=(count, rows, channels)).astype(np.float32).cumsum(axis=1, dtype=np.float32) * 0.1,
+        "condition": np.stack([rng.uniform(250, 420, count), np.full(count, 0.03), np.full(count, 2.0)], 1).astype(np.float32),
+        "time": rng.uniform(-5.0, 1e6, size=(count, 1)),
+    }
+
+
+def onnx_outputs(content: bytes, inputs: dict[str, np.ndarray]) -> list[np.ndarray]:
+    session = onnxruntime.InferenceSession(content, providers=["CPUExecutionProvider"])
+    return session.run(["corrected", "baseline", "sigma", "in_envelope"], inputs)
+
+
+@pytest.mark.parametrize("name", ["trained", "with_phase"])
+def test_torch_equals_onnx_to_a_nanometre(name: str, request: pytest.FixtureRequest) -> None:
+    trained: Trained = request.getfixturevalue(name)
+    inputs = random_inputs(2000, SMALL.rows, 2)
+    with torch.no_grad():
+        expected = trained.corrector(*(torch.from_numpy(value) for value in inputs.values()))
+    got = onnx_outputs(graph(trained.corrector, SMALL.rows, 2), inputs)
+    for a, b in zip(expected, got, strict=True):
+        assert np.abs(a.numpy() - b).max() <= 1e-6
+    assert len(np.unique(got[3])) > 10  # inside, outside and between were all there
+
+
+def test_rows_and_batches_agree(trained: Trained, tmp_path: Path) -> None:
+    model = bundle.load(save(trained, tmp_path))
+    inputs = random_inputs(3 * bundle.CHUNK // 2, SMALL.rows, 2)
+    many = model.correct(inputs["window"], inputs["condition"][0], inputs["time"][:, 0])
+    window, condition, seconds = inputs["window"][:1].copy(), inputs["condition"][:1].copy(), inputs["time"][:1].copy()
+    one = model.bind(window, condition, seconds)
+    for i in range(0, len(inputs["window"]), 97):
+        window[:], seconds[:] = inputs["window"][i], inputs["time"][i]
+        answer = one()
+        assert np.abs(answer.delta[0] - many.delta[i]).max() <= 1e-6
+        assert np.abs(answer.sigma[0] - many.sigma[i]).max() <= 1e-6
+
+
+def test_outside_the_envelope_nothing_is_added(trained: Trained, tmp_path: Path) -> None:
+    model = bundle.load(save(trained, tmp_path))
+    windows = random_inputs(50, SMALL.rows, 2)["window"]
+    far = model.correct(windows, np.array([500.0, 0.03, 2.0], np.float32), np.zeros(50))
+    assert not far.delta.any()
+    assert not far.inside.any()
+    assert np.allclose(far.sigma, model.uncorrected)
+    wrong_frequency = model.correct(windows, np.array([330.0, 0.03, 3.0], np.float32), np.zeros(50))
+    assert not wrong_frequency.delta.any()
+    large = model.correct(100.0 * windows, np.array([330.0, 0.03, 2.0], np.float32), np.zeros(50))
+    assert not large.delta.any()
+    near = model.correct(windows * 0.1, np.array([330.0, 0.03, 2.0], np.float32), np.zeros(50))
+    assert near.delta.any()
+    assert (near.inside == 1.0).all()
+
+
+@pytest.mark.parametrize("frequency", [2.0, 1.3, 0.7, 7.9999])
+def test_phase_is_exact_after_a_million_seconds(frequency: float) -> None:
+    cycles = round(1e6 * frequency)
+    parts = np.array([0.0, 0.125, 0.25, 0.4, 0.75])
+    time = torch.tensor((cycles + parts) / frequency)[:, None]
+    condition = torch.tensor([[300.0, 0.03, frequency]]).repeat(len(parts), 1)
+    got = phase_features(condition, time).numpy()
+    expected = np.stack([np.sin(2 * np.pi * parts), np.cos(2 * np.pi * parts)], 1)
+    assert np.abs(got - expected).max() < 2e-6 * max(frequency, 1.0)
+
+
+def test_phase_in_the_graph_after_a_million_seconds(with_phase: Trained) -> None:
+    inputs = random_inputs(200, SMALL.rows, 2)
+    inputs["condition"][:, 2] = 1.3
+    inputs["condition"][:, 0] = 330.0
+    content = graph(with_phase.corrector, SMALL.rows, 2)
+    inputs["time"] = np.arange(200)[:, None] * 1e-3
+    early = onnx_outputs(content, inputs)[0]
+    inputs["time"] = inputs["time"] + 1_300_000 / 1.3
+    late = onnx_outputs(content, inputs)[0]
+    assert np.abs(early - late).max() < 1e-5
+
+
+def test_the_shipped_models_equal_their_torch_arithmetic() -> None:
+    """The golden pair was computed by torch when the model was made; load() replays it, to 1e-5 of the largest value."""
+    shipped = sorted((ROOT / "exported_models").glob("*/corrector.onnx"))
+    assert shipped
+    for path in shipped:
+        assert bundle.load(path).info.channels[0].unit == "mm"
