@@ -1,0 +1,136 @@
+"""fmucorrect: puts measured reality onto a multibody simulation.
+
+    import fmucorrect as fc
+
+    study = fc.load_study("study.toml")
+    condition = study.condition("385")
+    stepper = fc.CorrectedStepper(fc.FmuStepper(study.simulation.fmu, study.channels), fc.load_bundle("corrector.onnx"))
+    result = fc.run(stepper, condition, fc.grid(30.0, study.simulation.step_ns))
+
+Every name is imported when it is first used (PEP 562), so that `import fmucorrect` costs next to nothing.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from fmucorrect.bundle import Bundle
+    from fmucorrect.bundle import load as load_bundle
+    from fmucorrect.comparison import Comparison, compare
+    from fmucorrect.errors import (
+        BundleError,
+        FmucorrectError,
+        FmuError,
+        MissingExtra,
+        RecordError,
+        SignalError,
+        StudyError,
+    )
+    from fmucorrect.experiment import Pair, pair, read_measurement, simulate
+    from fmucorrect.fmu import FmuDescription, FmuStepper, open_fmu
+    from fmucorrect.metrics import OracleLag, Scores, noise_floor, oracle_lag, score
+    from fmucorrect.records import describe, read, stream, writer
+    from fmucorrect.registration import Offset, find_offset, resample
+    from fmucorrect.signals import Channel, Condition, Record, join
+    from fmucorrect.stepper import CorrectedStepper, Corrector, ReplayStepper, Status, Step, Stepper, Window, grid, run
+    from fmucorrect.study import Study, check_study, load_study
+
+__version__ = "0.1.0"
+
+_NAMES = {
+    "bundle": ("Bundle",),
+    "comparison": ("Comparison", "compare"),
+    "errors": (
+        "BundleError",
+        "FmuError",
+        "FmucorrectError",
+        "MissingExtra",
+        "RecordError",
+        "SignalError",
+        "StudyError",
+    ),
+    "experiment": ("Pair", "pair", "read_measurement", "simulate"),
+    "fmu": ("FmuDescription", "FmuStepper", "open_fmu"),
+    "metrics": ("OracleLag", "Scores", "noise_floor", "oracle_lag", "score"),
+    "records": ("describe", "read", "stream", "writer"),
+    "registration": ("Offset", "find_offset", "resample"),
+    "signals": ("Channel", "Condition", "Record", "join"),
+    "stepper": (
+        "CorrectedStepper",
+        "Corrector",
+        "ReplayStepper",
+        "Status",
+        "Step",
+        "Stepper",
+        "Window",
+        "grid",
+        "run",
+    ),
+    "study": ("Study", "check_study", "load_study"),
+}
+_WHERE = {name: (module, name) for module, names in _NAMES.items() for name in names}
+_WHERE["load_bundle"] = ("bundle", "load")
+
+__all__ = [  # noqa: RUF022 (as a reader looks for them)
+    "load_study",
+    "check_study",
+    "Study",
+    "load_bundle",
+    "Bundle",
+    "Channel",
+    "Condition",
+    "Record",
+    "join",
+    "read",
+    "stream",
+    "writer",
+    "describe",
+    "open_fmu",
+    "FmuDescription",
+    "FmuStepper",
+    "ReplayStepper",
+    "CorrectedStepper",
+    "Corrector",
+    "Stepper",
+    "Step",
+    "Status",
+    "Window",
+    "grid",
+    "run",
+    "simulate",
+    "read_measurement",
+    "pair",
+    "Pair",
+    "find_offset",
+    "resample",
+    "Offset",
+    "score",
+    "Scores",
+    "oracle_lag",
+    "OracleLag",
+    "noise_floor",
+    "compare",
+    "Comparison",
+    "FmucorrectError",
+    "StudyError",
+    "RecordError",
+    "FmuError",
+    "BundleError",
+    "SignalError",
+    "MissingExtra",
+]
+
+
+def __getattr__(name: str) -> object:
+    if name not in _WHERE:
+        raise AttributeError(f"module 'fmucorrect' has no attribute {name!r}")
+    module, its_name = _WHERE[name]
+    value = getattr(import_module(f"fmucorrect.{module}"), its_name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_WHERE})

@@ -1,0 +1,95 @@
+"""Simulated, corrected and measured response of one condition, side by side on the same rows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from fmucorrect.experiment import Pair
+from fmucorrect.metrics import OracleLag, Scores, oracle_lag, score
+from fmucorrect.registration import Offset
+from fmucorrect.signals import Channel, Condition, Record
+from fmucorrect.stepper import Status
+
+Response = Float64[np.ndarray, "N J"]
+ORACLE_LIMIT = 250
+"""Most samples by which the oracle may shift the corrected response."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The rows that simulation and measurement have in common, N of them, J channels.
+
+    t_ns: simulation's time. simulated, corrected, measured, sigma (one standard deviation): (N, J), in the channels' units.
+    status: (N,) a stepper.Status a row. excitation: (N,) the simulation's, None without one. offset: how the times were
+    registered. Scores cover all rows but those of warm-up, in which nothing can be corrected yet.
+    """
+
+    condition: Condition
+    channels: tuple[Channel, ...]
+    t_ns: Int64[np.ndarray, " N"]
+    simulated: Response
+    corrected: Response
+    measured: Response
+    sigma: Response
+    status: Int64[np.ndarray, " N"]
+    offset: Offset | None = None
+    excitation: Float64[np.ndarray, " N"] | None = field(default=None, repr=False)
+
+    @property
+    def scored(self) -> slice:
+        """The rows that scores cover."""
+        return slice(int(np.count_nonzero(self.status == Status.WARMUP)), len(self.t_ns))
+
+    @cached_property
+    def before(self) -> Scores:
+        """Of the simulation as it is."""
+        return score(self.simulated[self.scored], self.measured[self.scored])
+
+    @cached_property
+    def after(self) -> Scores:
+        """Of the corrected simulation."""
+        return score(self.corrected[self.scored], self.measured[self.scored])
+
+    @cached_property
+    def oracle(self) -> OracleLag:
+        """Of the corrected simulation, shifted by the one lag that suits the measurement best: a best case, no score."""
+        measured = self.measured[self.scored]
+        return oracle_lag(self.corrected[self.scored], measured, measured.std(axis=0), ORACLE_LIMIT)
+
+    def within(self, width: float = 2.0) -> Float64[np.ndarray, " J"]:
+        """Share of the scored measured samples inside corrected +- width * sigma, a value a channel."""
+        rows = self.scored
+        return (np.abs(self.measured[rows] - self.corrected[rows]) <= width * self.sigma[rows]).mean(axis=0)
+
+    def share(self, status: Status) -> float:
+        """Share of all rows that have this status."""
+        return float(np.mean(self.status == status))
+
+    def record(self, values: Response, suffix: str = "") -> Record:
+        """One of the responses as a record for a file."""
+        channels = tuple(replace(channel, name=channel.name + suffix) for channel in self.channels)
+        return Record(self.t_ns, values, channels)
+
+
+def compare(pair: Pair, corrected: Record) -> Comparison:
+    """`corrected`: what a CorrectedStepper made of the plant of `pair`, on the rows of `pair.simulated`."""
+    channels = corrected.channels[: pair.measured.shape[1]]
+    names = [channel.name for channel in channels]
+    rows = corrected.rows(pair.rows.start or 0, pair.rows.stop)
+    extra = pair.simulated.channels[len(channels) :]
+    return Comparison(
+        condition=pair.condition,
+        channels=channels,
+        t_ns=rows.t_ns,
+        simulated=rows.select(names).values,
+        corrected=rows.select([f"{name}_corrected" for name in names]).values,
+        measured=pair.measured,
+        sigma=rows.select([f"{name}_sigma" for name in names]).values,
+        status=rows["corrector_status"].astype(np.int64),
+        offset=pair.offset,
+        excitation=rows[extra[0].name] if extra else None,
+    )

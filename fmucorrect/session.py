@@ -1,0 +1,259 @@
+"""Whole runs from a source to a record file: an FMU at a condition of a study, or a logged simulation, each chunk written
+as soon as it is there. Memory does not grow with the length, and a killed run leaves a readable MCAP file."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from fmucorrect import experiment, records, units
+from fmucorrect.errors import RecordError, SignalError
+from fmucorrect.fmu import input_record
+from fmucorrect.records.writing import Writer
+from fmucorrect.signals import NANOSECONDS, Channel, Condition, Record
+from fmucorrect.stepper import (
+    CorrectedStepper,
+    Corrector,
+    ReplayStepper,
+    Status,
+    Stepper,
+    corrected_channels,
+    grid,
+    run,
+)
+from fmucorrect.study import Study
+
+ROWS = 1024
+"""Samples that are computed and written at once."""
+
+SIMULATION, CORRECTED = "/simulation", "/corrected"
+Progress = Callable[[int], object]
+"""Called with the number of rows done since its last call."""
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What a run wrote.
+
+    rows: samples. seconds: simulated time from the first to the last sample. elapsed: wall clock, s. status: share of the
+    samples by status name, empty where nothing was corrected.
+    """
+
+    path: Path
+    topics: tuple[str, ...]
+    rows: int
+    seconds: float
+    elapsed: float
+    status: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+
+    @property
+    def real_time_factor(self) -> float:
+        """Simulated seconds a second of wall clock."""
+        return self.seconds / max(self.elapsed, 1e-9)
+
+    def to_json(self) -> dict[str, Any]:
+        """For programs; seconds and shares as numbers."""
+        return {
+            "path": str(self.path),
+            "topics": list(self.topics),
+            "rows": self.rows,
+            "seconds": self.seconds,
+            "elapsed": round(self.elapsed, 6),
+            "real_time_factor": round(self.real_time_factor, 3),
+            "status": dict(self.status),
+        }
+
+
+def run_study(
+    study: Study,
+    condition: Condition,
+    out: Path,
+    corrector: Corrector | None = None,
+    *,
+    duration: float | None = None,
+    progress: Progress | None = None,
+) -> Summary:
+    """Simulate a condition, through `corrector` where there is one, into a record file.
+
+    duration: s from time zero, by default as long as the condition was measured; a simulated record is taken whole.
+    """
+    plant = experiment.plant(study, condition)
+    inputs = study_inputs(study, condition, duration)
+    return _write(plant, corrector, condition, inputs, out, progress)
+
+
+def replay_log(
+    log: Path,
+    condition: Condition,
+    out: Path,
+    corrector: Corrector,
+    *,
+    topic: str | None = None,
+    repair: str | None = None,
+    unit: str | None = None,
+    progress: Progress | None = None,
+) -> Summary:
+    """Stream a logged simulation through `corrector` into a record file; `unit` is that of columns whose file says none."""
+    channels = corrector.channels
+    inputs = log_inputs(log, channels, topic=topic, repair=repair, unit=unit)
+    return _write(ReplayStepper(channels), corrector, condition, inputs, out, progress)
+
+
+def study_inputs(study: Study, condition: Condition, duration: float | None = None) -> Iterator[Record]:
+    """What drives the plant of a condition, chunk by chunk."""
+    if condition.simulated is not None or study.simulation.fmu is None:
+        if condition.simulated is None:
+            raise RecordError(f"condition {condition.name!r} has neither an FMU nor a simulated record")
+        yield from log_inputs(condition.simulated, (*study.channels, *experiment.excitation_channel(study)))
+        return
+    series = records.read(condition.inputs) if condition.inputs is not None else None
+    length = experiment.duration(condition) if duration is None else duration
+    for chunk in grid(length, study.simulation.step_ns, ROWS):
+        yield chunk if series is None else input_record(chunk.t_ns, series)
+
+
+def log_inputs(
+    log: Path,
+    channels: tuple[Channel, ...],
+    *,
+    topic: str | None = None,
+    repair: str | None = None,
+    unit: str | None = None,
+) -> Iterator[Record]:
+    """The columns of a logged simulation that `channels` name (by `simulation` or `name`), in their units.
+
+    topic: by default /simulation where the file has it, else wherever the columns are. Raises RecordError for a column
+    that is not there, SignalError for a unit that does not fit or is not said.
+    """
+    chosen = topic or default_topic(log)
+    factors: np.ndarray | None = None
+    for chunk in records.stream(log, columns(log, channels, chosen), topic=chosen, repair=repair, rows=ROWS):
+        if factors is None:
+            pairs = zip(chunk.channels, channels, strict=True)
+            factors = np.array([_factor(have, want, log, unit) for have, want in pairs])
+        yield replace(chunk, values=chunk.values * factors if (factors != 1.0).any() else chunk.values)
+
+
+def columns(log: Path, channels: tuple[Channel, ...], topic: str | None = None) -> list[str]:
+    """The column of each channel: the one named `simulation`, or where the log has none of that, the one named `name`."""
+    there = {
+        name
+        for item in records.describe(log).topics
+        if topic in (None, item.topic.name)
+        for column in item.topic.columns
+        for name in (column.name, item.topic.full_name(column.name))
+    }
+    ends = {name[i + 1 :] for name in there for i, letter in enumerate(name) if letter == "."} | there
+
+    def column(channel: Channel) -> str:
+        names = [name for name in (channel.simulation, channel.name) if name]
+        return next((name for name in names if name in ends), names[0])
+
+    return [column(channel) for channel in channels]
+
+
+def default_topic(log: Path) -> str | None:
+    """/simulation where the log has that topic beside others, else None."""
+    names = [item.topic.name for item in records.describe(log).topics]
+    return SIMULATION if len(names) > 1 and SIMULATION in names else None
+
+
+def logged_condition(log: Path, topic: str | None = None) -> Condition | None:
+    """The condition that a log of ours carries in its metadata, None where it does not."""
+    for item in records.describe(log).topics:
+        data = item.topic.metadata
+        if topic in (None, item.topic.name) and {"condition", "speed", "amplitude", "frequency", "start"} <= set(data):
+            numbers = (float(data[key]) for key in ("speed", "amplitude", "frequency", "start"))
+            return Condition(data["condition"], data.get("role", "development"), *numbers)
+    return None
+
+
+def metadata(condition: Condition) -> dict[str, str]:
+    """What a record says of its condition; `logged_condition` reads it again."""
+    return {
+        "condition": condition.name,
+        "role": condition.role,
+        "speed": repr(condition.speed),
+        "amplitude": repr(condition.amplitude),
+        "frequency": repr(condition.frequency),
+        "start": repr(condition.start),
+    }
+
+
+def _factor(have: Channel, want: Channel, log: Path, unit: str | None) -> float:
+    if have.unit in ("", "1") and want.unit not in ("", "1"):
+        if unit is None:
+            raise SignalError(
+                f"column {have.name!r} has no unit",
+                where=str(log),
+                expected=f"a unit like {want.unit!r}",
+                remedy=f"Name it in the file (in CSV: '{have.name} [{want.unit}]'), or give --unit {want.unit}.",
+            )
+        return units.conversion(unit, want.unit, f"--unit for column {have.name}")
+    return units.conversion(have.unit, want.unit, f"{log}, column {have.name}")
+
+
+class _Recorder:
+    """Writes results as they come, and counts them."""
+
+    def __init__(self, file: Writer, condition: Condition, added: int, several: bool, progress: Progress | None) -> None:
+        """added: columns of the correction, behind the simulation's. several: whether the file takes several topics."""
+        self._file, self._notes, self._added, self._several = file, metadata(condition), added, several
+        self._progress = progress
+        self.rows, self.first_ns, self.last_ns = 0, 0, 0
+        self.counts = np.zeros(len(Status), np.int64)
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        if not self._added:
+            return (SIMULATION,)
+        return (SIMULATION, CORRECTED) if self._several else (CORRECTED,)
+
+    def take(self, result: Record) -> None:
+        if not len(result):
+            return
+        result = replace(result, metadata=self._notes)
+        topics = self.topics
+        if len(topics) == 1:
+            self._file.write(topics[0], result)
+        else:
+            simulated = len(result.channels) - self._added
+            self._file.write(SIMULATION, result.select(result.names[:simulated]))
+            self._file.write(CORRECTED, result.select(result.names[simulated:]))
+        if self._added:
+            self.counts += np.bincount(result["corrector_status"].astype(np.int64), minlength=len(Status))
+        self.first_ns = self.first_ns if self.rows else int(result.t_ns[0])
+        self.last_ns = int(result.t_ns[-1])
+        self.rows += len(result)
+        if self._progress is not None:
+            self._progress(len(result))
+
+
+def _write(
+    plant: Stepper,
+    corrector: Corrector | None,
+    condition: Condition,
+    inputs: Iterable[Record],
+    out: Path,
+    progress: Progress | None,
+) -> Summary:
+    begun = time.perf_counter()
+    try:
+        stepper = plant if corrector is None else CorrectedStepper(plant, corrector)
+        added = 0 if corrector is None else len(corrected_channels(corrector.channels))
+        with records.writer(out) as file:
+            recorder = _Recorder(file, condition, added, out.suffix.lower() == ".mcap", progress)
+            run(stepper, condition, inputs, recorder.take)
+    finally:
+        plant.close()
+    if not recorder.rows:
+        raise RecordError("there was nothing to run: the input has no rows", where=str(out))
+    shares = {} if corrector is None else {s.name.lower(): float(recorder.counts[s] / recorder.rows) for s in Status}
+    seconds = (recorder.last_ns - recorder.first_ns) / NANOSECONDS
+    return Summary(out, recorder.topics, recorder.rows, seconds, time.perf_counter() - begun, shares)
