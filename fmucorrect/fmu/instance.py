@@ -25,7 +25,8 @@ WARNING, DISCARD, FATAL = 1, 2, 4
 
 class Instance(ABC):
     """Call order: begin; set_start; initialise; exit_initialisation; then step() and what bind() gave; begin again for
-    another run; close. Raises FmuError when the library cannot be loaded or the solver refuses.
+    another run; close, which is all that is allowed after an error. Raises FmuError when the library cannot be loaded or
+    the solver refuses.
 
     time, size: s, where step() starts and how far it goes, to be set before it. step() gives an FMI status, and flags
     is not 0 when the solver has more to say: finish_step() is for both. What bind() gave stays valid until close().
@@ -76,14 +77,13 @@ class Instance(ABC):
 
     def begin(self) -> None:
         """A fresh instance: whatever an earlier run left behind is gone."""
-        if self._component and self._description.one_instance and self._last_status < DISCARD:
+        if self._component and self._description.one_instance:
             if self._initialised:
                 self.call("Terminate")
             self.call("Reset")
         else:
             # not Reset: many solvers leave something behind in it
             self._end()
-            self._last_status = 0
             self._component.value = self._instantiate()
             if not self._component:
                 raise FmuError(f"the solver could not be started{self._log.said}", where=str(self._description.path))

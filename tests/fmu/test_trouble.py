@@ -146,6 +146,22 @@ def test_own_logger_and_debug(trouble: Path, caplog: pytest.LogCaptureFixture, h
     assert messages[-1] == ("mine", logging.DEBUG, "trouble.fmu: [debug] freed 0")
 
 
+@pytest.mark.parametrize(("mode", "freed"), [("ERROR", 1), ("FATAL", 0)])
+def test_nothing_is_called_after_a_fatal_error(trouble: Path, mode: str, freed: int, caplog: pytest.LogCaptureFixture):
+    caplog.set_level(logging.DEBUG, "fmucorrect.fmu")
+    with FmuStepper(trouble, REAL) as stepper, pytest.raises(FmuError):
+        run(stepper, ordered(mode), grid(0.01, MS))
+    assert caplog.text.count("freed") == freed
+
+
+def test_only_what_runs_here_is_unpacked(oscillator: Path, held: Held, tmp_path: Path):
+    with FmuStepper(oscillator, (Channel("x", "", simulation="mass1.x"),)) as stepper:
+        stepper.reset(Condition("a"))
+        (folder,) = (tmp_path / "temporär files").iterdir()
+        assert sorted(path.name for path in folder.iterdir()) == ["binaries", "modelDescription.xml", "resources"]
+        assert [path.name for path in (folder / "binaries").iterdir()] == [stepper.description.binaries]
+
+
 def test_one_instance_in_a_process(version: str, library: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture):
     xml = description(version).replace('"trouble"/>', '"trouble" canBeInstantiatedOnlyOncePerProcess="true"/>')
     caplog.set_level(logging.DEBUG, "fmucorrect.fmu")
