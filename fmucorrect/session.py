@@ -14,7 +14,7 @@ import numpy as np
 
 from fmucorrect import experiment, records, units
 from fmucorrect.errors import RecordError, SignalError
-from fmucorrect.fmu import input_record
+from fmucorrect.fmu import FmuStepper, input_record
 from fmucorrect.records.writing import Writer
 from fmucorrect.signals import NANOSECONDS, Channel, Condition, Record
 from fmucorrect.stepper import (
@@ -83,7 +83,7 @@ def run_study(
 
     duration: s from time zero, by default as long as the condition was measured; a simulated record is taken whole.
     """
-    plant = experiment.plant(study, condition)
+    plant = study_plant(study, condition)
     inputs = study_inputs(study, condition, duration)
     return _write(plant, corrector, condition, inputs, out, progress)
 
@@ -103,6 +103,20 @@ def replay_log(
     channels = corrector.channels
     inputs = log_inputs(log, channels, topic=topic, repair=repair, unit=unit)
     return _write(ReplayStepper(channels), corrector, condition, inputs, out, progress)
+
+
+def study_plant(study: Study, condition: Condition) -> Stepper:
+    """The plant of a condition; the excitation, where the study names one, is a response of its own behind the channels."""
+    channels = (*study.channels, *experiment.excitation_channel(study))
+    if condition.simulated is not None or study.simulation.fmu is None:
+        return ReplayStepper(channels)
+    names = records.describe(condition.inputs).topics[0].topic.columns if condition.inputs is not None else ()
+    return FmuStepper(
+        study.simulation.fmu,
+        channels,
+        inputs=tuple(column.name for column in names),
+        parameters=study.simulation.parameters,
+    )
 
 
 def study_inputs(study: Study, condition: Condition, duration: float | None = None) -> Iterator[Record]:

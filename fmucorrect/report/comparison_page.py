@@ -1,0 +1,210 @@
+"""The page that shows a corrected run beside its measurement."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from fmucorrect.comparison import Comparison
+from fmucorrect.metrics import Scores
+from fmucorrect.report import figures
+from fmucorrect.report.html import Page, Row
+from fmucorrect.signals import NANOSECONDS
+from fmucorrect.stepper import Status
+
+STATUS = {
+    Status.OK: ("#1b7f4b", "ok: inside what the corrector was trained for"),
+    Status.WARMUP: ("#9aa4b1", "warm-up: the window is filling, the simulation passes through"),
+    Status.OUTSIDE: ("#e0a100", "outside: beyond the training envelope, the correction fades to nothing"),
+}
+GLOSSARY = [
+    ("measured", "the displacement sensors' record, put on the simulation's time by the excitation that both recorded"),
+    ("simulated", "the FMU's own output, nothing added"),
+    ("corrected", "the simulation plus what the corrector adds, computed from past samples of the simulation only"),
+    ("band ± 2σ", "two standard deviations that the corrector states for its own error, from speeds held out in training"),
+    ("R²", "share of the measurement's variance that is explained; 1 is perfect, below 0 is worse than a constant"),
+    ("NRMSE, NMAE", "root-mean-square and mean absolute error, in per cent of the measured range of the channel"),
+    ("oracle lag", "the single time shift that suits the measurement best; it needs the measurement, so it is no score"),
+    ("development, evaluation", "conditions that the corrector was trained on, and one that nothing was fitted to"),
+]
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Figures of somebody else to be shown beside: means over channels; NRMSE and NMAE in %."""
+
+    name: str
+    r2: float
+    nrmse: float
+    nmae: float
+
+
+@dataclass(frozen=True)
+class Context:
+    """What a comparison does not know of itself.
+
+    study, corrector: names. unseen: whether the corrector was trained without this condition. trained: names of the
+    conditions it was trained on. caution: what the reader must know before believing the figures. references with
+    their heading. speed: how fast it ran, in words. commands: how to make the page again.
+    """
+
+    study: str
+    corrector: str
+    unseen: bool
+    trained: Sequence[str] = ()
+    caution: str = ""
+    heading: str = ""
+    references: Sequence[Reference] = ()
+    speed: tuple[str, str] = ("", "")
+    commands: str = ""
+    facts: Sequence[tuple[str, str]] = field(default_factory=tuple)
+
+
+def headline(comparison: Comparison, unseen: bool) -> str:
+    """The result in one sentence."""
+    before, after = comparison.before.mean_nrmse, comparison.after.mean_nrmse
+    where = f"At {comparison.condition.speed:g} km/h" if comparison.condition.speed else f"In {comparison.condition.name}"
+    seen = ", which the corrector never saw," if unseen else ","
+    verb = "falls" if after < before else "rises"
+    return f"{where}{seen} the error {verb} from {before:.1f} % to {after:.1f} %"
+
+
+def build(comparison: Comparison, context: Context) -> Page:
+    """The page, ready to be written."""
+    before, after = comparison.before, comparison.after
+    names = ", ".join(channel.name for channel in comparison.channels)
+    page = Page(
+        headline(comparison, context.unseen),
+        f"{len(comparison.channels)} bogie displacements ({names}) of a multibody simulation, corrected online, sample by "
+        f"sample, against the measurement. Error: root mean square over the measured range (NRMSE), mean of the channels."
+        if all(channel.quantity == "displacement" for channel in comparison.channels)
+        else f"{names}, corrected online, sample by sample, against the measurement.",
+        kicker=f"fmucorrect · {context.study} · condition {comparison.condition.name}",
+    )
+    covered = 100.0 * float(comparison.within().mean())
+    page.tiles(
+        [
+            ("Error, NRMSE", f"{before.mean_nrmse:.1f}", f"{after.mean_nrmse:.1f} %", "of the measured range"),
+            ("Variance explained, R²", f"{before.mean_r2:.2f}", f"{after.mean_r2:.3f}", "1 is perfect"),
+            ("Inside the ± 2σ band", "", f"{covered:.0f} %", "of the measured samples; 95 % if errors were normal"),
+            *([("Speed", "", *context.speed)] if context.speed[0] else []),
+        ]
+    )
+    page.section("What was measured, and what the models say", _thinned(comparison))
+    page.figure(figures.histories(comparison), figures.views(comparison))
+    page.end()
+    page.section(
+        "How good it is", f"All {_scored_rows(comparison)} samples that simulation and measurement share, after warm-up."
+    )
+    page.figure(figures.bars(comparison))
+    page.table(["", "R²", *_columns(comparison, "NRMSE, %"), "NMAE, %"], _score_rows(comparison, context))
+    page.end()
+    page.section("What is left", "Simulated and corrected response minus the measurement.")
+    page.figure(figures.errors(comparison), figures.views(comparison))
+    page.end()
+    page.open_pair()
+    _time_section(page, comparison)
+    _status_section(page, comparison)
+    page.close_pair()
+    page.open_pair()
+    _condition_section(page, comparison, context)
+    page.section("What the words mean")
+    page.facts(GLOSSARY)
+    page.end()
+    page.close_pair()
+    if context.commands:
+        page.section("How to make this page")
+        page.commands(context.commands)
+        page.end()
+    if context.caution:
+        page.footer(context.caution)
+    return page
+
+
+def write(path: Path, comparison: Comparison, context: Context) -> None:
+    """Build and write the page. Raises OSError where it cannot be written."""
+    build(comparison, context).write(path)
+
+
+def _thinned(comparison: Comparison) -> str:
+    step = figures.thinning(comparison)
+    drawn = "All samples are drawn." if step == 1 else f"One sample in {step} is drawn; scores and the files use all."
+    return f"Drag to zoom all panels together, double-click for everything, click a name to hide its curve. {drawn}"
+
+
+def _scored_rows(comparison: Comparison) -> str:
+    rows = comparison.scored
+    return f"{rows.stop - rows.start:,}".replace(",", " ")
+
+
+def _columns(comparison: Comparison, last: str) -> list[str]:
+    return [*(f"R² {channel.name}" for channel in comparison.channels), last]
+
+
+def _score_rows(comparison: Comparison, context: Context) -> list[Row]:
+    def row(name: str, scores: Scores, kind: str = "") -> Row:
+        r2 = [f"{value:.4f}" for value in (scores.mean_r2, *scores.r2)]
+        return Row([name, *r2, f"{scores.mean_nrmse:.3f}", f"{scores.mean_nmae:.3f}"], kind)
+
+    oracle, blank = comparison.oracle, [""] * len(comparison.channels)
+    milliseconds = oracle.lag * float(np.median(np.diff(comparison.t_ns))) / 1e6
+    rows = [row("simulated", comparison.before), row("corrected", comparison.after, "strong")]
+    if context.references:
+        rows.append(Row([context.heading], "group"))
+        rows += [Row([r.name, f"{r.r2:.4f}", *blank, f"{r.nrmse:.4f}", f"{r.nmae:.4f}"]) for r in context.references]
+    rows.append(Row(["Apart, as it needs the measurement: a best case, no score"], "group"))
+    rows.append(row(f"corrected, with the best single time shift ({milliseconds:+g} ms)", oracle.scores))
+    return rows
+
+
+def _time_section(page: Page, comparison: Comparison) -> None:
+    offset = comparison.offset
+    if offset is None:
+        page.section("How time was registered", "There is no recorded excitation: both first samples count as one instant.")
+    else:
+        page.section(
+            "How time was registered",
+            "Simulation and measurement are laid over each other by the excitation that both recorded, never by the "
+            "response: an error in time stays visible.",
+        )
+        page.facts(
+            [
+                ("first measured sample", f"{offset.offset:+.6f} s on the simulation's clock"),
+                ("its uncertainty", f"{1e6 * offset.std:.2g} µs (one standard deviation)"),
+                ("gain of the excitation", f"{offset.gain:.6f} (measured over simulated)"),
+                ("explained", f"{100 * offset.explained:.4f} % of the measured excitation's variance"),
+            ]
+        )
+    page.end()
+
+
+def _status_section(page: Page, comparison: Comparison) -> None:
+    page.section("Where the corrector may be trusted", "It says so itself, sample by sample, in `corrector_status`.")
+    t = comparison.t_ns / NANOSECONDS
+    edges = [0, *(np.flatnonzero(np.diff(comparison.status)) + 1).tolist(), len(t)]
+    if len(edges) > 400:  # a flicker would make the page long without being seen
+        edges = [*edges[:: len(edges) // 400 + 1], len(t)]
+    parts = [(b - a, *STATUS[Status(int(comparison.status[a]))]) for a, b in pairwise(edges) if b > a]
+    keys = [(colour, f"{text} ({100 * comparison.share(status):.1f} %)") for status, (colour, text) in STATUS.items()]
+    page.strip([(length / len(t), colour, text) for length, colour, text in parts], (f"{t[0]:g} s", f"{t[-1]:g} s"), keys)
+    page.end()
+
+
+def _condition_section(page: Page, comparison: Comparison, context: Context) -> None:
+    condition = comparison.condition
+    page.section("The run")
+    page.facts(
+        [
+            ("condition", f"{condition.name}, {condition.role}"),
+            ("speed", f"{condition.speed:g} km/h"),
+            ("excitation", f"{condition.amplitude:g}°, {condition.frequency:g} Hz, from {condition.start:g} s on"),
+            ("corrector", context.corrector),
+            ("trained on", ", ".join(context.trained) or "not said"),
+            *context.facts,
+        ]
+    )
+    page.end()

@@ -1,0 +1,142 @@
+"""Figures of a comparison: histories with the band, errors, and scores by channel."""
+
+from __future__ import annotations
+
+import numpy as np
+from plotly import graph_objects as go
+from plotly.subplots import make_subplots
+
+from fmucorrect.comparison import Comparison
+from fmucorrect.signals import NANOSECONDS
+
+MEASURED, SIMULATED, CORRECTED = "#1c2430", "#d1642a", "#1668b0"
+BAND = "rgba(22, 104, 176, 0.18)"
+POINTS = 7500
+"""Most points of a curve that are drawn."""
+
+
+def thinning(comparison: Comparison) -> int:
+    """Every how many samples one is drawn: scores use them all, the page must stay small."""
+    return max(1, -(-len(comparison.t_ns) // POINTS))
+
+
+def first_view(comparison: Comparison, periods: float = 6.0, settle: float = 4.0) -> tuple[float, float]:
+    """A stretch of time, s, in which single waves can be seen: some seconds after the excitation began."""
+    start, stop = _ends(comparison)
+    length = periods / comparison.condition.frequency if comparison.condition.frequency > 0 else (stop - start) / 10
+    begin = min(max(comparison.condition.start + settle, start), max(stop - length, start))
+    return round(begin, 3), round(min(begin + length, stop), 3)
+
+
+def views(comparison: Comparison) -> list[tuple[str, tuple[float, float]]]:
+    """Stretches of time worth a button: label and ends in s."""
+    start, stop = (round(value, 3) for value in _ends(comparison))
+    begin = comparison.condition.start
+    view = first_view(comparison)
+    stretches = [(f"{view[1] - view[0]:g} s of the steady run", view)]
+    if start < begin < stop:
+        stretches.append(("onset of the excitation", (round(max(begin - 0.5, start), 3), round(min(begin + 2.5, stop), 3))))
+    return [*stretches, (f"all {stop - start:.0f} s", (start, stop))]
+
+
+def histories(comparison: Comparison) -> go.Figure:
+    """Measured, simulated and corrected with +-2 sigma: one panel a channel, one time axis."""
+    figure = _panels(comparison, 215)
+    step = thinning(comparison)
+    for j in range(len(comparison.channels)):
+        corrected, sigma = comparison.corrected[::step, j], comparison.sigma[::step, j]
+        band = {"line": {"width": 0}, "hoverinfo": "skip", "legendgroup": "band"}
+        _add(figure, comparison, j, corrected + 2 * sigma, showlegend=False, **band)
+        _add(
+            figure, comparison, j, corrected - 2 * sigma, "corrected ± 2σ", fill="tonexty", fillcolor=BAND, **band
+        )
+        _line(figure, comparison, j, comparison.simulated[::step, j], "simulated", SIMULATED, 1.3)
+        _line(figure, comparison, j, comparison.measured[::step, j], "measured", MEASURED, 2.2)
+        _line(figure, comparison, j, corrected, "corrected", CORRECTED, 1.5)
+    return figure
+
+
+def errors(comparison: Comparison) -> go.Figure:
+    """Simulated and corrected minus measured."""
+    figure = _panels(comparison, 150)
+    step = thinning(comparison)
+    for j in range(len(comparison.channels)):
+        measured = comparison.measured[::step, j]
+        _line(figure, comparison, j, comparison.simulated[::step, j] - measured, "simulated", SIMULATED, 1.2)
+        _line(figure, comparison, j, comparison.corrected[::step, j] - measured, "corrected", CORRECTED, 1.2)
+    return figure
+
+
+def bars(comparison: Comparison) -> go.Figure:
+    """R2 and NRMSE by channel and on average, simulated against corrected."""
+    before, after = comparison.before, comparison.after
+    names = [*(channel.name for channel in comparison.channels), "mean"]
+    figure = make_subplots(
+        1, 2, subplot_titles=("NRMSE, % of range (less is better)", "R² (1 is perfect)"), horizontal_spacing=0.1
+    )
+    for column, (key, form) in enumerate((("nrmse", ".1f"), ("r2", ".2f")), start=1):
+        for label, scores, colour in (("simulated", before, SIMULATED), ("corrected", after, CORRECTED)):
+            values = getattr(scores, key)
+            values = [*values.tolist(), float(values.mean())]
+            figure.add_trace(
+                go.Bar(
+                    x=names,
+                    y=values,
+                    name=label,
+                    marker_color=colour,
+                    text=[format(value, form) for value in values],
+                    textposition="outside",
+                    cliponaxis=False,
+                    showlegend=column == 1,
+                    legendgroup=label,
+                ),
+                row=1,
+                col=column,
+            )
+    _style(figure, 340)
+    figure.update_layout(barmode="group", bargap=0.3, bargroupgap=0.04, margin={"t": 78, "b": 30})
+    figure.update_yaxes(zeroline=True, zerolinecolor="#8a94a1")
+    return figure
+
+
+def _panels(comparison: Comparison, height: int) -> go.Figure:
+    count = len(comparison.channels)
+    titles = [f"<b>{channel.name}</b>" for channel in comparison.channels]
+    figure = make_subplots(count, 1, shared_xaxes=True, vertical_spacing=0.045, subplot_titles=titles)
+    _style(figure, height * count + 90)
+    figure.update_xaxes(range=list(first_view(comparison)), minallowed=_ends(comparison)[0], maxallowed=_ends(comparison)[1])
+    figure.update_xaxes(title_text="time, s", row=count, col=1)
+    for j, channel in enumerate(comparison.channels, start=1):
+        figure.update_yaxes(title_text=channel.unit, row=j, col=1)
+    figure.update_annotations(x=0, xanchor="left", font_size=13)
+    figure.update_layout(hovermode="x unified")
+    return figure
+
+
+def _style(figure: go.Figure, height: int) -> None:
+    figure.update_layout(
+        template="plotly_white",
+        height=height,
+        margin={"l": 62, "r": 16, "t": 64, "b": 46},
+        font={"family": "system-ui, Segoe UI, Roboto, Helvetica, Arial, sans-serif", "size": 13, "color": MEASURED},
+        legend={"orientation": "h", "x": 0, "y": 1, "yref": "container", "yanchor": "top", "traceorder": "normal"},
+        dragmode="zoom",
+    )
+
+
+def _line(figure: go.Figure, comparison: Comparison, j: int, y: np.ndarray, name: str, colour: str, width: float) -> None:
+    _add(figure, comparison, j, y, name, line={"color": colour, "width": width}, legendgroup=name)
+
+
+def _add(figure: go.Figure, comparison: Comparison, j: int, y: np.ndarray, name: str = "", **options: object) -> None:
+    options.setdefault("showlegend", j == 0)
+    start = comparison.t_ns[0] / NANOSECONDS
+    step = thinning(comparison) * float(np.median(np.diff(comparison.t_ns))) / NANOSECONDS
+    trace = go.Scatter(
+        x0=start, dx=step, y=y.astype(np.float32), name=name, mode="lines", hovertemplate="%{y:.3f}", **options
+    )
+    figure.add_trace(trace, row=j + 1, col=1)
+
+
+def _ends(comparison: Comparison) -> tuple[float, float]:
+    return float(comparison.t_ns[0]) / NANOSECONDS, float(comparison.t_ns[-1]) / NANOSECONDS
