@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -183,6 +184,38 @@ def context(comparison: Comparison, online: Online, study: Study, model: Bundle,
 def unseen(comparison: Comparison, model: Bundle) -> bool:
     """Whether no condition that the corrector was trained on has this speed."""
     return all(c.get("speed") != comparison.condition.speed for c in model.info.conditions)
+
+
+def next_steps(result: Result) -> str:
+    """What to try next, with the files that are there."""
+    model = result.model.path
+    return (
+        f"  fmucorrect replay {result.record} --corrector {model} -o again.mcap   the logged simulation, corrected again\n"
+        f"  fmucorrect inspect {result.record} {model}   what is in them, and do they fit\n"
+        f"  fmucorrect run {result.study.path} --condition 385 --corrector {model} -o run.mcap   or with a study of yours"
+    )
+
+
+def to_json(result: Result) -> dict[str, Any]:
+    """The figures for programs; NRMSE and NMAE in %, times in s."""
+
+    def scores(s: Scores) -> dict[str, Any]:
+        names = [channel.name for channel in result.comparison.channels]
+        each = {k: dict(zip(names, getattr(s, k).tolist(), strict=True)) for k in ("r2", "nrmse", "nmae")}
+        return {"mean_r2": s.mean_r2, "mean_nrmse": s.mean_nrmse, "mean_nmae": s.mean_nmae, **each}
+
+    comparison = result.comparison
+    return {
+        "condition": comparison.condition.name,
+        "samples": comparison.scored.stop - comparison.scored.start,
+        "simulated": scores(comparison.before),
+        "corrected": scores(comparison.after),
+        "oracle": {"lag_samples": comparison.oracle.lag, **scores(comparison.oracle.scores)},
+        "within_two_sigma": float(comparison.within().mean()),
+        "step_seconds": result.online.step,
+        "seconds": result.seconds,
+        "files": [str(result.record), str(result.page)],
+    }
 
 
 NEXT = """fmucorrect replay demo.mcap --corrector corrector.onnx -o again.mcap     # the logged simulation, corrected again

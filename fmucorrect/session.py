@@ -132,6 +132,20 @@ def study_inputs(study: Study, condition: Condition, duration: float | None = No
         yield chunk if series is None else input_record(chunk.t_ns, series)
 
 
+def expected_rows(study: Study, condition: Condition, duration: float | None = None) -> int:
+    """How many samples `study_inputs` gives."""
+    if condition.simulated is not None:
+        return logged_rows(condition.simulated, None)
+    length = experiment.duration(condition) if duration is None else duration
+    return round(length * NANOSECONDS / study.simulation.step_ns) + 1
+
+
+def logged_rows(log: Path, topic: str | None) -> int:
+    """How many samples the topic has, or the longest topic of the log."""
+    topics = [item for item in records.describe(log).topics if topic in (None, item.topic.name)]
+    return max((item.extent.rows for item in topics), default=0)
+
+
 def log_inputs(
     log: Path,
     channels: tuple[Channel, ...],
