@@ -141,7 +141,7 @@ class Bundle:
         window: Float32[np.ndarray, "1 W J"],
         condition: Float32[np.ndarray, "1 3"],
         seconds: Float64[np.ndarray, "1 1"],
-    ) -> Callable[[], Correction]:
+    ) -> tuple[Callable[[], object], Correction]:
         from onnxruntime import OrtValue
 
         binding = self._session.io_binding()
@@ -153,15 +153,13 @@ class Bundle:
         for name, array in zip(OUTPUTS, (corrected, sigma, inside), strict=True):
             binding.bind_ortvalue_output(name, OrtValue.ortvalue_from_numpy(array))
         delta, last = np.zeros_like(corrected), window[:, -1]
-        answer = Correction(delta, sigma, inside[0])
         run, subtract = self._session.run_with_iobinding, np.subtract
 
-        def correct() -> Correction:
+        def correct() -> None:
             run(binding)
-            subtract(corrected, last, out=delta)
-            return answer
+            subtract(corrected, last, delta)
 
-        return correct
+        return correct, Correction(delta, sigma, inside[0])
 
 
 def load(path: str | Path) -> Bundle:

@@ -67,5 +67,13 @@ class LinearCorrector:
             delta += weight * windows[:, row]
         return Correction(delta * inside[:, None], np.full_like(delta, 0.1), inside)
 
-    def bind(self, window: np.ndarray, condition: np.ndarray, seconds: np.ndarray) -> Callable[[], Correction]:
-        return lambda: self.correct(window, condition[0], seconds[:, 0])
+    def bind(
+        self, window: np.ndarray, condition: np.ndarray, seconds: np.ndarray
+    ) -> tuple[Callable[[], object], Correction]:
+        answer = self.correct(window, condition[0], seconds[:, 0])
+
+        def correct() -> None:
+            for old, new in zip(answer, self.correct(window, condition[0], seconds[:, 0]), strict=True):
+                old[:] = new
+
+        return correct, answer

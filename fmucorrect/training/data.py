@@ -48,12 +48,17 @@ def samples(pair: Pair, rows: int) -> Samples:
     )
 
 
+FLOOR = 0.03
+"""A window feature is amplified at most as if its standard deviation were this share of the strongest one's. Weaker ones
+are differences of nearly equal samples: amplified fully, float32 arithmetic on two machines would differ by 1e-4 mm."""
+
+
 @dataclass(frozen=True)
 class Scales:
     """Everything that is derived from the development data before any network is fitted.
 
     response: (J,) displacement scales s_q, the standard deviation of the measured channels (paper, section 3.3). window:
-    one scale for the simulated histories. components: (W J, d) window features, whitened. speed: km/h, centre and half
+    one scale for the simulated histories. components: (W J, d) window features, whitened as far as FLOOR lets. speed: km/h, centre and half
     span; uncorrected: (J,) rms of measurement minus simulation. extent: (J,) largest simulated deflection.
     """
 
@@ -77,14 +82,14 @@ def scales(development: Sequence[Samples], history: int, stride: int) -> Scales:
     # eigenvectors of the second moments: the same directions as a singular value decomposition, at a fraction of the time
     power, vectors = np.linalg.eigh(flat.T @ flat / (len(flat) * window**2))
     order = np.argsort(power)[::-1][:history]
-    kept = order[power[order] > 1e-10 * power[order[0]]]
+    spread = np.sqrt(np.maximum(power[order], FLOOR**2 * power[order[0]]))
     speeds = [float(s.condition[0]) for s in development]
     half = (max(speeds) - min(speeds)) / 2.0
     error = np.concatenate([s.measured - s.simulated for s in development])
     return Scales(
         response=response,
         window=window,
-        components=vectors[:, kept] / np.sqrt(power[kept]) / window,
+        components=vectors[:, order] / spread / window,
         speed=((max(speeds) + min(speeds)) / 2.0, 2.0 * half if half > 0.0 else max(abs(max(speeds)), 1.0)),
         uncorrected=np.sqrt((error**2).mean(axis=0)),
         extent=np.max([np.abs(s.simulated).max(axis=0) for s in development], axis=0),

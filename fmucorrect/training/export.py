@@ -40,27 +40,21 @@ def graph(corrector: Corrector, rows: int, channels: int) -> bytes:
         return output
 
     weights = {name: tensor.numpy() for name, tensor in corrector.tensors().items()}
-    weights["minus_S"] = -weights["S"]
-    constants: dict[str, np.ndarray] = {
-        "zero": np.array(0.0, np.float32),
-        "one": np.array(1.0, np.float32),
-        "axis": np.array([1], np.int64),
-    }
-    flat = add("Flatten", ["window"], "history", axis=1)
-    x = add("Concat", [flat, "condition"], "x", axis=1)
-    add("Gemm", [add("Tanh", [add("Gemm", [x, "A1", "a1"], "A")], "tanh_A"), "A2", "a2"], "baseline")
-    parts = ["baseline", add("MatMul", [x, "P"], "features"), "condition"]
+    constants: dict[str, np.ndarray] = {}
+    parts = [add("Flatten", ["window"], "history", axis=1), "condition"]
     if corrector.phase:
         parts.append(_phase(add, constants))
-    u = add("Concat", parts, "u", axis=1)
-    ramps = add("Clip", [add("Gemm", [u, "R", "r"], "ramps"), "zero", "one"], "clipped")
-    add("ReduceMin", [ramps, "axis"], "in_envelope", keepdims=1)
+    x = add("Concat", parts, "x", axis=1)
+    hidden = add("Tanh", [add("Gemm", [x, "A", "a"], "hidden_0")], "tanh_0")
+    base = add("Gemm", [hidden, "B", "b"], "baseline")
     for i in range(1, corrector.layers + 1):
-        u = add("Tanh", [add("Gemm", [u, f"W{i}", f"w{i}"], f"layer_{i}")], f"tanh_{i}")
-    lead = add("Gemm", [x, "minus_S", "baseline"], "baseline_minus_last")
-    delta = add("Mul", ["in_envelope", add("Gemm", [u, "Wo", lead], "correction")], "delta")
-    add("Gemm", [x, "S", delta], "corrected")
-    add("Gemm", ["in_envelope", "s", "s_u"], "sigma")
+        hidden = add("Tanh", [add("Gemm", [hidden, f"C{i}", f"c{i}"], f"hidden_{i}")], f"tanh_{i}")
+    outside = add("Relu", [add("Gemm", [x, "R", "r"], "ramps")], "outside")
+    inside = add("Relu", [add("Gemm", [outside, "v", "one"], "share")], "in_envelope")
+    response = add("Gemm", [hidden, "D", base], "response")
+    delta = add("Mul", [inside, add("Gemm", [outside, "minus_Q", response], "lead")], "delta")
+    add("Gemm", [outside, "Q", delta], "corrected")
+    add("Gemm", [inside, "s", "s_u"], "sigma")
 
     def tensor(name: str, kind: int, *shape: int) -> Any:
         return helper.make_tensor_value_info(name, kind, ["N", *shape])

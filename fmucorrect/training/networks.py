@@ -1,12 +1,15 @@
 """The corrector's network, in the form in which it is trained, exported and deployed: one and the same arithmetic.
 
-x      = (window, condition)                               flat, (N, W J + 3), in the channels' units
-base   = A2' tanh(A1' x + a1) + a2                         TDNN baseline times rho (eqs. tdnn_definition, alignment_fit)
-u      = (base, P' x, condition, [sin, cos of the phase])  P: features of the history
-corr   = Wo' tanh(W2' tanh(W1' u + w1) + w2)               residual network (eq. multifidelity)
-inside = min clip(R' u + r, 0, 1)                          the training envelope
-delta  = inside (base + corr - q)                          q = S' x, the window's last row
-corrected = q + delta,  sigma = inside s_c + (1 - inside) s_u
+    x      = (window, condition, [sin, cos of the phase])  flat, in the channels' units
+    H      = tanh(A' x + a)                                hidden neurons of the TDNN, then of the residual network
+    base   = B' H + b                                      TDNN times rho (eqs. tdnn_definition, alignment_fit)
+    h      = tanh(C' H + c), ...                           further layers of the residual network; they see the baseline in H
+    y      = base + D' h                                   eq. multifidelity
+    V      = relu(R' x + r)                                how far outside the envelope; then q+ and q-, the window's last row
+    inside = relu(1 - v' V)                                1 inside the training envelope, fading to 0
+    delta  = inside (y - q),  corrected = q + delta,  sigma = inside (s_c - s_u) + s_u,  q = Q' V
+
+Eleven matrix products that ONNX Runtime fuses into twelve nodes: at one row a call a node costs more than its arithmetic.
 """
 
 from __future__ import annotations
@@ -37,52 +40,42 @@ class Outputs(NamedTuple):
 
 
 class Baseline(nn.Module):
-    """TDNN: (N, W J + 3) to the simulation's own response (N, J) (eq. tdnn_definition). Inputs and outputs are physical;
-    the scales are folded into the first and last layer's starting values, and only rescaled inputs meet the optimiser."""
+    """TDNN (eq. tdnn_definition): scaled history (N, W J) and speed (N, 1) to the simulation's own response (N, J), in
+    units of the response scales."""
 
-    def __init__(self, scales: Scales, inputs: int, width: int) -> None:
+    def __init__(self, history: int, width: int, channels: int) -> None:
         super().__init__()
-        channels = len(scales.response)
-        self.hidden = nn.Linear(inputs - 2, width)
+        self.hidden = nn.Linear(history + 1, width)
         self.out = nn.Linear(width, channels)
-        self.register_buffer("window", torch.tensor(scales.window))
-        self.register_buffer("speed", torch.tensor(scales.speed))
-        self.register_buffer("scale", torch.tensor(scales.response, dtype=torch.float32))
 
-    def forward(self, x: Float[Tensor, "N I"]) -> Float[Tensor, "N J"]:
-        history, speed = x[:, :-3] / self.window, (x[:, -3:-2] - self.speed[0]) / self.speed[1]
-        hidden = torch.tanh(self.hidden(torch.cat([history, speed], 1)))
-        return self.out(hidden) * self.scale
-
-    def folded(self, rho: float) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        """A1 (I, n), a1, A2 (n, J), a2 of the same map on physical inputs, amplitude factor included (float64)."""
-        weight, bias = self.hidden.weight.double(), self.hidden.bias.double()
-        first = torch.zeros(weight.shape[1] + 2, weight.shape[0], dtype=torch.float64)
-        first[:-3] = weight[:, :-1].T / self.window.double()
-        first[-3] = weight[:, -1] / self.speed[1].double()
-        bias = bias - weight[:, -1] * self.speed[0].double() / self.speed[1].double()
-        scale = self.scale.double() * rho
-        return first, bias, self.out.weight.double().T * scale, self.out.bias.double() * scale
+    def forward(self, u: Float[Tensor, "N U"]) -> Float[Tensor, "N J"]:
+        return self.out(torch.tanh(self.hidden(u)))
 
 
 class Residual(nn.Module):
-    """Residual correction: scaled features u to the correction in units of the response scales."""
+    """Residual correction: window features, speed (and phase) enter the first layer; the aligned baseline, in units of the
+    response scales, joins at the second. The correction comes out in units of the response scales."""
 
     def __init__(self, inputs: int, widths: Sequence[int], channels: int) -> None:
         super().__init__()
-        sizes = [inputs, *widths]
-        self.hidden = nn.ModuleList(nn.Linear(a, b) for a, b in pairwise(sizes))
-        self.out = nn.Linear(sizes[-1], channels, bias=False)
+        if len(widths) < 2:
+            raise ValueError("the residual network has at least two hidden layers; the second one sees the baseline")
+        self.first = nn.Linear(inputs, widths[0])
+        self.second = nn.Linear(widths[0] + channels, widths[1])
+        self.more = nn.ModuleList(nn.Linear(a, b) for a, b in pairwise(widths[1:]))
+        self.out = nn.Linear(widths[-1], channels, bias=False)
         nn.init.zeros_(self.out.weight)
 
-    def forward(self, u: Float[Tensor, "N U"]) -> Float[Tensor, "N J"]:
-        for layer in self.hidden:
-            u = torch.tanh(layer(u))
-        return self.out(u)
+    def forward(self, u: Float[Tensor, "N U"], base: Float[Tensor, "N J"]) -> Float[Tensor, "N J"]:
+        h = torch.tanh(self.second(torch.cat([torch.tanh(self.first(u)), base], 1)))
+        for layer in self.more:
+            h = torch.tanh(layer(h))
+        return self.out(h)
 
 
 class Corrector(nn.Module):
-    """The deployed arithmetic, all weights on physical inputs; export.py writes these very tensors into the ONNX graph."""
+    """The deployed arithmetic. Scales are folded into the weights, in double precision; export.py writes these very tensors
+    into the ONNX graph."""
 
     def __init__(
         self,
@@ -95,50 +88,36 @@ class Corrector(nn.Module):
         phase: bool,
     ) -> None:
         """envelope: (index into (q, condition), outer low, inner low, inner high, outer high) each; sigma: (J,) of the
-        corrected response, the channels' units."""
+        corrected response, in the channels' units."""
         super().__init__()
-        channels, self.phase = len(scales.response), phase
-        double = torch.float64
-        tensors: dict[str, Tensor] = {}
-        tensors["A1"], tensors["a1"], tensors["A2"], tensors["a2"] = baseline.folded(rho)
-        size, history = scales.components.shape
-        select = torch.zeros(size + 3, channels, dtype=double)
-        select[size - channels : size] = torch.eye(channels, dtype=double)
-        components = torch.zeros(size + 3, history, dtype=double)
-        components[:size] = torch.tensor(scales.components, dtype=double)
-        tensors["S"], tensors["P"] = select, torch.cat([components, select], 1)
-        response = torch.tensor(scales.response, dtype=double)
-        for i, module in enumerate(residual.hidden):
-            assert isinstance(module, nn.Linear)
-            weight, bias = module.weight.double().T, module.bias.double()
-            if i == 0:
-                weight, bias = self._fold(weight, bias, scales)
-            tensors[f"W{i + 1}"], tensors[f"w{i + 1}"] = weight, bias
-        tensors["Wo"] = residual.out.weight.double().T * response
-        ramps = torch.zeros(tensors["W1"].shape[0], 2 * len(envelope), dtype=double)
-        levels = torch.zeros(2 * len(envelope), dtype=double)
-        for i, (index, low, inner_low, inner_high, high) in enumerate(envelope):
-            row = channels + history + index
-            ramps[row, 2 * i], levels[2 * i] = 1.0 / (inner_low - low), -low / (inner_low - low)
-            ramps[row, 2 * i + 1], levels[2 * i + 1] = -1.0 / (high - inner_high), high / (high - inner_high)
-        tensors["R"], tensors["r"] = ramps, levels
-        uncorrected = torch.tensor(scales.uncorrected, dtype=double)
-        tensors["s"], tensors["s_u"] = (torch.tensor(sigma, dtype=double) - uncorrected)[None], uncorrected
-        self.layers = len(residual.hidden)
+        self.phase = phase
+        response = torch.tensor(scales.response)
+        channels, history = len(response), len(scales.components)
+        fold = _Fold(scales, phase)
+        first, first_bias = fold.first(baseline.hidden, torch.eye(history, dtype=torch.float64) / scales.window)
+        second, second_bias = fold.first(residual.first, torch.tensor(scales.components))
+        tdnn = _weight(baseline.out) * response * rho
+        offset = _bias(baseline.out) * response * rho
+        joined, joined_bias = _weight(residual.second), _bias(residual.second)
+        inner, aligned = joined[:-channels], joined[-channels:] / response[:, None]
+        tensors = {
+            "A": torch.cat([first, second], 1),
+            "a": torch.cat([first_bias, second_bias]),
+            "B": torch.cat([tdnn, torch.zeros(second.shape[1], channels, dtype=torch.float64)]),
+            "b": offset,
+            "C1": torch.cat([tdnn @ aligned, inner]),
+            "c1": joined_bias + offset @ aligned,
+        }
+        for i, layer in enumerate(residual.more, start=2):
+            assert isinstance(layer, nn.Linear)
+            tensors[f"C{i}"], tensors[f"c{i}"] = _weight(layer), _bias(layer)
+        tensors["D"] = _weight(residual.out) * response
+        tensors |= _envelope(envelope, channels, history, fold.inputs)
+        uncorrected = torch.tensor(scales.uncorrected)
+        tensors["s"], tensors["s_u"] = (torch.tensor(sigma, dtype=torch.float64) - uncorrected)[None], uncorrected
+        self.layers = 1 + len(residual.more)
         for name, tensor in tensors.items():
             self.register_buffer(name, tensor.detach().float().contiguous())
-
-    @staticmethod
-    def _fold(weight: Tensor, bias: Tensor, scales: Scales) -> tuple[Tensor, Tensor]:
-        """First residual layer, from (base / s_q, history, scaled speed, [phase]) to u, which q, amplitude and frequency
-        do not enter."""
-        channels, history = len(scales.response), scales.components.shape[1]
-        centre, span = scales.speed
-        base, rest, speed, phase = weight.split([channels, history, 1, len(weight) - channels - history - 1])
-        q = torch.zeros(channels, weight.shape[1], dtype=weight.dtype)
-        others = torch.zeros(2, weight.shape[1], dtype=weight.dtype)
-        scaled = base / torch.tensor(scales.response, dtype=weight.dtype)[:, None]
-        return torch.cat([scaled, rest, q, speed / span, others, phase]), bias - speed[0] * centre / span
 
     def tensors(self) -> dict[str, Tensor]:
         """Every weight by its name in the formulae above, float32."""
@@ -147,18 +126,70 @@ class Corrector(nn.Module):
     def forward(
         self, window: Float[Tensor, "N W J"], condition: Float[Tensor, "N 3"], time: Float[Tensor, "N 1"]
     ) -> Outputs:
-        b = self.tensors()
-        x = torch.cat([window.flatten(1), condition], 1)
-        base = torch.addmm(b["a2"], torch.tanh(torch.addmm(b["a1"], x, b["A1"])), b["A2"])
-        parts = [base, torch.mm(x, b["P"]), condition]
+        t = self.tensors()
+        parts = [window.flatten(1), condition]
         if self.phase:
             parts.append(phase_features(condition, time))
-        u = torch.cat(parts, 1)
-        inside = torch.addmm(b["r"], u, b["R"]).clamp(0.0, 1.0).min(dim=1, keepdim=True).values
+        x = torch.cat(parts, 1)
+        hidden = torch.tanh(torch.addmm(t["a"], x, t["A"]))
+        base = torch.addmm(t["b"], hidden, t["B"])
         for i in range(1, self.layers + 1):
-            u = torch.tanh(torch.addmm(b[f"w{i}"], u, b[f"W{i}"]))
-        delta = inside * (torch.mm(u, b["Wo"]) + (base - torch.mm(x, b["S"])))
-        return Outputs(torch.mm(x, b["S"]) + delta, base, torch.addmm(b["s_u"], inside, b["s"]), inside)
+            hidden = torch.tanh(torch.addmm(t[f"c{i}"], hidden, t[f"C{i}"]))
+        outside = torch.relu(torch.addmm(t["r"], x, t["R"]))
+        inside = torch.relu(torch.addmm(t["one"], outside, t["v"]))
+        lead = torch.addmm(torch.addmm(base, hidden, t["D"]), outside, t["minus_Q"])
+        delta = inside * lead
+        corrected = torch.addmm(delta, outside, t["Q"])
+        return Outputs(corrected, base, torch.addmm(t["s_u"], inside, t["s"]), inside)
+
+
+class _Fold:
+    """First layers on scaled inputs, turned into layers on x."""
+
+    def __init__(self, scales: Scales, phase: bool) -> None:
+        self._centre, self._span = scales.speed
+        self._history = len(scales.components)
+        self._phase = phase
+        self.inputs = self._history + 3 + 2 * phase
+
+    def first(self, layer: nn.Linear, features: Tensor) -> tuple[Tensor, Tensor]:
+        """features: (W J, d), what the layer's first d inputs are made of; then scaled speed, then perhaps phase."""
+        weight, count = _weight(layer), features.shape[1]
+        folded = torch.zeros(self.inputs, weight.shape[1], dtype=torch.float64)
+        folded[: self._history] = features @ weight[:count]
+        folded[self._history] = weight[count] / self._span
+        if len(weight) > count + 1:
+            folded[self._history + 3 :] = weight[count + 1 :]
+        return folded, _bias(layer) - weight[count] * self._centre / self._span
+
+
+def _envelope(
+    corners: Sequence[tuple[int, float, float, float, float]], channels: int, history: int, inputs: int
+) -> dict[str, Tensor]:
+    """R, r, v, Q and their company. A violation counts 1 where an outer corner is reached; violations add up."""
+    count = 2 * len(corners)
+    ramps = torch.zeros(inputs, count + 2 * channels, dtype=torch.float64)
+    levels = torch.zeros(count + 2 * channels, dtype=torch.float64)
+    for i, (index, low, inner_low, inner_high, high) in enumerate(corners):
+        row = history - channels + index
+        ramps[row, 2 * i], levels[2 * i] = -1.0 / (inner_low - low), inner_low / (inner_low - low)
+        ramps[row, 2 * i + 1], levels[2 * i + 1] = 1.0 / (high - inner_high), -inner_high / (high - inner_high)
+    eye = torch.eye(channels, dtype=torch.float64)
+    ramps[history - channels : history, count:] = torch.cat([eye, -eye], 1)
+    last = torch.cat([torch.zeros(count, channels, dtype=torch.float64), eye, -eye])
+    sum_up = torch.zeros(count + 2 * channels, 1, dtype=torch.float64)
+    sum_up[:count] = -1.0
+    return {"R": ramps, "r": levels, "v": sum_up, "one": torch.ones(1), "Q": last, "minus_Q": -last}
+
+
+def _weight(layer: nn.Module) -> Tensor:
+    assert isinstance(layer, nn.Linear)
+    return layer.weight.double().T
+
+
+def _bias(layer: nn.Module) -> Tensor:
+    assert isinstance(layer, nn.Linear)
+    return layer.bias.double()
 
 
 def phase_features(condition: Float[Tensor, "N 3"], time: Float[Tensor, "N 1"]) -> Float[Tensor, "N 2"]:

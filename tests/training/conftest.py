@@ -13,7 +13,7 @@ from fmucorrect.study import Study, load_study
 from fmucorrect.training.protocol import Trained, train
 from fmucorrect.training.settings import Settings
 
-SMALL = Settings(rows=8, baseline_width=6, baseline_epochs=30, history=4, widths=(16,), epochs=(30, 60), batch=512, stride=2)
+SMALL = Settings(rows=8, baseline_width=6, baseline_epochs=30, history=4, widths=(16, 16), epochs=(30, 60), batch=512, stride=2)
 HEAD = """format = 1
 name = "closed form"
 

@@ -54,10 +54,10 @@ def test_rows_and_batches_agree(trained: Trained, tmp_path: Path) -> None:
     inputs = random_inputs(3 * bundle.CHUNK // 2, SMALL.rows, 2)
     many = model.correct(inputs["window"], inputs["condition"][0], inputs["time"][:, 0])
     window, condition, seconds = inputs["window"][:1].copy(), inputs["condition"][:1].copy(), inputs["time"][:1].copy()
-    one = model.bind(window, condition, seconds)
+    correct, answer = model.bind(window, condition, seconds)
     for i in range(0, len(inputs["window"]), 97):
         window[:], seconds[:] = inputs["window"][i], inputs["time"][i]
-        answer = one()
+        correct()
         assert np.abs(answer.delta[0] - many.delta[i]).max() <= 1e-6
         assert np.abs(answer.sigma[0] - many.sigma[i]).max() <= 1e-6
 
