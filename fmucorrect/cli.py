@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -52,7 +52,9 @@ def main() -> None:
 
 
 @main.command()
-@click.option("-o", "--out", type=PATH, default=Path("fmucorrect-demo"), show_default=True, help="Folder to write into.")
+@click.option(
+    "-o", "--out", type=PATH, default=Path("fmucorrect-demo"), show_default=True, help="Folder to write into."
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
 def demo(out: Path, as_json: bool) -> None:
     """Correct a bogie on a roller rig at 385 km/h, a speed that the model never saw, and compare with the measurement.
@@ -95,9 +97,7 @@ def demo(out: Path, as_json: bool) -> None:
 @click.option("--duration", type=click.FloatRange(min=0, min_open=True), help="s; default: as long as the measurement.")
 @click.option("-o", "--out", type=PATH, required=True, help="Record file to write; .mcap takes several topics.")
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON.")
-def run(
-    study: Path, condition: str, corrector: Path | None, duration: float | None, out: Path, as_json: bool
-) -> None:
+def run(study: Path, condition: str, corrector: Path | None, duration: float | None, out: Path, as_json: bool) -> None:
     """Run the FMU of a STUDY at a condition, through a corrector, into a record file.
 
     Topics /simulation and /corrected (the latter with a corrector only). Stopped at any moment, the MCAP stays readable.
@@ -147,7 +147,7 @@ def replay(
     The operating condition comes from --study and --condition, else from the log itself (those that fmucorrect writes
     carry it); --speed, --amplitude, --frequency and --start go before both.
 
-    Example: fmucorrect replay run.csv --corrector corrector.onnx --speed 385 --amplitude 0.03 --frequency 2 --start 10 -o out.mcap
+    Example: fmucorrect replay run.csv --corrector corrector.onnx --study study.toml --condition 385 -o out.mcap
     """
     from fmucorrect import bundle, session
 
@@ -156,9 +156,7 @@ def replay(
     model = bundle.load(corrector)
     chosen = _condition(log, topic, study, condition, features)
     with _bar(session.logged_rows(log, topic), "sample", log.name) as advance:
-        summary = session.replay_log(
-            log, chosen, out, model, topic=topic, repair=repair, unit=unit, progress=advance
-        )
+        summary = session.replay_log(log, chosen, out, model, topic=topic, repair=repair, unit=unit, progress=advance)
     _print_summary(summary, as_json)
 
 
@@ -202,9 +200,7 @@ def _condition(
     given = {key: value for key, value in features.items() if value is not None}
     if known is None and len(given) < len(features):
         missing = ", ".join(f"--{key}" for key in features if key not in given)
-        raise UserError(
-            f"{log} does not say its operating condition: give {missing}, or --study and --condition"
-        )
+        raise UserError(f"{log} does not say its operating condition: give {missing}, or --study and --condition")
     return replace(known or Condition(log.stem), **given)
 
 
@@ -225,7 +221,7 @@ def _print_summary(summary: Summary, as_json: bool) -> None:
 
 
 @contextmanager
-def _bar(total: int | None, unit: str, what: str) -> Iterator[Callable[[int], object]]:
+def _bar(total: int | None, unit: str, what: str) -> Generator[Callable[[int], object]]:
     """A progress bar on standard error, off where that is no terminal."""
     from tqdm import tqdm
 

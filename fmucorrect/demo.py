@@ -35,7 +35,7 @@ CAUTION = (
     "with noise, gain and lag, made to disagree with the FMU about as much as in the paper. The paper's figures come from a "
     "real rig, so they show the order of size, not a contest."
 )
-NOTICE = "The measurement comes from a virtual rig (see the foot of the page); the paper's is a real one."
+NOTICE = "The measurement comes from a virtual rig (the page says how); the paper's is a real one."
 
 
 @dataclass(frozen=True)
@@ -161,12 +161,14 @@ def write_record(path: Path, corrected: Record, simulated: Record, comparison: C
 def context(comparison: Comparison, online: Online, study: Study, model: Bundle, rows: int) -> Context:
     """What the page says beside the comparison."""
     step = study.simulation.step_size
+    same = f"to {online.difference:.1e} mm" if online.difference else "to the last bit"
     trained = [f"{c['speed']:g} km/h" for c in model.info.conditions if "speed" in c]
     oracle = f"corrected R² {comparison.oracle.scores.mean_r2:.4f} with its oracle lag; the paper's {PAPER_ORACLE}"
     return Context(
         study=study.name,
         corrector=f"{model.info.name}: one ONNX file, window of {model.rows} samples of {1e3 * step:g} ms",
         unseen=unseen(comparison, model),
+        source="the measurement of a virtual rig",
         trained=trained,
         caution=CAUTION,
         heading=PAPER_HEADING,
@@ -175,7 +177,7 @@ def context(comparison: Comparison, online: Online, study: Study, model: Bundle,
         commands=f"pip install fmucorrect\nfmucorrect demo\n\n{NEXT}",
         facts=[
             ("simulated", f"{rows} steps of {1e3 * step:g} ms by {study.simulation.fmu and study.simulation.fmu.name}"),
-            ("one call a sample", f"agrees with chunks of {session.ROWS} to {online.difference:.1e} mm"),
+            ("one call a sample", f"agrees with chunks of {session.ROWS} {same}"),
             ("best case by time shift", oracle),
         ],
     )

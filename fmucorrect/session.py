@@ -33,6 +33,7 @@ ROWS = 1024
 """Samples that are computed and written at once."""
 
 SIMULATION, CORRECTED = "/simulation", "/corrected"
+FEATURES = ("speed", "amplitude", "frequency", "start")
 Progress = Callable[[int], object]
 """Called with the number of rows done since its last call."""
 
@@ -196,9 +197,10 @@ def logged_condition(log: Path, topic: str | None = None) -> Condition | None:
     """The condition that a log of ours carries in its metadata, None where it does not."""
     for item in records.describe(log).topics:
         data = item.topic.metadata
-        if topic in (None, item.topic.name) and {"condition", "speed", "amplitude", "frequency", "start"} <= set(data):
-            numbers = (float(data[key]) for key in ("speed", "amplitude", "frequency", "start"))
-            return Condition(data["condition"], data.get("role", "development"), *numbers)
+        if topic in (None, item.topic.name) and {"condition", *FEATURES} <= set(data):
+            speed, amplitude, frequency, start = (float(data[key]) for key in FEATURES)
+            role = data.get("role", "development")
+            return Condition(data["condition"], role, speed, amplitude, frequency, start)
     return None
 
 
@@ -230,7 +232,9 @@ def _factor(have: Channel, want: Channel, log: Path, unit: str | None) -> float:
 class _Recorder:
     """Writes results as they come, and counts them."""
 
-    def __init__(self, file: Writer, condition: Condition, added: int, several: bool, progress: Progress | None) -> None:
+    def __init__(
+        self, file: Writer, condition: Condition, added: int, several: bool, progress: Progress | None
+    ) -> None:
         """added: columns of the correction, behind the simulation's. several: whether the file takes several topics."""
         self._file, self._notes, self._added, self._several = file, metadata(condition), added, several
         self._progress = progress

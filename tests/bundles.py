@@ -11,7 +11,9 @@ from onnx import TensorProto, helper, numpy_helper
 from fmucorrect.bundle import Info, seal
 from fmucorrect.signals import Channel
 
-CHANNELS = tuple(Channel(name, unit="mm", quantity="displacement", simulation=name) for name in ("FW", "FB", "RW", "RB"))
+CHANNELS = tuple(
+    Channel(name, unit="mm", quantity="displacement", simulation=name) for name in ("FW", "FB", "RW", "RB")
+)
 WIDE = (-1e9, -1e9, 1e9, 1e9)
 
 
@@ -73,7 +75,7 @@ def _graph(count: int, rows: int, gain: float, last_speed: float) -> bytes:
         helper.make_node("Identity", ["time"], ["clock"]),
     ]
 
-    def tensor(name: str, kind: int, *shape: int):  # noqa: ANN202
+    def tensor(name: str, kind: int, *shape: int):
         return helper.make_tensor_value_info(name, kind, ["N", *shape])
 
     model = helper.make_model(

@@ -21,14 +21,21 @@ STATUS = {
     Status.WARMUP: ("#9aa4b1", "warm-up: the window is filling, the simulation passes through"),
     Status.OUTSIDE: ("#e0a100", "outside: beyond the training envelope, the correction fades to nothing"),
 }
+_WORDS = {1: "One", 2: "Two", 3: "Three", 4: "Four", 5: "Five", 6: "Six"}
 GLOSSARY = [
     ("measured", "the displacement sensors' record, put on the simulation's time by the excitation that both recorded"),
     ("simulated", "the FMU's own output, nothing added"),
     ("corrected", "the simulation plus what the corrector adds, computed from past samples of the simulation only"),
-    ("band ± 2σ", "two standard deviations that the corrector states for its own error, from speeds held out in training"),
+    (
+        "band ± 2σ",
+        "two standard deviations that the corrector states for its own error, from speeds held out in training",
+    ),
     ("R²", "share of the measurement's variance that is explained; 1 is perfect, below 0 is worse than a constant"),
     ("NRMSE, NMAE", "root-mean-square and mean absolute error, in per cent of the measured range of the channel"),
-    ("oracle lag", "the single time shift that suits the measurement best; it needs the measurement, so it is no score"),
+    (
+        "oracle lag",
+        "the single time shift that suits the measurement best; it needs the measurement, so it is no score",
+    ),
     ("development, evaluation", "conditions that the corrector was trained on, and one that nothing was fitted to"),
 ]
 
@@ -47,7 +54,8 @@ class Reference:
 class Context:
     """What a comparison does not know of itself.
 
-    study, corrector: names. unseen: whether the corrector was trained without this condition. trained: names of the
+    study, corrector: names. source: where the measurement comes from, in words.
+    unseen: whether the corrector was trained without this condition. trained: names of the
     conditions it was trained on. caution: what the reader must know before believing the figures. references with
     their heading. speed: how fast it ran, in words. commands: how to make the page again.
     """
@@ -55,6 +63,7 @@ class Context:
     study: str
     corrector: str
     unseen: bool
+    source: str = "the measurement"
     trained: Sequence[str] = ()
     caution: str = ""
     heading: str = ""
@@ -67,7 +76,9 @@ class Context:
 def headline(comparison: Comparison, unseen: bool) -> str:
     """The result in one sentence."""
     before, after = comparison.before.mean_nrmse, comparison.after.mean_nrmse
-    where = f"At {comparison.condition.speed:g} km/h" if comparison.condition.speed else f"In {comparison.condition.name}"
+    where = (
+        f"At {comparison.condition.speed:g} km/h" if comparison.condition.speed else f"In {comparison.condition.name}"
+    )
     seen = ", which the corrector never saw," if unseen else ","
     verb = "falls" if after < before else "rises"
     return f"{where}{seen} the error {verb} from {before:.1f} % to {after:.1f} %"
@@ -77,12 +88,12 @@ def build(comparison: Comparison, context: Context) -> Page:
     """The page, ready to be written."""
     before, after = comparison.before, comparison.after
     names = ", ".join(channel.name for channel in comparison.channels)
+    count = len(comparison.channels)
+    what = "bogie displacements" if all(c.quantity == "displacement" for c in comparison.channels) else "responses"
     page = Page(
         headline(comparison, context.unseen),
-        f"{len(comparison.channels)} bogie displacements ({names}) of a multibody simulation, corrected online, sample by "
-        f"sample, against the measurement. Error: root mean square over the measured range (NRMSE), mean of the channels."
-        if all(channel.quantity == "displacement" for channel in comparison.channels)
-        else f"{names}, corrected online, sample by sample, against the measurement.",
+        f"{_WORDS.get(count, str(count))} {what} ({names}) of a multibody simulation, corrected online, sample by sample, "
+        f"beside {context.source}. Error: root mean square over the measured range (NRMSE), mean of the channels.",
         kicker=f"fmucorrect · {context.study} · condition {comparison.condition.name}",
     )
     covered = 100.0 * float(comparison.within().mean())
@@ -95,16 +106,19 @@ def build(comparison: Comparison, context: Context) -> Page:
         ]
     )
     page.section("What was measured, and what the models say", _thinned(comparison))
-    page.figure(figures.histories(comparison), figures.views(comparison))
+    page.figure(figures.histories(comparison), figures.views(comparison, figures.response_curves(comparison)))
     page.end()
     page.section(
-        "How good it is", f"All {_scored_rows(comparison)} samples that simulation and measurement share, after warm-up."
+        "How good it is",
+        f"All {_scored_rows(comparison)} samples that simulation and measurement share, after warm-up.",
     )
     page.figure(figures.bars(comparison))
+    if context.caution:
+        page.caution(context.caution)
     page.table(["", "R²", *_columns(comparison, "NRMSE, %"), "NMAE, %"], _score_rows(comparison, context))
     page.end()
     page.section("What is left", "Simulated and corrected response minus the measurement.")
-    page.figure(figures.errors(comparison), figures.views(comparison))
+    page.figure(figures.errors(comparison), figures.views(comparison, figures.error_curves(comparison)))
     page.end()
     page.open_pair()
     _time_section(page, comparison)
@@ -120,8 +134,6 @@ def build(comparison: Comparison, context: Context) -> Page:
         page.section("How to make this page")
         page.commands(context.commands)
         page.end()
-    if context.caution:
-        page.footer(context.caution)
     return page
 
 
@@ -164,7 +176,9 @@ def _score_rows(comparison: Comparison, context: Context) -> list[Row]:
 def _time_section(page: Page, comparison: Comparison) -> None:
     offset = comparison.offset
     if offset is None:
-        page.section("How time was registered", "There is no recorded excitation: both first samples count as one instant.")
+        page.section(
+            "How time was registered", "There is no recorded excitation: both first samples count as one instant."
+        )
     else:
         page.section(
             "How time was registered",
@@ -183,14 +197,18 @@ def _time_section(page: Page, comparison: Comparison) -> None:
 
 
 def _status_section(page: Page, comparison: Comparison) -> None:
-    page.section("Where the corrector may be trusted", "It says so itself, sample by sample, in `corrector_status`.")
+    page.section(
+        "Where the corrector may be trusted", "It says so itself, sample by sample, in the column corrector_status."
+    )
     t = comparison.t_ns / NANOSECONDS
     edges = [0, *(np.flatnonzero(np.diff(comparison.status)) + 1).tolist(), len(t)]
     if len(edges) > 400:  # a flicker would make the page long without being seen
         edges = [*edges[:: len(edges) // 400 + 1], len(t)]
     parts = [(b - a, *STATUS[Status(int(comparison.status[a]))]) for a, b in pairwise(edges) if b > a]
     keys = [(colour, f"{text} ({100 * comparison.share(status):.1f} %)") for status, (colour, text) in STATUS.items()]
-    page.strip([(length / len(t), colour, text) for length, colour, text in parts], (f"{t[0]:g} s", f"{t[-1]:g} s"), keys)
+    page.strip(
+        [(length / len(t), colour, text) for length, colour, text in parts], (f"{t[0]:g} s", f"{t[-1]:g} s"), keys
+    )
     page.end()
 
 

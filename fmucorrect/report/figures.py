@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 from plotly import graph_objects as go
 from plotly.subplots import make_subplots
 
-from fmucorrect.comparison import Comparison
+from fmucorrect.comparison import Comparison, Response
+from fmucorrect.report.html import View
 from fmucorrect.signals import NANOSECONDS
 
 MEASURED, SIMULATED, CORRECTED = "#1c2430", "#d1642a", "#1668b0"
@@ -28,28 +32,48 @@ def first_view(comparison: Comparison, periods: float = 6.0, settle: float = 4.0
     return round(begin, 3), round(min(begin + length, stop), 3)
 
 
-def views(comparison: Comparison) -> list[tuple[str, tuple[float, float]]]:
-    """Stretches of time worth a button: label and ends in s."""
+def views(comparison: Comparison, curves: Sequence[Response]) -> list[tuple[str, View]]:
+    """Stretches of time worth a button, the first one first seen: label and axes, wide enough there for `curves`."""
     start, stop = (round(value, 3) for value in _ends(comparison))
-    begin = comparison.condition.start
-    view = first_view(comparison)
-    stretches = [(f"{view[1] - view[0]:g} s of the steady run", view)]
+    begin, steady = comparison.condition.start, first_view(comparison)
+    stretches = [(f"{steady[1] - steady[0]:g} s of the steady run", steady)]
     if start < begin < stop:
-        stretches.append(("onset of the excitation", (round(max(begin - 0.5, start), 3), round(min(begin + 2.5, stop), 3))))
-    return [*stretches, (f"all {stop - start:.0f} s", (start, stop))]
+        onset = round(max(begin - 0.5, start), 3), round(min(begin + 2.5, stop), 3)
+        stretches.append(("onset of the excitation", onset))
+    stretches.append((f"all {stop - start:.0f} s", (start, stop)))
+    return [(label, _view(comparison, curves, span)) for label, span in stretches]
+
+
+def response_curves(comparison: Comparison) -> list[Response]:
+    """What `histories` draws, but for the band."""
+    return [comparison.measured, comparison.simulated, comparison.corrected]
+
+
+def error_curves(comparison: Comparison) -> list[Response]:
+    """What `errors` draws."""
+    return [comparison.simulated - comparison.measured, comparison.corrected - comparison.measured]
+
+
+def _view(comparison: Comparison, curves: Sequence[Response], span: tuple[float, float]) -> View:
+    t = comparison.t_ns / NANOSECONDS
+    rows = (t >= span[0]) & (t <= span[1])
+    highest = [max(float(np.abs(curve[rows, j]).max()) for curve in curves) for j in range(len(comparison.channels))]
+    view: dict[str, tuple[float, float]] = {"xaxis": span}
+    for j, value in enumerate(highest):
+        limit = float(f"{1.12 * (value or 1.0):.3g}")
+        view[f"yaxis{j + 1 if j else ''}"] = (-limit, limit)
+    return view
 
 
 def histories(comparison: Comparison) -> go.Figure:
     """Measured, simulated and corrected with +-2 sigma: one panel a channel, one time axis."""
-    figure = _panels(comparison, 215)
+    figure = _panels(comparison, 215, response_curves(comparison))
     step = thinning(comparison)
     for j in range(len(comparison.channels)):
         corrected, sigma = comparison.corrected[::step, j], comparison.sigma[::step, j]
-        band = {"line": {"width": 0}, "hoverinfo": "skip", "legendgroup": "band"}
+        band: dict[str, Any] = {"line": {"width": 0}, "hoverinfo": "skip", "legendgroup": "band"}
         _add(figure, comparison, j, corrected + 2 * sigma, showlegend=False, **band)
-        _add(
-            figure, comparison, j, corrected - 2 * sigma, "corrected ± 2σ", fill="tonexty", fillcolor=BAND, **band
-        )
+        _add(figure, comparison, j, corrected - 2 * sigma, "corrected ± 2σ", fill="tonexty", fillcolor=BAND, **band)
         _line(figure, comparison, j, comparison.simulated[::step, j], "simulated", SIMULATED, 1.3)
         _line(figure, comparison, j, comparison.measured[::step, j], "measured", MEASURED, 2.2)
         _line(figure, comparison, j, corrected, "corrected", CORRECTED, 1.5)
@@ -58,7 +82,7 @@ def histories(comparison: Comparison) -> go.Figure:
 
 def errors(comparison: Comparison) -> go.Figure:
     """Simulated and corrected minus measured."""
-    figure = _panels(comparison, 150)
+    figure = _panels(comparison, 150, error_curves(comparison))
     step = thinning(comparison)
     for j in range(len(comparison.channels)):
         measured = comparison.measured[::step, j]
@@ -99,13 +123,16 @@ def bars(comparison: Comparison) -> go.Figure:
     return figure
 
 
-def _panels(comparison: Comparison, height: int) -> go.Figure:
+def _panels(comparison: Comparison, height: int, curves: Sequence[Response]) -> go.Figure:
     count = len(comparison.channels)
     titles = [f"<b>{channel.name}</b>" for channel in comparison.channels]
     figure = make_subplots(count, 1, shared_xaxes=True, vertical_spacing=0.045, subplot_titles=titles)
     _style(figure, height * count + 90)
-    figure.update_xaxes(range=list(first_view(comparison)), minallowed=_ends(comparison)[0], maxallowed=_ends(comparison)[1])
+    figure.update_xaxes(minallowed=_ends(comparison)[0], maxallowed=_ends(comparison)[1])
     figure.update_xaxes(title_text="time, s", row=count, col=1)
+    for axis, span in views(comparison, curves)[0][1].items():
+        figure.update_layout({f"{axis}.range": list(span)})
+    figure.update_xaxes(range=list(first_view(comparison)))
     for j, channel in enumerate(comparison.channels, start=1):
         figure.update_yaxes(title_text=channel.unit, row=j, col=1)
     figure.update_annotations(x=0, xanchor="left", font_size=13)
@@ -124,11 +151,13 @@ def _style(figure: go.Figure, height: int) -> None:
     )
 
 
-def _line(figure: go.Figure, comparison: Comparison, j: int, y: np.ndarray, name: str, colour: str, width: float) -> None:
+def _line(
+    figure: go.Figure, comparison: Comparison, j: int, y: np.ndarray, name: str, colour: str, width: float
+) -> None:
     _add(figure, comparison, j, y, name, line={"color": colour, "width": width}, legendgroup=name)
 
 
-def _add(figure: go.Figure, comparison: Comparison, j: int, y: np.ndarray, name: str = "", **options: object) -> None:
+def _add(figure: go.Figure, comparison: Comparison, j: int, y: np.ndarray, name: str = "", **options: Any) -> None:
     options.setdefault("showlegend", j == 0)
     start = comparison.t_ns[0] / NANOSECONDS
     step = thinning(comparison) * float(np.median(np.diff(comparison.t_ns))) / NANOSECONDS

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from importlib.resources import files
@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
+View = Mapping[str, tuple[float, float]]
+"""What a figure shows: the two ends of each of its axes, by plotly's name: xaxis, yaxis, yaxis2, ..."""
 _SETTINGS = {"responsive": True, "displaylogo": False, "scrollZoom": False}
 _BUTTONS = """
 for (const group of document.querySelectorAll('.buttons[data-for]')) {
@@ -21,7 +23,8 @@ for (const group of document.querySelectorAll('.buttons[data-for]')) {
     b.setAttribute('aria-pressed', String(JSON.stringify(range) === b.dataset.range)); };
   for (const button of group.querySelectorAll('button'))
     button.addEventListener('click', () => {
-      Plotly.relayout(figure, {'xaxis.range': JSON.parse(button.dataset.range)}).then(() => press(JSON.parse(button.dataset.range)));
+      const change = JSON.parse(button.dataset.range);
+      Plotly.relayout(figure, change).then(() => press(change));
     });
   figure.on('plotly_relayout', (change) => { if ('xaxis.range[0]' in change || 'xaxis.autorange' in change) press(null); });
 }
@@ -72,7 +75,9 @@ class Page:
 
     def section(self, title: str, note: str = "") -> None:
         """Everything up to end() belongs to it."""
-        self._parts.append(f"<section><h2>{escape(title)}</h2>" + (f'<p class="note">{escape(note)}</p>' if note else ""))
+        self._parts.append(
+            f"<section><h2>{escape(title)}</h2>" + (f'<p class="note">{escape(note)}</p>' if note else "")
+        )
 
     def end(self) -> None:
         self._parts.append("</section>")
@@ -87,25 +92,29 @@ class Page:
                 body += f'<tr{name}><td colspan="{len(header)}">{escape(row.cells[0])}</td></tr>'
             else:
                 body += f"<tr{name}>" + "".join(f"<td>{escape(cell)}</td>" for cell in row.cells) + "</tr>"
-        self._parts.append(f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>')
+        self._parts.append(
+            f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+        )
 
-    def figure(self, figure: Figure, ranges: Sequence[tuple[str, tuple[float, float]]] = ()) -> None:
-        """A plotly figure; `ranges`: buttons that show a stretch of the x axis, the first one pressed."""
+    def figure(self, figure: Figure, views: Sequence[tuple[str, View]] = ()) -> None:
+        """A plotly figure; `views`: buttons that show a part of it, the first one pressed."""
         self._figures += 1
         name = f"figure-{self._figures}"
-        if ranges:
+        if views:
             buttons = "".join(
-                f'<button type="button" data-range="{escape(_compact(span))}" aria-pressed="{str(not i).lower()}">'
+                f'<button type="button" data-range="{escape(_compact(view))}" aria-pressed="{str(not i).lower()}">'
                 f"{escape(label)}</button>"
-                for i, (label, span) in enumerate(ranges)
+                for i, (label, view) in enumerate(views)
             )
             self._parts.append(f'<div class="buttons" data-for="{name}">Show {buttons}</div>')
-        height = int(figure.layout.height or 400)
+        height = int(figure.to_dict()["layout"].get("height", 400))
         self._parts.append(f'<div class="figure" id="{name}" style="height:{height}px"></div>')
         content = str(figure.to_json()).replace("</", "<\\/")
         self._scripts.append(f"(f => Plotly.newPlot({name!r}, f.data, f.layout, {json.dumps(_SETTINGS)}))({content});")
 
-    def strip(self, parts: Sequence[tuple[float, str, str]], ends: tuple[str, str], keys: Sequence[tuple[str, str]]) -> None:
+    def strip(
+        self, parts: Sequence[tuple[float, str, str]], ends: tuple[str, str], keys: Sequence[tuple[str, str]]
+    ) -> None:
         """A bar of stretches (share of the length, colour, what it is) with its ends named, and keys (colour, text)."""
         bar = "".join(
             f'<div style="flex:{share:.6f} 0 0;background:{colour}" title="{escape(what)}"></div>'
@@ -126,8 +135,9 @@ class Page:
         """Lines to type."""
         self._parts.append(f"<pre>{escape(text)}</pre>")
 
-    def footer(self, text: str) -> None:
-        self._parts.append(f"<footer>{escape(text)}</footer>")
+    def caution(self, text: str) -> None:
+        """What the reader must know before believing figures."""
+        self._parts.append(f'<p class="caution">{escape(text)}</p>')
 
     def text(self) -> str:
         """The whole file."""
@@ -148,6 +158,7 @@ class Page:
         path.write_text(self.text(), encoding="utf-8", newline="\n")
 
 
-def _compact(span: tuple[float, float]) -> str:
+def _compact(view: View) -> str:
     """As JavaScript's JSON.stringify writes it."""
-    return "[" + ",".join(f"{value:g}" for value in span) + "]"
+    spans = {f"{axis}.range": [float(f"{value:.6g}") for value in span] for axis, span in view.items()}
+    return json.dumps(spans, separators=(",", ":")).replace(".0,", ",").replace(".0]", "]")

@@ -1,0 +1,171 @@
+"""What is in an FMU, a bundle, a record file or a study, and whether they fit together; as text and as JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from fmucorrect import bundle, records, session, units, views
+from fmucorrect.bundle import Bundle
+from fmucorrect.errors import FmucorrectError, RecordError
+from fmucorrect.fmu import FmuDescription, open_fmu
+from fmucorrect.records.contents import Contents
+from fmucorrect.signals import NANOSECONDS
+from fmucorrect.study import Study, check_study, load_study
+from fmucorrect.views import Thing
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """views: one JSON-able description a file. fits: pairs that were held against each other and agree, in words.
+    misfits: what does not, in words."""
+
+    views: tuple[Mapping[str, Any], ...]
+    fits: tuple[str, ...]
+    misfits: tuple[str, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """All of it for programs."""
+        return {"files": list(self.views), "fits": list(self.fits), "misfits": list(self.misfits)}
+
+    def text(self) -> str:
+        """All of it for people."""
+        blocks = [views.text(view) for view in self.views]
+        verdict = [f"fits:         {line}" for line in self.fits] + [f"does not fit: {line}" for line in self.misfits]
+        return "\n\n".join([*blocks, "\n".join(verdict)] if verdict else blocks)
+
+
+def inspect(paths: Sequence[Path]) -> Inspection:
+    """Open every file, and hold those of different kinds against each other. Raises the error of the first that is none."""
+    things = [open_thing(path) for path in paths]
+    fits, misfits = [], []
+    for study in (thing for thing in things if isinstance(thing, Study)):
+        _judge(f"{study.path.name} and what it names", study_problems(study), fits, misfits)
+    for model in (thing for thing in things if isinstance(thing, Bundle)):
+        for other in things:
+            if other is model:
+                continue
+            problems = list(_against(model, other))
+            _judge(f"{_path(model).name} and {_path(other).name}", problems, fits, misfits)
+    for study in (thing for thing in things if isinstance(thing, Study)):
+        for fmu in (thing for thing in things if isinstance(thing, FmuDescription)):
+            _judge(f"{study.path.name} and {fmu.path.name}", check_study(study, fmu.units, {}), fits, misfits)
+    return Inspection(tuple(views.describe(thing) for thing in things), tuple(fits), tuple(misfits))
+
+
+def open_thing(path: Path) -> Thing:
+    """The file by its suffix, opened and checked."""
+    suffix = path.suffix.lower()
+    if suffix == ".fmu":
+        return open_fmu(path)
+    if suffix == ".onnx":
+        return bundle.load(path)
+    if suffix == ".toml":
+        return load_study(path)
+    if suffix in records.SUFFIXES:
+        return records.describe(path)
+    raise RecordError(
+        "what this file is cannot be told from its suffix",
+        where=str(path),
+        expected=f"one of .fmu, .onnx, .toml, {', '.join(records.SUFFIXES)}",
+        got=repr(path.suffix),
+    )
+
+
+def study_problems(study: Study) -> list[str]:
+    """What a study asks for and its FMU, records and input series do not have."""
+    problems: list[str] = []
+    variables = None
+    if study.simulation.fmu is not None:
+        try:
+            variables = open_fmu(study.simulation.fmu).units
+        except FmucorrectError as error:
+            problems.append(str(error))
+    columns: dict[Path, Mapping[str, str]] = {}
+    for condition in study.conditions:
+        for path in (condition.measurement, condition.simulated, condition.inputs):
+            if path is None or path in columns:
+                continue
+            try:
+                columns[path] = record_columns(records.describe(path))
+            except FmucorrectError as error:
+                problems.append(str(error))
+    return [*problems, *check_study(study, variables, columns)]
+
+
+def record_columns(contents: Contents) -> dict[str, str]:
+    """Unit by column name; a name that several topics have goes by its full name only."""
+    names = [column.name for item in contents.topics for column in item.topic.columns]
+    found: dict[str, str] = {}
+    for item in contents.topics:
+        for column in item.topic.columns:
+            found[item.topic.full_name(column.name)] = column.unit
+            if names.count(column.name) == 1:
+                found[column.name] = column.unit
+    return found
+
+
+def _judge(what: str, problems: Sequence[str], fits: list[str], misfits: list[str]) -> None:
+    if problems:
+        misfits += [f"{what}: {problem}" for problem in problems]
+    else:
+        fits.append(what)
+
+
+def _path(thing: Thing) -> Path:
+    return Path(thing.path)
+
+
+def _against(model: Bundle, other: Thing) -> Iterator[str]:
+    if isinstance(other, Study):
+        yield from _study_against(model, other)
+    elif isinstance(other, FmuDescription):
+        for channel in model.channels:
+            yield from _column(channel.simulation or channel.name, channel.unit, other.units, "variable")
+    elif isinstance(other, Contents):
+        yield from _record_against(model, other)
+
+
+def _study_against(model: Bundle, study: Study) -> Iterator[str]:
+    if study.simulation.step_ns != model.step_ns:
+        yield f"the study steps by {study.simulation.step_size:g} s, the corrector by {model.step_ns / NANOSECONDS:g} s"
+    there = {channel.name: channel.unit for channel in study.channels}
+    for channel in model.channels:
+        if channel.name not in there:
+            yield f"the study has no channel {channel.name!r}; it has {', '.join(there)}"
+        elif there[channel.name] != channel.unit:
+            yield f"channel {channel.name!r} is in {there[channel.name]} in the study, in {channel.unit} in the corrector"
+    for condition in study.conditions:
+        for key, value in zip(("speed", "amplitude", "frequency"), condition.features, strict=True):
+            low, *_, high = model.info.envelope.get(key, (-float("inf"), float("inf")))
+            if not low <= value <= high:
+                yield f"condition {condition.name!r} lies outside the training envelope: {key} {value:g}, {low:g} to {high:g}"
+
+
+def _record_against(model: Bundle, contents: Contents) -> Iterator[str]:
+    path = Path(contents.path)
+    topic = session.default_topic(path)
+    chosen = [item for item in contents.topics if topic in (None, item.topic.name)]
+    there = record_columns(Contents(contents.path, contents.format, tuple(chosen), contents.truncated))
+    for name, channel in zip(session.columns(path, model.channels, topic), model.channels, strict=True):
+        yield from _column(name, channel.unit, there, "column")
+    for item in chosen:
+        step = views.mean_step_ns(item.extent.rows, item.extent.start_ns, item.extent.stop_ns)
+        if step is not None and abs(step - model.step_ns) > 0.01 * model.step_ns:
+            yield f"samples come every {step / 1e6:.6g} ms on average, the corrector wants {model.step_ns / 1e6:g} ms"
+
+
+def _column(name: str, unit: str, there: Mapping[str, str], kind: str) -> Iterator[str]:
+    if name not in there:
+        short = [other for other in there if not any(full.endswith(f".{other}") for full in there if full != other)]
+        listed = f"; there are {views.few(short)}" if len(there) <= 2 * views.SHOWN else ""
+        yield f"there is no {kind} {name!r}{listed}"
+    elif there[name] in ("", "1") and unit not in ("", "1"):
+        yield f"{kind} {name!r} has no unit, expected one like {unit!r}"
+    else:
+        try:
+            units.conversion(there[name], unit, f"{kind} {name!r}")
+        except FmucorrectError as error:
+            yield str(error)
