@@ -110,7 +110,8 @@ def build(comparison: Comparison, context: Context) -> Page:
     page.end()
     page.section(
         "How good it is",
-        f"All {_scored_rows(comparison)} samples that simulation and measurement share, after warm-up.",
+        f"All {_scored_rows(comparison)} samples that simulation and measurement share, after warm-up. NRMSE: less is "
+        "better; R²: 1 is perfect.",
     )
     page.figure(figures.bars(comparison))
     if context.caution:

@@ -95,9 +95,7 @@ def bars(comparison: Comparison) -> go.Figure:
     """R2 and NRMSE by channel and on average, simulated against corrected."""
     before, after = comparison.before, comparison.after
     names = [*(channel.name for channel in comparison.channels), "mean"]
-    figure = make_subplots(
-        1, 2, subplot_titles=("NRMSE, % of range (less is better)", "R² (1 is perfect)"), horizontal_spacing=0.1
-    )
+    figure = make_subplots(1, 2, subplot_titles=("NRMSE, %", "R²"), horizontal_spacing=0.1)
     for column, (key, form) in enumerate((("nrmse", ".1f"), ("r2", ".2f")), start=1):
         for label, scores, colour in (("simulated", before, SIMULATED), ("corrected", after, CORRECTED)):
             values = getattr(scores, key)

@@ -30,7 +30,8 @@ for (const group of document.querySelectorAll('.buttons[data-for]')) {
 }
 const narrow = window.matchMedia('(max-width: 760px)');
 const fit = () => { for (const figure of document.querySelectorAll('.figure')) Plotly.relayout(figure, {
-  'margin.l': narrow.matches ? 44 : 62, 'margin.r': narrow.matches ? 6 : 16, 'font.size': narrow.matches ? 11 : 13 }); };
+  'margin.l': narrow.matches ? 44 : 62, 'margin.r': narrow.matches ? 6 : 16, 'font.size': narrow.matches ? 11 : 13,
+  dragmode: narrow.matches ? false : 'zoom' }); };
 fit();
 narrow.addEventListener('change', fit);
 window.addEventListener('beforeprint', () => { for (const f of document.querySelectorAll('.figure')) Plotly.Plots.resize(f); });

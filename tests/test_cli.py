@@ -1,0 +1,286 @@
+"""The command line: exit codes and messages, what a killed run leaves, replay = run, inspect, and import time."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import bundles
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+from fmucorrect import __version__, cli, records
+from fmucorrect.signals import Channel, Record
+
+ROOT = Path(__file__).parents[1]
+STUDY = ROOT / "fmus" / "roller_rig" / "A" / "study.toml"
+FMU = ROOT / "fmus" / "roller_rig" / "roller_rig.fmu"
+MEASURED = STUDY.parent / "measured_385.mcap"
+CONDITION = ["--speed", "385", "--amplitude", "0.03", "--frequency", "2", "--start", "10"]
+
+
+def call(*arguments: object) -> Result:
+    return CliRunner().invoke(cli.main, [str(argument) for argument in arguments])
+
+
+def refused(result: Result, *parts: str) -> None:
+    assert result.exit_code == 2, result.output
+    assert "Traceback" not in result.output
+    for part in parts:
+        assert part in result.output
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return bundles.make(tmp_path_factory.mktemp("model") / "corrector.onnx")
+
+
+@pytest.fixture(scope="module")
+def ran(model: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A corrected run of 3 s."""
+    out = tmp_path_factory.mktemp("run") / "run.mcap"
+    result = call("run", STUDY, "--condition", "385", "--corrector", model, "--duration", 3, "-o", out)
+    assert result.exit_code == 0, result.output
+    return out
+
+
+def log(path: Path, step_ns: int = 1_000_000, rows: int = 200, unit: str = "mm", scale: float = 1.0) -> Path:
+    """A log of the four responses: sines, known in closed form."""
+    t_ns = np.arange(rows) * step_ns
+    values = scale * np.sin(2e-9 * np.pi * 2.0 * t_ns)[:, None] * np.array([1.0, 2.0, 3.0, 4.0])
+    with records.writer(path) as file:
+        file.write("/log", Record(t_ns, values, tuple(Channel(c.name, unit=unit) for c in bundles.CHANNELS)))
+    return path
+
+
+def test_version_is_that_of_the_project() -> None:
+    assert f'version = "{__version__}"' in (ROOT / "pyproject.toml").read_text()
+    assert __version__ in call("--version").output
+
+
+@pytest.mark.parametrize("command", ["demo", "run", "replay", "inspect"])
+def test_every_command_explains_itself_with_an_example(command: str) -> None:
+    result = call(command, "--help")
+    assert result.exit_code == 0
+    assert f"Example: fmucorrect {command}" in " ".join(result.output.split())
+    assert "-o, --out" in result.output
+    assert "--json" in result.output
+
+
+def test_run_says_where_and_how_it_went(model: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out.mcap"
+    arguments = ["run", STUDY, "--condition", "385", "--corrector", model, "--duration", 1, "-o", out]
+    result = call(*arguments)
+    assert result.exit_code == 0, result.output
+    assert f"{out}: /simulation, /corrected" in result.output
+    assert "1001 samples, 1 s simulated" in result.output
+    assert "warmup 3.90 %" in result.output  # 39 rows of 1001 before a window of 40 is full
+    summary = json.loads(call(*arguments, "--json").stdout)
+    assert summary["rows"] == 1001
+    assert summary["status"] == {"ok": 962 / 1001, "warmup": 39 / 1001, "outside": 0.0}
+
+
+def test_run_without_a_corrector_writes_the_simulation_alone(tmp_path: Path) -> None:
+    out = tmp_path / "bare.mcap"
+    assert call("run", STUDY, "--condition", "300", "--duration", 0.1, "-o", out).exit_code == 0
+    assert [item.topic.name for item in records.describe(out).topics] == ["/simulation"]
+    assert records.read(out).names == ("FW", "FB", "RW", "RB", "platform_yaw_input")
+
+
+def test_run_outside_the_envelope_is_the_simulation_and_says_so(tmp_path: Path) -> None:
+    slow, out = bundles.make(tmp_path / "slow.onnx", last_speed=310.0), tmp_path / "out.mcap"
+    result = call("run", STUDY, "--condition", "385", "--corrector", slow, "--duration", 0.2, "-o", out)
+    assert "outside: the corrector was not trained for this" in result.output
+    both = records.read(out, ["FW", "FW_corrected", "corrector_status"])
+    assert np.array_equal(both["FW"], both["FW_corrected"])
+    assert set(both["corrector_status"]) == {1.0, 2.0}
+
+
+def test_replay_equals_run(model: Path, ran: Path, tmp_path: Path) -> None:
+    out = tmp_path / "again.mcap"
+    result = call("replay", ran, "--corrector", model, "-o", out)  # the log carries its condition
+    assert result.exit_code == 0, result.output
+    for topic, names in (("/simulation", ["FW", "FB", "RW", "RB"]), ("/corrected", None)):
+        first, again = (records.read(path, names, topic=topic) for path in (ran, out))
+        assert np.array_equal(first.t_ns, again.t_ns)
+        assert first.names == again.names
+        assert np.array_equal(first.values, again.values)
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".mcap", ".mat", ".parquet"])
+def test_replay_of_any_format_converts_units(model: Path, tmp_path: Path, suffix: str) -> None:
+    source, out = log(tmp_path / f"log{suffix}", unit="m", scale=1e-3), tmp_path / f"out{suffix}"
+    result = call("replay", source, "--corrector", model, *CONDITION, "-o", out)
+    assert result.exit_code == 0, result.output
+    read = records.read(out, ["FB", "FB_corrected"])
+    assert read.channels[0].unit == "mm"
+    expected = 2.0 * np.sin(2e-9 * np.pi * 2.0 * read.t_ns)
+    assert np.allclose(read["FB"], expected, atol=1e-9)
+    # the toy's correction: -1/4 of the sample before
+    assert np.allclose(read["FB_corrected"][39:], expected[39:] - 0.25 * expected[38:-1], atol=1e-6)
+
+
+def test_replay_with_the_condition_of_a_study(model: Path, tmp_path: Path) -> None:
+    source, out = log(tmp_path / "log.csv"), tmp_path / "out.mcap"
+    study = ["--study", STUDY, "--condition", "340"]
+    assert call("replay", source, "--corrector", model, *study, "-o", out).exit_code == 0
+    assert records.describe(out).topics[0].topic.metadata["speed"] == "340.0"
+    refused(call("replay", source, "--corrector", model, *study[:2], "-o", out), "belong together")
+
+
+def test_replay_asks_for_what_the_log_does_not_say(model: Path, tmp_path: Path) -> None:
+    source, out = log(tmp_path / "log.csv"), tmp_path / "out.mcap"
+    refused(
+        call("replay", source, "--corrector", model, *CONDITION[:4], "-o", out),
+        "does not say its operating condition",
+        "give --frequency, --start",
+    )
+
+
+def test_replay_refuses_a_log_of_another_sample_time(model: Path, tmp_path: Path) -> None:
+    source = log(tmp_path / "log.csv", step_ns=2_000_000)
+    result = call("replay", source, "--corrector", model, *CONDITION, "-o", tmp_path / "out.mcap")
+    refused(result, "does not fit the corrector's sample time", "expected 0.001 s", "got 0.002 s")
+
+
+def test_replay_names_nan_by_column_and_time_and_repairs_it_when_told(model: Path, tmp_path: Path) -> None:
+    source, out = log(tmp_path / "log.csv"), tmp_path / "out.mcap"
+    lines = source.read_text().splitlines()
+    cells = lines[51].split(",")
+    lines[51] = ",".join([*cells[:2], "nan", *cells[3:]])
+    source.write_text("\n".join(lines) + "\n")
+    arguments = ["replay", source, "--corrector", model, *CONDITION, "-o", out]
+    refused(call(*arguments), "'FB'", "nan", "0.05 s")
+    assert call(*arguments, "--repair", "interpolate").exit_code == 0
+    refused(call(*arguments, "--repair", "magic"), "no repair rule 'magic'")
+
+
+def test_replay_guesses_no_unit(model: Path, tmp_path: Path) -> None:
+    source, out = log(tmp_path / "log.csv", unit="1"), tmp_path / "out.mcap"
+    arguments = ["replay", source, "--corrector", model, *CONDITION, "-o", out]
+    refused(call(*arguments), "column 'FW' has no unit", "--unit mm")
+    assert call(*arguments, "--unit", "mm").exit_code == 0
+    refused(call("replay", log(tmp_path / "n.csv", unit="N"), *arguments[2:]), "units do not fit", "'mm'", "'N'")
+
+
+def test_replay_does_not_overwrite_its_log(model: Path, ran: Path) -> None:
+    size = ran.stat().st_size
+    refused(call("replay", ran, "--corrector", model, "-o", ran), "written over")
+    assert ran.stat().st_size == size
+
+
+def test_bad_studies_bundles_and_files_are_one_message(model: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out.mcap"
+    bad = tmp_path / "bad.toml"
+    bad.write_text("format = 1\nspeling = 2\n")
+    refused(call("run", bad, "--condition", "385", "-o", out), "bad.toml", "problems", "speling")
+    refused(call("run", tmp_path / "no.toml", "--condition", "385", "-o", out), "no.toml", "cannot be read")
+    refused(call("run", STUDY, "--condition", "400", "-o", out), "there is no condition '400'", "'385'")
+    tampered = tmp_path / "tampered.onnx"
+    tampered.write_bytes(model.read_bytes().replace(b"window", b"windaw"))
+    refused(call("run", STUDY, "--condition", "385", "--corrector", tampered, "-o", out), "tampered.onnx")
+    refused(call("replay", tmp_path / "no.csv", "--corrector", model, *CONDITION, "-o", out), "there is no such file")
+    refused(call("run", STUDY, "--condition", "385", "-o", tmp_path / "no" / "out.mcap"), "cannot be written")
+    refused(call("run", STUDY), "Missing option")
+    refused(call("inspect", tmp_path / "what.xyz"), "suffix")
+
+
+def test_a_corrector_of_other_channels_is_refused_before_the_run(tmp_path: Path) -> None:
+    other = bundles.make(tmp_path / "other.onnx", channels=(Channel("elsewhere", unit="mm"),))
+    result = call("run", STUDY, "--condition", "385", "--corrector", other, "-o", tmp_path / "out.mcap")
+    refused(result, "the simulation lacks elsewhere")
+
+
+def inspected(*paths: Path) -> tuple[int, dict]:
+    result = call("inspect", *paths, "--json")
+    return result.exit_code, json.loads(result.stdout)
+
+
+def test_inspect_says_what_fits(model: Path, ran: Path) -> None:
+    code, found = inspected(STUDY, FMU, model, ran)
+    assert code == 0
+    assert [item["kind"].split(" ")[0] for item in found["files"]] == ["study", "FMU", "corrector", "record"]
+    assert found["files"][1]["outputs"]["FW"] == "mm"
+    assert found["files"][2]["window"] == 40
+    assert found["files"][3]["topics"]["/simulation"]["rows"] == 3001
+    assert len(found["fits"]) == 5
+    assert found["misfits"] == []
+
+
+def test_inspect_says_what_does_not_fit(model: Path, tmp_path: Path) -> None:
+    code, found = inspected(model, MEASURED)
+    assert code == 2
+    assert len(found["misfits"]) == 4
+    assert "there is no column 'FW'" in found["misfits"][0]
+    other = bundles.make(tmp_path / "other.onnx", step_ns=500_000, last_speed=350.0)
+    code, found = inspected(STUDY, other)
+    assert code == 2
+    text = " ".join(found["misfits"])
+    assert "the study steps by 0.001 s, the corrector by 0.0005 s" in text
+    assert "condition '385' lies outside the training envelope: speed 385" in text
+    assert "'360' lies outside" in text
+    assert "'340'" not in text
+
+
+def test_inspect_as_text_and_into_a_file(model: Path, tmp_path: Path) -> None:
+    text = call("inspect", STUDY, model).output
+    assert "channels (4): FW [mm], FB [mm], RW [mm], RB [mm]" in text
+    assert "fits:         corrector.onnx and study.toml" in text
+    out = tmp_path / "found.txt"
+    assert call("inspect", STUDY, model, "-o", out).output == ""
+    assert out.read_text() == text
+
+
+def test_a_killed_run_leaves_a_readable_file(model: Path, tmp_path: Path) -> None:
+    out = tmp_path / "killed.mcap"
+    arguments = ["run", STUDY, "--condition", "385", "--corrector", model, "--duration", 100000, "-o", out]
+    process = subprocess.Popen(_python("-m", "fmucorrect", *arguments), env=_environment())
+    try:
+        deadline = time.monotonic() + 30
+        while not (out.exists() and out.stat().st_size > 300_000):
+            assert process.poll() is None
+            assert time.monotonic() < deadline
+            time.sleep(0.02)
+    finally:
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+    contents = records.describe(out)
+    assert contents.truncated
+    read = records.read(out, ["simulation.FW", "corrected.FW_corrected"], repair="interpolate")
+    assert len(read) > 1000
+    assert np.allclose(read.values[40:, 1], read.values[40:, 0] - 0.25 * read.values[39:-1, 0], atol=1e-5)
+
+
+def test_import_is_quick_and_brings_nothing_heavy() -> None:
+    heavy = ["torch", "matplotlib", "plotly", "scipy.signal", "sympy", "onnxruntime", "fmpy", "pydantic"]
+    code = (
+        "import sys, time; t = time.perf_counter(); import fmucorrect; t = time.perf_counter() - t\n"
+        f"assert not [m for m in {heavy} if m in sys.modules]\n"
+        "assert 'CorrectedStepper' in dir(fmucorrect); print(t)"
+    )
+    times = [float(subprocess.check_output(_python("-c", code), env=_environment())) for _ in range(3)]
+    assert min(times) < 0.15
+
+
+def test_every_public_name_is_there() -> None:
+    import fmucorrect
+
+    for name in fmucorrect.__all__:
+        assert getattr(fmucorrect, name) is not None
+    with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
+        _ = fmucorrect.nonsense
+
+
+def _python(*arguments: object) -> list[str]:
+    return [sys.executable, *map(str, arguments)]
+
+
+def _environment(extra: Sequence[tuple[str, str]] = ()) -> dict[str, str]:
+    return {**os.environ, "PYTHONPATH": str(ROOT), **dict(extra)}
