@@ -69,7 +69,8 @@ def runs(rig: dict) -> list[Run]:
     single = tone(AMPLITUDE, rig["surge"])
     extra = f"amplitude = {AMPLITUDE}\nfrequency = {FREQUENCY}\nstart = {START}\nquiet = [0.0, 9.5]"
     result = [
-        Run(f"{v:.0f}", v, single, "platform_yaw.csv", "development" if v < 385.0 else "evaluation", extra) for v in SPEEDS
+        Run(f"{v:.0f}", v, single, "platform_yaw.csv", "development" if v < 385.0 else "evaluation", extra)
+        for v in SPEEDS
     ]
     for amplitude in rig.get("sweeps", []):
         wave = sweep(amplitude)
@@ -106,7 +107,11 @@ def measure(rig: dict, plant: Plant, run: Run, rng: np.random.Generator) -> Reco
     yaw = held(at)[:, 8:] + 2e-5 * rng.standard_normal((len(t), 1))
     rounded = [
         np.round(values / step) * step
-        for values, step in ((displacement, LVDT_RESOLUTION), (acceleration, ACCELERATION_RESOLUTION), (yaw, YAW_RESOLUTION))
+        for values, step in (
+            (displacement, LVDT_RESOLUTION),
+            (acceleration, ACCELERATION_RESOLUTION),
+            (yaw, YAW_RESOLUTION),
+        )
     ]
     channels = (
         *(Channel(f"lvdt_{name}", "mm", "displacement") for name in CHANNELS),

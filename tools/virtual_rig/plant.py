@@ -51,7 +51,9 @@ class Plant:
             text = path.read_text(encoding="utf-8").replace('"../common/', '"')
             (place / path.name).write_text(text, encoding="utf-8")
         library = place / "rig.so"
-        compile_library(place, sorted(path.name for path in sources if path.suffix == ".c"), "x86_64-linux-gnu.2.17", library)
+        compile_library(
+            place, sorted(path.name for path in sources if path.suffix == ".c"), "x86_64-linux-gnu.2.17", library
+        )
         self._library = ctypes.CDLL(str(library))
         self._library.variable_name.restype = ctypes.c_char_p
         self._library.variable_start.restype = ctypes.c_double
@@ -75,7 +77,15 @@ class Plant:
         at = self.names.index
         array = (_Effect * max(len(effects), 1))(
             *(
-                _Effect(LAWS.index(e.law), at(f"{e.joint}.d"), at(f"{e.joint}.v"), at(f"{e.force or e.joint}.f"), e.a, e.b, e.c)
+                _Effect(
+                    LAWS.index(e.law),
+                    at(f"{e.joint}.d"),
+                    at(f"{e.joint}.v"),
+                    at(f"{e.force or e.joint}.f"),
+                    e.a,
+                    e.b,
+                    e.c,
+                )
                 for e in effects
             )
         )
