@@ -65,8 +65,8 @@ def test_columns_by_name_rows_by_number() -> None:
 
 
 def test_what_is_no_record() -> None:
-    with pytest.raises(RecordError, match=r"expected \(T, C\) = \(4, 2\), got \(5, 2\)"):
-        Record(np.arange(4), np.zeros((5, 2)), AB)
+    with pytest.raises(RecordError, match=r"expected \(T, C\) = \(5, 2\), got \(5, 3\)"):
+        Record(np.arange(5), np.zeros((5, 3)), AB)
     with pytest.raises(RecordError, match="time does not increase at row 2, expected more than 10 ns, got 10 ns"):
         record(t_ns=np.array([0, 10, 10, 20, 30]))
     with pytest.raises(RecordError, match="occur twice: a"):
