@@ -35,6 +35,8 @@ class Commands(click.Group):
             return super().invoke(ctx)
         except FmucorrectError as error:
             raise UserError(str(error)) from error
+        except BrokenPipeError:
+            raise  # the reader of our output went away, which is no error of the user's
         except OSError as error:
             name = f"{error.filename}: " if error.filename else ""
             raise UserError(f"{name}{error.strerror or error}") from error

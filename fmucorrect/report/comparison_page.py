@@ -81,7 +81,12 @@ def headline(comparison: Comparison, unseen: bool) -> str:
     )
     seen = ", which the corrector never saw," if unseen else ","
     verb = "falls" if after < before else "rises"
-    return f"{where}{seen} the error {verb} from {before:.1f} % to {after:.1f} %"
+    return f"{where}{seen} the error {verb} from {per_cent(before)} to {per_cent(after)}"
+
+
+def per_cent(value: float) -> str:
+    """With the digits that are worth reading."""
+    return f"{value:.1f} %" if value >= 1.0 else f"{value:.2f} %"
 
 
 def build(comparison: Comparison, context: Context) -> Page:
@@ -99,7 +104,7 @@ def build(comparison: Comparison, context: Context) -> Page:
     covered = 100.0 * float(comparison.within().mean())
     page.tiles(
         [
-            ("Error, NRMSE", f"{before.mean_nrmse:.1f}", f"{after.mean_nrmse:.1f} %", "of the measured range"),
+            ("Error, NRMSE", per_cent(before.mean_nrmse), per_cent(after.mean_nrmse), "of the measured range"),
             ("Variance explained, R²", f"{before.mean_r2:.2f}", f"{after.mean_r2:.3f}", "1 is perfect"),
             ("Inside the ± 2σ band", "", f"{covered:.0f} %", "of the measured samples; 95 % if errors were normal"),
             *([("Speed", "", *context.speed)] if context.speed[0] else []),
@@ -119,7 +124,8 @@ def build(comparison: Comparison, context: Context) -> Page:
     page.table(["", "R²", *_columns(comparison, "NRMSE, %"), "NMAE, %"], _score_rows(comparison, context))
     page.end()
     page.section("What is left", "Simulated and corrected response minus the measurement.")
-    page.figure(figures.errors(comparison), figures.views(comparison, figures.error_curves(comparison)))
+    views = figures.views(comparison, figures.error_curves(comparison))
+    page.figure(figures.errors(comparison), [*views, figures.close_up(comparison)])
     page.end()
     page.open_pair()
     _time_section(page, comparison)

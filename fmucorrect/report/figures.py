@@ -13,7 +13,7 @@ from fmucorrect.comparison import Comparison, Response
 from fmucorrect.report.html import View
 from fmucorrect.signals import NANOSECONDS
 
-MEASURED, SIMULATED, CORRECTED = "#1c2430", "#d1642a", "#1668b0"
+INK, MEASURED, SIMULATED, CORRECTED = "#1c2430", "#a3acb8", "#d1642a", "#1668b0"
 BAND = "rgba(22, 104, 176, 0.18)"
 POINTS = 7500
 """Most points of a curve that are drawn."""
@@ -54,6 +54,12 @@ def error_curves(comparison: Comparison) -> list[Response]:
     return [comparison.simulated - comparison.measured, comparison.corrected - comparison.measured]
 
 
+def close_up(comparison: Comparison) -> tuple[str, View]:
+    """A button for the error of the corrected response alone."""
+    error = comparison.corrected - comparison.measured
+    return "only what is left after correction", _view(comparison, [error], first_view(comparison))
+
+
 def _view(comparison: Comparison, curves: Sequence[Response], span: tuple[float, float]) -> View:
     t = comparison.t_ns / NANOSECONDS
     rows = (t >= span[0]) & (t <= span[1])
@@ -74,8 +80,8 @@ def histories(comparison: Comparison) -> go.Figure:
         band: dict[str, Any] = {"line": {"width": 0}, "hoverinfo": "skip", "legendgroup": "band"}
         _add(figure, comparison, j, corrected + 2 * sigma, showlegend=False, **band)
         _add(figure, comparison, j, corrected - 2 * sigma, "corrected ± 2σ", fill="tonexty", fillcolor=BAND, **band)
+        _line(figure, comparison, j, comparison.measured[::step, j], "measured", MEASURED, 5.0)
         _line(figure, comparison, j, comparison.simulated[::step, j], "simulated", SIMULATED, 1.3)
-        _line(figure, comparison, j, comparison.measured[::step, j], "measured", MEASURED, 2.2)
         _line(figure, comparison, j, corrected, "corrected", CORRECTED, 1.5)
     return figure
 
@@ -96,7 +102,7 @@ def bars(comparison: Comparison) -> go.Figure:
     before, after = comparison.before, comparison.after
     names = [*(channel.name for channel in comparison.channels), "mean"]
     figure = make_subplots(1, 2, subplot_titles=("NRMSE, %", "R²"), horizontal_spacing=0.1)
-    for column, (key, form) in enumerate((("nrmse", ".1f"), ("r2", ".2f")), start=1):
+    for column, (key, form) in enumerate((("nrmse", ".2f"), ("r2", ".3f")), start=1):
         for label, scores, colour in (("simulated", before, SIMULATED), ("corrected", after, CORRECTED)):
             values = getattr(scores, key)
             values = [*values.tolist(), float(values.mean())]
@@ -143,7 +149,7 @@ def _style(figure: go.Figure, height: int) -> None:
         template="plotly_white",
         height=height,
         margin={"l": 62, "r": 16, "t": 64, "b": 46},
-        font={"family": "system-ui, Segoe UI, Roboto, Helvetica, Arial, sans-serif", "size": 13, "color": MEASURED},
+        font={"family": "system-ui, Segoe UI, Roboto, Helvetica, Arial, sans-serif", "size": 13, "color": INK},
         legend={"orientation": "h", "x": 0, "y": 1, "yref": "container", "yanchor": "top", "traceorder": "normal"},
         dragmode="zoom",
     )
