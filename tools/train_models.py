@@ -41,8 +41,8 @@ def make(rig: str) -> None:
     (folder / "evaluation.json").write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8", newline="\n")
     for item in evaluations:
         print(
-            f"{rig} {item.condition:>16} {item.role:<11} R2 {item.simulated.mean_r2:7.4f} -> {item.corrected.mean_r2:.4f}"
-            f"  NRMSE {item.simulated.mean_nrmse:6.2f} -> {item.corrected.mean_nrmse:.2f} %"
+            f"{rig} {item.condition.name:>16} {item.condition.role:<11} R2 {item.before.mean_r2:7.4f} -> {item.after.mean_r2:.4f}"
+            f"  NRMSE {item.before.mean_nrmse:6.2f} -> {item.after.mean_nrmse:.2f} %"
         )
 
 

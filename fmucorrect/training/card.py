@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from fmucorrect.bundle import Bundle
-from fmucorrect.training.protocol import Evaluation, Trained
+from fmucorrect.comparison import Comparison
+from fmucorrect.training.protocol import BAND_90, Trained
 
 
-def card(trained: Trained, bundle: Bundle, evaluations: Sequence[Evaluation], command: str) -> str:
+def card(trained: Trained, bundle: Bundle, evaluations: Sequence[Comparison], command: str) -> str:
     """The card as Markdown. command: what made the model."""
     info, settings, selection = bundle.info, trained.settings, trained.selection
     names = [channel.name for channel in info.channels]
@@ -27,10 +28,10 @@ def card(trained: Trained, bundle: Bundle, evaluations: Sequence[Evaluation], co
         "|---|---|---|---|" + "---|" * len(names) + "---|---|",
     ]
     for item in evaluations:
-        for label, scores in (("simulated", item.simulated), ("corrected", item.corrected)):
+        for label, scores in (("simulated", item.before), ("corrected", item.after)):
             r2 = " | ".join(f"{value:.4f}" for value in scores.r2)
             lines.append(
-                f"| {item.condition} | {item.role} | {label} | {scores.mean_r2:.4f} | {r2} | "
+                f"| {item.condition.name} | {item.condition.role} | {label} | {scores.mean_r2:.4f} | {r2} | "
                 f"{scores.mean_nrmse:.2f} | {scores.mean_nmae:.2f} |"
             )
     lines += [
@@ -38,10 +39,10 @@ def card(trained: Trained, bundle: Bundle, evaluations: Sequence[Evaluation], co
         "Apart, since it knows the target: with the best single time shift (oracle) the corrected mean R2 would be",
     ]
     lines += [
-        ", ".join(f"{e.oracle.mean_r2:.4f} at {e.condition} (shift {e.oracle_lag} samples)" for e in evaluations) + "."
+        ", ".join(f"{e.oracle.scores.mean_r2:.4f} at {e.condition.name} (shift {e.oracle.lag} samples)" for e in evaluations) + "."
     ]
     lines += ["", "Share of samples within 1.645 sigma (a 90 % band if errors were normal), by channel:", ""]
-    lines += [f"- {e.condition}: " + ", ".join(f"{100 * c:.1f} %" for c in e.coverage) for e in evaluations]
+    lines += [f"- {e.condition.name}: " + ", ".join(f"{100 * c:.1f} %" for c in e.within(BAND_90)) for e in evaluations]
     fields = ", ".join(f"{key} {value:.2f} %" for key, value in selection.errors.items())
     lines += [
         "",

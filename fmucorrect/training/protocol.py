@@ -14,9 +14,10 @@ import numpy as np
 import torch
 
 from fmucorrect.bundle import Bundle, Info
+from fmucorrect.comparison import Comparison, compare
 from fmucorrect.errors import StudyError
 from fmucorrect.experiment import Pair, pair
-from fmucorrect.metrics import Scores, oracle_lag, score
+from fmucorrect.metrics import Scores, score
 from fmucorrect.signals import Channel
 from fmucorrect.stepper import CorrectedStepper, ReplayStepper
 from fmucorrect.study import Study
@@ -27,6 +28,8 @@ from fmucorrect.training.networks import Corrector
 from fmucorrect.training.settings import Settings
 
 Tick = Callable[[], object]
+BAND_90 = 1.645
+"""Half the width of a 90 % band in standard deviations, were errors normal."""
 
 
 @dataclass(frozen=True)
@@ -150,44 +153,11 @@ def assemble(fitted: Fitted, basis: Scales, corners: Corners, sigma: Sequence[fl
     return Corrector(fitted.baseline, fitted.rho, fitted.residual, basis, corners, sigma, settings.phase)
 
 
-@dataclass(frozen=True)
-class Evaluation:
-    """Scores of one condition over all measured rows after warm-up. oracle: post hoc, with the target's knowledge."""
-
-    condition: str
-    role: str
-    simulated: Scores
-    corrected: Scores
-    oracle_lag: int
-    oracle: Scores
-    coverage: tuple[float, ...]
-    """Share of samples, a channel, within 1.645 sigma of the corrected response (a 90 % band, were errors normal)."""
-
-
-def evaluate(item: Pair, bundle: Bundle) -> Evaluation:
-    """Score a finished bundle on a pair, through the same stepper as online."""
-    count = item.measured.shape[1]
+def evaluate(item: Pair, bundle: Bundle) -> Comparison:
+    """A finished bundle on a pair, through the same stepper as online."""
     stepper = CorrectedStepper(ReplayStepper(item.simulated.channels), bundle)
     stepper.reset(item.condition)
-    result = stepper.process(item.simulated)
-    rows = slice(max(item.rows.start, bundle.rows - 1), item.rows.stop)
-    measured = item.measured[rows.start - item.rows.start :]
-    start = len(item.simulated.channels)
-    corrected, sigma = (
-        result.values[rows, start : start + count],
-        result.values[rows, start + count : start + 2 * count],
-    )
-    lag = oracle_lag(corrected, measured, measured.std(axis=0), limit=250)
-    covered = (np.abs(corrected - measured) <= 1.645 * sigma).mean(axis=0)
-    return Evaluation(
-        condition=item.condition.name,
-        role=item.condition.role,
-        simulated=score(item.simulated.values[rows, :count], measured),
-        corrected=score(corrected, measured),
-        oracle_lag=lag.lag,
-        oracle=lag.scores,
-        coverage=tuple(float(value) for value in covered),
-    )
+    return compare(item, stepper.process(item.simulated))
 
 
 def _named(corners: Corners, channels: Sequence[Channel]) -> dict[str, tuple[float, float, float, float]]:
@@ -222,24 +192,24 @@ def save(trained: Trained, folder: Path) -> Path:
     return partial.replace(folder / "corrector.onnx")
 
 
-def summary(evaluation: Evaluation) -> dict[str, Any]:
+def summary(item: Comparison) -> dict[str, Any]:
     """An evaluation as plain numbers, for JSON."""
 
-    def scores(item: Scores) -> dict[str, Any]:
+    def scores(values: Scores) -> dict[str, Any]:
         return {
-            "r2": [round(float(v), 5) for v in item.r2],
-            "nrmse": [round(float(v), 4) for v in item.nrmse],
-            "nmae": [round(float(v), 4) for v in item.nmae],
-            "mean_r2": round(item.mean_r2, 5),
-            "mean_nrmse": round(item.mean_nrmse, 4),
-            "mean_nmae": round(item.mean_nmae, 4),
+            "r2": [round(float(v), 5) for v in values.r2],
+            "nrmse": [round(float(v), 4) for v in values.nrmse],
+            "nmae": [round(float(v), 4) for v in values.nmae],
+            "mean_r2": round(values.mean_r2, 5),
+            "mean_nrmse": round(values.mean_nrmse, 4),
+            "mean_nmae": round(values.mean_nmae, 4),
         }
 
     return {
-        "condition": evaluation.condition,
-        "role": evaluation.role,
-        "simulated": scores(evaluation.simulated),
-        "corrected": scores(evaluation.corrected),
-        "oracle": {"lag_samples": evaluation.oracle_lag, **scores(evaluation.oracle)},
-        "coverage_90": [round(v, 4) for v in evaluation.coverage],
+        "condition": item.condition.name,
+        "role": item.condition.role,
+        "simulated": scores(item.before),
+        "corrected": scores(item.after),
+        "oracle": {"lag_samples": item.oracle.lag, **scores(item.oracle.scores)},
+        "coverage_90": [round(float(v), 4) for v in item.within(BAND_90)],
     }

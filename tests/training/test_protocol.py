@@ -39,10 +39,10 @@ def test_corrupting_a_development_record_does_change_them(trained: Trained, tmp_
 def test_it_helps_at_the_speed_that_was_held_out(study: Study, trained: Trained, tmp_path: Path) -> None:
     model = bundle.load(save(trained, tmp_path))
     result = evaluate(pair(study, study.condition("385")), model)
-    assert result.role == "evaluation"
-    assert result.simulated.mean_nrmse > 10.0
-    assert result.corrected.mean_nrmse < 0.4 * result.simulated.mean_nrmse
-    assert result.oracle.mean_nrmse <= result.corrected.mean_nrmse + 1e-9
+    assert result.condition.role == "evaluation"
+    assert result.before.mean_nrmse > 10.0
+    assert result.after.mean_nrmse < 0.4 * result.before.mean_nrmse
+    assert result.oracle.scores.mean_nrmse <= result.after.mean_nrmse + 1e-9
 
 
 def test_selection_took_the_better_candidate(trained: Trained) -> None:
