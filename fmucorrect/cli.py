@@ -61,7 +61,7 @@ def main() -> None:
 def demo(out: Path, as_json: bool) -> None:
     """Correct a bogie on a roller rig at 385 km/h, a speed that the model never saw, and compare with the measurement.
 
-    Writes demo.mcap and demo.html. Needs no file of yours.
+    Writes demo.mcap, demo.html and the model, corrector.onnx. Needs no file of yours.
 
     Example: fmucorrect demo -o /tmp/demo
     """

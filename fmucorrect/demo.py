@@ -66,6 +66,7 @@ class Result:
     seconds: float
     record: Path
     page: Path
+    corrector: Path
 
 
 def find_data() -> Data:
@@ -90,7 +91,7 @@ def find_data() -> Data:
 
 
 def run_demo(folder: Path, data: Data | None = None, progress: Callable[[str], object] | None = None) -> Result:
-    """Run all of it and write demo.mcap and demo.html into `folder`. progress is told STEPS, one when each begins."""
+    """Run all of it and write demo.mcap, demo.html and a copy of corrector.onnx into `folder`. progress is told STEPS, one when each begins."""
     tell = progress or (lambda _: None)
     data = data or find_data()
     begun = time.perf_counter()
@@ -112,8 +113,10 @@ def run_demo(folder: Path, data: Data | None = None, progress: Callable[[str], o
     record, page = folder / "demo.mcap", folder / "demo.html"
     write_record(record, corrected, simulated, comparison)
     comparison_page.write(page, comparison, context(comparison, online, study, model, len(corrected)))
+    corrector = folder / "corrector.onnx"
+    corrector.write_bytes(data.corrector.read_bytes())
     tell(STEPS[5])
-    return Result(comparison, online, study, model, time.perf_counter() - begun, record, page)
+    return Result(comparison, online, study, model, time.perf_counter() - begun, record, page, corrector)
 
 
 STEPS = ("open", "simulate and correct", "again, one sample a call", "compare", "write", "done")
@@ -190,11 +193,14 @@ def unseen(comparison: Comparison, model: Bundle) -> bool:
 
 def next_steps(result: Result) -> str:
     """What to try next, with the files that are there."""
-    model = result.model.path
+    model = result.corrector
     return (
-        f"  fmucorrect replay {result.record} --corrector {model} -o again.mcap   the logged simulation, corrected again\n"
-        f"  fmucorrect inspect {result.record} {model}   what is in them, and do they fit\n"
-        f"  fmucorrect run {result.study.path} --condition 385 --corrector {model} -o run.mcap   or with a study of yours"
+        "  the logged simulation, corrected again\n"
+        f"    fmucorrect replay {result.record} --corrector {model} -o again.mcap\n"
+        "  what is in these files, and whether they fit\n"
+        f"    fmucorrect inspect {result.record} {model}\n"
+        "  the FMU online at another speed, or with a study of yours\n"
+        f"    fmucorrect run {result.study.path} --condition 360 --corrector {model} -o run.mcap"
     )
 
 
@@ -216,7 +222,7 @@ def to_json(result: Result) -> dict[str, Any]:
         "within_two_sigma": float(comparison.within().mean()),
         "step_seconds": result.online.step,
         "seconds": result.seconds,
-        "files": [str(result.record), str(result.page)],
+        "files": [str(result.record), str(result.page), str(result.corrector)],
     }
 
 

@@ -91,9 +91,13 @@ def test_the_command_from_an_empty_folder(data: Data, tmp_path: Path, monkeypatc
     assert ran.output.startswith("At 385 km/h, which the corrector never saw, the error ")
     for text in ("paper: proposed method", "0.8197", "virtual rig", "Try next", "fmucorrect replay"):
         assert text in ran.output
-    assert {file.name for file in (tmp_path / "fmucorrect-demo").iterdir()} == {"demo.mcap", "demo.html"}
+    assert {file.name for file in (tmp_path / "fmucorrect-demo").iterdir()} == {
+        "demo.mcap",
+        "demo.html",
+        "corrector.onnx",
+    }
     replay = next(line for line in ran.output.splitlines() if "fmucorrect replay" in line)
-    words = replay.strip().split("   ")[0].split()[1:]
+    words = replay.split()[1:]
     again = CliRunner().invoke(cli.main, words)
     assert again.exit_code == 0, again.output
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from html import escape
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
@@ -108,7 +108,7 @@ class Page:
                 for i, (label, view) in enumerate(views)
             )
             self._parts.append(f'<div class="buttons" data-for="{name}">Show {buttons}</div>')
-        height = int(figure.to_dict()["layout"].get("height", 400))
+        height = int(cast(Any, figure).layout.height or 400)
         self._parts.append(f'<div class="figure" id="{name}" style="height:{height}px"></div>')
         content = str(figure.to_json()).replace("</", "<\\/")
         self._scripts.append(f"(f => Plotly.newPlot({name!r}, f.data, f.layout, {json.dumps(_SETTINGS)}))({content});")

@@ -98,7 +98,7 @@ def test_what_is_drawn_is_what_was_computed() -> None:
     trace = next(t for t in figure.data if t.name == "corrected" and t.yaxis == "y2")
     assert np.allclose(trace.y, c.corrected[:, 1], atol=1e-6)
     assert (trace.x0, trace.dx) == (0.0, 0.001)
-    assert [t.name for t in figure.data if t.showlegend] == ["corrected ± 2σ", "simulated", "measured", "corrected"]
+    assert [t.name for t in figure.data if t.showlegend] == ["corrected ± 2σ", "measured", "simulated", "corrected"]
 
 
 def test_first_view_shows_some_periods_and_stays_in_the_record() -> None:
@@ -122,6 +122,8 @@ def test_table_holds_the_scores() -> None:
 def test_it_opens_in_a_browser_without_errors(tmp_path: Path, size: str) -> None:
     path = tmp_path / "page.html"
     comparison_page.write(path, comparison(), CONTEXT)
+    click = "document.querySelectorAll('.buttons button')[2].click()"  # all of it, in the first figure
+    path.write_text(path.read_text(encoding="utf-8") + f"<script>{click}</script>", encoding="utf-8")
     options = [
         "--headless=new",
         "--no-sandbox",
@@ -139,4 +141,5 @@ def test_it_opens_in_a_browser_without_errors(tmp_path: Path, size: str) -> None
     )
     assert not [line for line in done.stderr.splitlines() if "CONSOLE" in line]
     assert len(re.findall(r'class="figure[^"]*js-plotly-plot', done.stdout)) == 3
-    assert len(re.findall(r'<button[^>]* aria-pressed="true"', done.stdout)) == 2
+    pressed = re.findall(r'<button[^>]* aria-pressed="true"[^>]*>([^<]*)<', done.stdout)
+    assert pressed == ["all 30 s", "3 s of the steady run"]
