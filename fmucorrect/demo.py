@@ -177,7 +177,7 @@ def context(comparison: Comparison, online: Online, study: Study, model: Bundle,
         heading=PAPER_HEADING,
         references=PAPER,
         speed=(f"{1e6 * online.step:.0f} µs", f"a step of {1e3 * step:g} ms, solver included, one call a sample"),
-        commands=f"pip install fmucorrect\nfmucorrect demo\n\n{NEXT}",
+        commands=f"fmucorrect demo\n\n{NEXT}",
         facts=[
             ("simulated", f"{rows} steps of {1e3 * step:g} ms by {study.simulation.fmu and study.simulation.fmu.name}"),
             ("one call a sample", f"agrees with chunks of {session.ROWS} {same}"),
@@ -226,9 +226,10 @@ def to_json(result: Result) -> dict[str, Any]:
     }
 
 
-NEXT = """fmucorrect replay demo.mcap --corrector corrector.onnx -o again.mcap     # the logged simulation, corrected again
-fmucorrect inspect demo.mcap corrector.onnx                              # what is in them, and do they fit
-fmucorrect run study.toml --condition 385 --corrector corrector.onnx -o run.mcap   # your own study"""
+NEXT = """# and then: the logged simulation, corrected again; what is in the files; your own study
+fmucorrect replay demo.mcap --corrector corrector.onnx -o again.mcap
+fmucorrect inspect demo.mcap corrector.onnx
+fmucorrect run study.toml --condition 385 --corrector corrector.onnx -o run.mcap"""
 
 
 def table(comparison: Comparison) -> str:

@@ -73,7 +73,7 @@ def _view(comparison: Comparison, curves: Sequence[Response], span: tuple[float,
 
 def histories(comparison: Comparison) -> go.Figure:
     """Measured, simulated and corrected with +-2 sigma: one panel a channel, one time axis."""
-    figure = _panels(comparison, 215, response_curves(comparison))
+    figure = _panels(comparison, 190, response_curves(comparison))
     step = thinning(comparison)
     for j in range(len(comparison.channels)):
         corrected, sigma = comparison.corrected[::step, j], comparison.sigma[::step, j]

@@ -28,7 +28,7 @@ for (const group of document.querySelectorAll('.buttons[data-for]')) {
     });
   figure.on('plotly_relayout', (change) => { if ('xaxis.range[0]' in change || 'xaxis.autorange' in change) press(null); });
 }
-const narrow = window.matchMedia('(max-width: 760px)');
+const narrow = window.matchMedia('screen and (max-width: 760px)');
 const fit = () => { for (const figure of document.querySelectorAll('.figure')) Plotly.relayout(figure, {
   'margin.l': narrow.matches ? 44 : 62, 'margin.r': narrow.matches ? 6 : 16, 'font.size': narrow.matches ? 11 : 13,
   dragmode: narrow.matches ? false : 'zoom' }); };
