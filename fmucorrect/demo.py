@@ -91,7 +91,10 @@ def find_data() -> Data:
 
 
 def run_demo(folder: Path, data: Data | None = None, progress: Callable[[str], object] | None = None) -> Result:
-    """Run all of it and write demo.mcap, demo.html and a copy of corrector.onnx into `folder`. progress is told STEPS, one when each begins."""
+    """Run all of it and write demo.mcap, demo.html and a copy of corrector.onnx into `folder`.
+
+    progress is told STEPS, one when each begins.
+    """
     tell = progress or (lambda _: None)
     data = data or find_data()
     begun = time.perf_counter()
