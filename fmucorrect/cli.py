@@ -106,13 +106,13 @@ def run(study: Path, condition: str, corrector: Path | None, duration: float | N
 
     Example: fmucorrect run study.toml --condition 385 --corrector corrector.onnx -o run.mcap
     """
-    from fmucorrect import bundle, session
+    from fmucorrect import bundle, session, sources
     from fmucorrect.study import load_study
 
     the_study = load_study(study)
     chosen = the_study.condition(condition)
     model = bundle.load(corrector) if corrector is not None else None
-    rows = session.expected_rows(the_study, chosen, duration)
+    rows = sources.expected_rows(the_study, chosen, duration)
     with _bar(rows, "sample", condition) as advance:
         summary = session.run_study(the_study, chosen, out, model, duration=duration, progress=advance)
     _print_summary(summary, as_json)
@@ -151,13 +151,13 @@ def replay(
 
     Example: fmucorrect replay run.csv --corrector corrector.onnx --study study.toml --condition 385 -o out.mcap
     """
-    from fmucorrect import bundle, session
+    from fmucorrect import bundle, session, sources
 
     if log.resolve() == out.resolve():
         raise UserError(f"{out}: the log would be written over; choose another name for -o")
     model = bundle.load(corrector)
     chosen = _condition(log, topic, study, condition, features)
-    with _bar(session.logged_rows(log, topic), "sample", log.name) as advance:
+    with _bar(sources.logged_rows(log, topic), "sample", log.name) as advance:
         summary = session.replay_log(log, chosen, out, model, topic=topic, repair=repair, unit=unit, progress=advance)
     _print_summary(summary, as_json)
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from fmucorrect import bundle, experiment, records, session
+from fmucorrect import bundle, experiment, records, session, sources
 from fmucorrect.bundle import Bundle
 from fmucorrect.comparison import Comparison, compare
 from fmucorrect.errors import RecordError
@@ -106,7 +106,7 @@ def run_demo(folder: Path, data: Data | None = None, progress: Callable[[str], o
     tell(STEPS[2])
     online = one_by_one(study, condition, model, corrected)
     tell(STEPS[3])
-    excitation = experiment.excitation_channel(study)
+    excitation = sources.excitation_channel(study)
     simulated = corrected.select([channel.name for channel in (*study.channels, *excitation)])
     pair = experiment.pair(study, condition, simulated)
     comparison = compare(pair, corrected)
@@ -127,9 +127,9 @@ STEPS = ("open", "simulate and correct", "again, one sample a call", "compare", 
 
 def simulate(study: Study, condition: Condition, model: Bundle) -> Record:
     """The FMU of the study through the corrector: plant, then corrected, sigma and status columns."""
-    stepper = CorrectedStepper(session.study_plant(study, condition), model)
+    stepper = CorrectedStepper(sources.plant(study, condition), model)
     try:
-        result = run(stepper, condition, session.study_inputs(study, condition))
+        result = run(stepper, condition, sources.inputs(study, condition))
     finally:
         stepper.close()
     assert result is not None
@@ -138,12 +138,12 @@ def simulate(study: Study, condition: Condition, model: Bundle) -> Record:
 
 def one_by_one(study: Study, condition: Condition, model: Bundle, batch: Record) -> Online:
     """Step the FMU and the corrector as an online host does, one sample a call, and compare with `batch`."""
-    stepper = CorrectedStepper(session.study_plant(study, condition), model)
+    stepper = CorrectedStepper(sources.plant(study, condition), model)
     names = [f"{channel.name}_corrected" for channel in model.channels]
     values, clock, at = np.empty((len(batch), len(names))), np.empty(len(batch)), 0
     try:
         stepper.reset(condition)
-        for chunk in session.study_inputs(study, condition):
+        for chunk in sources.inputs(study, condition):
             for t_ns, u in zip(chunk.t_ns.tolist(), chunk.values, strict=True):
                 begun = time.perf_counter()
                 values[at] = stepper.step(t_ns, u).corrected
@@ -158,7 +158,7 @@ def write_record(path: Path, corrected: Record, simulated: Record, comparison: C
     """The whole run as /simulation and /corrected, and as /measured what of the measurement lies on the same rows."""
     notes = session.metadata(comparison.condition)
     with records.writer(path) as file:
-        file.write(session.SIMULATION, replace(simulated, metadata=notes))
+        file.write(sources.SIMULATION, replace(simulated, metadata=notes))
         added = corrected.names[len(simulated.channels) :]
         file.write(session.CORRECTED, replace(corrected.select(added), metadata=notes))
         file.write("/measured", replace(comparison.record(comparison.measured, "_measured"), metadata=notes))
@@ -183,7 +183,7 @@ def context(comparison: Comparison, online: Online, study: Study, model: Bundle,
         commands=f"fmucorrect demo\n\n{NEXT}",
         facts=[
             ("simulated", f"{rows} steps of {1e3 * step:g} ms by {study.simulation.fmu and study.simulation.fmu.name}"),
-            ("one call a sample", f"agrees with chunks of {session.ROWS} {same}"),
+            ("one call a sample", f"agrees with chunks of {sources.ROWS} {same}"),
             ("best case by time shift", oracle),
         ],
     )

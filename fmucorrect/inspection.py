@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fmucorrect import bundle, records, session, units, views
+from fmucorrect import bundle, records, sources, units, views
 from fmucorrect.bundle import Bundle
 from fmucorrect.errors import FmucorrectError, RecordError
 from fmucorrect.fmu import FmuDescription, open_fmu
@@ -146,10 +146,10 @@ def _study_against(model: Bundle, study: Study) -> Iterator[str]:
 
 def _record_against(model: Bundle, contents: Contents) -> Iterator[str]:
     path = Path(contents.path)
-    topic = session.default_topic(path)
+    topic = sources.default_topic(path)
     chosen = [item for item in contents.topics if topic in (None, item.topic.name)]
     there = record_columns(Contents(contents.path, contents.format, tuple(chosen), contents.truncated))
-    for name, channel in zip(session.columns(path, model.channels, topic), model.channels, strict=True):
+    for name, channel in zip(sources.columns(path, model.channels, topic), model.channels, strict=True):
         yield from _column(name, channel.unit, there, "column")
     for item in chosen:
         step = views.mean_step_ns(item.extent.rows, item.extent.start_ns, item.extent.stop_ns)

@@ -4,7 +4,7 @@ as soon as it is there. Memory does not grow with the length, and a killed run l
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -12,11 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from fmucorrect import experiment, records, units
-from fmucorrect.errors import RecordError, SignalError
-from fmucorrect.fmu import FmuStepper, input_record
+from fmucorrect import records, sources
+from fmucorrect.errors import RecordError
 from fmucorrect.records.writing import Writer
-from fmucorrect.signals import NANOSECONDS, Channel, Condition, Record
+from fmucorrect.signals import NANOSECONDS, Condition, Record
 from fmucorrect.stepper import (
     CorrectedStepper,
     Corrector,
@@ -24,15 +23,11 @@ from fmucorrect.stepper import (
     Status,
     Stepper,
     corrected_channels,
-    grid,
     run,
 )
 from fmucorrect.study import Study
 
-ROWS = 1024
-"""Samples that are computed and written at once."""
-
-SIMULATION, CORRECTED = "/simulation", "/corrected"
+CORRECTED = "/corrected"
 FEATURES = ("speed", "amplitude", "frequency", "start")
 Progress = Callable[[int], object]
 """Called with the number of rows done since its last call."""
@@ -84,8 +79,8 @@ def run_study(
 
     duration: s from time zero, by default as long as the condition was measured; a simulated record is taken whole.
     """
-    plant = study_plant(study, condition)
-    inputs = study_inputs(study, condition, duration)
+    plant = sources.plant(study, condition)
+    inputs = sources.inputs(study, condition, duration)
     return _write(plant, corrector, condition, inputs, out, progress)
 
 
@@ -102,95 +97,8 @@ def replay_log(
 ) -> Summary:
     """Stream a logged simulation through `corrector` into a record file; `unit` is that of columns whose file says none."""
     channels = corrector.channels
-    inputs = log_inputs(log, channels, topic=topic, repair=repair, unit=unit)
+    inputs = sources.log_inputs(log, channels, topic=topic, repair=repair, unit=unit)
     return _write(ReplayStepper(channels), corrector, condition, inputs, out, progress)
-
-
-def study_plant(study: Study, condition: Condition) -> Stepper:
-    """The plant of a condition; the excitation, where the study names one, is a response of its own behind the channels."""
-    channels = (*study.channels, *experiment.excitation_channel(study))
-    if condition.simulated is not None or study.simulation.fmu is None:
-        return ReplayStepper(channels)
-    names = records.describe(condition.inputs).topics[0].topic.columns if condition.inputs is not None else ()
-    return FmuStepper(
-        study.simulation.fmu,
-        channels,
-        inputs=tuple(column.name for column in names),
-        parameters=study.simulation.parameters,
-    )
-
-
-def study_inputs(study: Study, condition: Condition, duration: float | None = None) -> Iterator[Record]:
-    """What drives the plant of a condition, chunk by chunk."""
-    if condition.simulated is not None or study.simulation.fmu is None:
-        if condition.simulated is None:
-            raise RecordError(f"condition {condition.name!r} has neither an FMU nor a simulated record")
-        yield from log_inputs(condition.simulated, (*study.channels, *experiment.excitation_channel(study)))
-        return
-    series = records.read(condition.inputs) if condition.inputs is not None else None
-    length = experiment.duration(condition) if duration is None else duration
-    for chunk in grid(length, study.simulation.step_ns, ROWS):
-        yield chunk if series is None else input_record(chunk.t_ns, series)
-
-
-def expected_rows(study: Study, condition: Condition, duration: float | None = None) -> int:
-    """How many samples `study_inputs` gives."""
-    if condition.simulated is not None:
-        return logged_rows(condition.simulated, None)
-    length = experiment.duration(condition) if duration is None else duration
-    return round(length * NANOSECONDS / study.simulation.step_ns) + 1
-
-
-def logged_rows(log: Path, topic: str | None) -> int:
-    """How many samples the topic has, or the longest topic of the log."""
-    topics = [item for item in records.describe(log).topics if topic in (None, item.topic.name)]
-    return max((item.extent.rows for item in topics), default=0)
-
-
-def log_inputs(
-    log: Path,
-    channels: tuple[Channel, ...],
-    *,
-    topic: str | None = None,
-    repair: str | None = None,
-    unit: str | None = None,
-) -> Iterator[Record]:
-    """The columns of a logged simulation that `channels` name (by `simulation` or `name`), in their units.
-
-    topic: by default /simulation where the file has it, else wherever the columns are. Raises RecordError for a column
-    that is not there, SignalError for a unit that does not fit or is not said.
-    """
-    chosen = topic or default_topic(log)
-    factors: np.ndarray | None = None
-    for chunk in records.stream(log, columns(log, channels, chosen), topic=chosen, repair=repair, rows=ROWS):
-        if factors is None:
-            pairs = zip(chunk.channels, channels, strict=True)
-            factors = np.array([_factor(have, want, log, unit) for have, want in pairs])
-        yield replace(chunk, values=chunk.values * factors if (factors != 1.0).any() else chunk.values)
-
-
-def columns(log: Path, channels: tuple[Channel, ...], topic: str | None = None) -> list[str]:
-    """The column of each channel: the one named `simulation`, or where the log has none of that, the one named `name`."""
-    there = {
-        name
-        for item in records.describe(log).topics
-        if topic in (None, item.topic.name)
-        for column in item.topic.columns
-        for name in (column.name, item.topic.full_name(column.name))
-    }
-    ends = {name[i + 1 :] for name in there for i, letter in enumerate(name) if letter == "."} | there
-
-    def column(channel: Channel) -> str:
-        names = [name for name in (channel.simulation, channel.name) if name]
-        return next((name for name in names if name in ends), names[0])
-
-    return [column(channel) for channel in channels]
-
-
-def default_topic(log: Path) -> str | None:
-    """/simulation where the log has that topic beside others, else None."""
-    names = [item.topic.name for item in records.describe(log).topics]
-    return SIMULATION if len(names) > 1 and SIMULATION in names else None
 
 
 def logged_condition(log: Path, topic: str | None = None) -> Condition | None:
@@ -216,19 +124,6 @@ def metadata(condition: Condition) -> dict[str, str]:
     }
 
 
-def _factor(have: Channel, want: Channel, log: Path, unit: str | None) -> float:
-    if have.unit in ("", "1") and want.unit not in ("", "1"):
-        if unit is None:
-            raise SignalError(
-                f"column {have.name!r} has no unit",
-                where=str(log),
-                expected=f"a unit like {want.unit!r}",
-                remedy=f"Name it in the file (in CSV: '{have.name} [{want.unit}]'), or give --unit {want.unit}.",
-            )
-        return units.conversion(unit, want.unit, f"--unit for column {have.name}")
-    return units.conversion(have.unit, want.unit, f"{log}, column {have.name}")
-
-
 class _Recorder:
     """Writes results as they come, and counts them."""
 
@@ -244,8 +139,8 @@ class _Recorder:
     @property
     def topics(self) -> tuple[str, ...]:
         if not self._added:
-            return (SIMULATION,)
-        return (SIMULATION, CORRECTED) if self._several else (CORRECTED,)
+            return (sources.SIMULATION,)
+        return (sources.SIMULATION, CORRECTED) if self._several else (CORRECTED,)
 
     def take(self, result: Record) -> None:
         if not len(result):
@@ -256,7 +151,7 @@ class _Recorder:
             self._file.write(topics[0], result)
         else:
             simulated = len(result.channels) - self._added
-            self._file.write(SIMULATION, result.select(result.names[:simulated]))
+            self._file.write(sources.SIMULATION, result.select(result.names[:simulated]))
             self._file.write(CORRECTED, result.select(result.names[simulated:]))
         if self._added:
             self.counts += np.bincount(result["corrector_status"].astype(np.int64), minlength=len(Status))

@@ -166,7 +166,8 @@ class Window:
 
 @final
 class ReplayStepper:
-    """A plant that only repeats what a log holds: the input row is the simulated response itself."""
+    """A plant that only repeats what a log holds: the input row is the simulated response itself, in the channels' units;
+    a channel of unit "" takes the log's."""
 
     def __init__(self, channels: tuple[Channel, ...]) -> None:
         self._channels = channels
@@ -183,7 +184,9 @@ class ReplayStepper:
         return Step(t_ns, u, u, self._nothing, Status.OK)
 
     def process(self, record: Record) -> Record:
-        return replace(record, channels=self._channels)
+        pairs = zip(self._channels, record.channels, strict=True)
+        channels = tuple(mine if mine.unit else replace(mine, unit=logged.unit) for mine, logged in pairs)
+        return replace(record, channels=channels)
 
     def close(self) -> None:
         pass

@@ -129,8 +129,8 @@ def test_it_streams_and_refuses_what_does_not_fit(tmp_path: Path) -> None:
     values = np.random.default_rng(0).normal(size=(10, 2))
     result = stepper.process(Record(np.arange(10) * 1_000_000, values, CHANNELS))
     assert np.allclose(result.values[2:, 2:4], 2.0 * values[2:], atol=1e-6)
+    stepper.reset(Condition("x"))
     with pytest.raises(SignalError, match=r"expected 0\.001 s, got 0\.002 s"):
-        stepper.reset(Condition("x"))
         stepper.process(Record(np.arange(10) * 2_000_000, values, CHANNELS))
     with pytest.raises(SignalError, match="another unit"):
         CorrectedStepper(ReplayStepper((Channel("FW", unit="m"), CHANNELS[1])), model)

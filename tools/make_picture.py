@@ -73,7 +73,8 @@ def panels(names: list[str], t: np.ndarray, series: dict[str, np.ndarray]) -> st
             width = 3.2 if label == "measured" else 1.8
             opacity = 0.35 if label == "measured" else 1.0
             parts.append(
-                f'<polyline points="{points}" fill="none" stroke="{COLOURS[label]}" stroke-width="{width}" opacity="{opacity}"/>'
+                f'<polyline points="{points}" fill="none" stroke="{COLOURS[label]}" stroke-width="{width}" '
+                f'opacity="{opacity}"/>'
             )
     bottom = TOP + len(names) * (HEIGHT + GAP) - GAP + 16
     for second in np.arange(np.ceil(t[0] * 2) / 2, t[-1], 0.5):

@@ -40,9 +40,10 @@ def make(rig: str) -> None:
     figures = {"training_minutes": round(minutes, 1), "conditions": [summary(item) for item in evaluations]}
     (folder / "evaluation.json").write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8", newline="\n")
     for item in evaluations:
+        before, after = item.before, item.after
         print(
-            f"{rig} {item.condition.name:>16} {item.condition.role:<11} R2 {item.before.mean_r2:7.4f} -> {item.after.mean_r2:.4f}"
-            f"  NRMSE {item.before.mean_nrmse:6.2f} -> {item.after.mean_nrmse:.2f} %"
+            f"{rig} {item.condition.name:>16} {item.condition.role:<11} R2 {before.mean_r2:7.4f} -> {after.mean_r2:.4f}"
+            f"  NRMSE {before.mean_nrmse:6.2f} -> {after.mean_nrmse:.2f} %"
         )
 
 

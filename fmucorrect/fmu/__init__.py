@@ -1,7 +1,7 @@
 """FMUs: open, validate, step, state. The only place that knows fmpy."""
 
 from fmucorrect.fmu.description import FmuDescription, Variable, open_fmu
-from fmucorrect.fmu.simulate import input_record, simulate
+from fmucorrect.fmu.inputs import input_record
 from fmucorrect.fmu.stepper import FmuStepper, SolverState
 
-__all__ = ["FmuDescription", "FmuStepper", "SolverState", "Variable", "input_record", "open_fmu", "simulate"]
+__all__ = ["FmuDescription", "FmuStepper", "SolverState", "Variable", "input_record", "open_fmu"]

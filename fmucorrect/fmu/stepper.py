@@ -45,10 +45,9 @@ class FmuStepper:
     """An FMU for co-simulation, streamed sample by sample.
 
     channels: the responses; each one's `simulation` (or `name`) is an FMU variable, whose values are converted to the
-    channel's unit, or left in the variable's own for "". extra: further channels that process() adds behind the
-    responses. inputs: FMU inputs, in the order of the columns of u, which is in the FMU's own units. parameters: start
-    values that hold in every condition. log: where the solver's messages go, the logger "fmucorrect.fmu" by default; at
-    level DEBUG the solver says all.
+    channel's unit, or left in the variable's own for "". inputs: FMU inputs, in the order of the columns of u, which is
+    in the FMU's own units. parameters: start values that hold in every condition. log: where the solver's messages go,
+    the logger "fmucorrect.fmu" by default; at level DEBUG the solver says all.
 
     The FMU starts at the first sample's time, with that sample's inputs: errors of initialisation come from the first
     step() or process() after reset(). After an exception everything is released, and reset() starts anew.
@@ -61,16 +60,14 @@ class FmuStepper:
         path: str | Path,
         channels: tuple[Channel, ...],
         *,
-        extra: tuple[Channel, ...] = (),
         inputs: Sequence[str] = (),
         parameters: Mapping[str, float] = _NONE,
         log: logging.Logger | None = None,
     ) -> None:
         self._description = open_fmu(path)
         self._binaries = self._description.binaries
-        self._outputs, self._all = matching.outputs(self._description, (*channels, *extra))
-        self._factors = matching.output_factors(self._outputs, self._all)
-        self._channels = self._all[: len(channels)]
+        self._outputs, self._channels = matching.outputs(self._description, channels)
+        self._factors = matching.output_factors(self._outputs, self._channels)
         self._inputs = matching.inputs(self._description, inputs)
         self._parameters, self._logger = parameters, log
         start_values(self._description, parameters)
@@ -79,7 +76,7 @@ class FmuStepper:
         self._instance: Instance | None = None
         self._readers: list[Port] = []
         self._writers: list[Port] = []
-        self._row, self._given = np.zeros(len(self._all)), np.zeros(len(self._inputs))
+        self._row, self._given = np.zeros(len(self._channels)), np.zeros(len(self._inputs))
         self._zeros = np.zeros(len(channels))
         self._last_ns: int | None = None
 
@@ -130,14 +127,13 @@ class FmuStepper:
             raise
         self._last_ns = t_ns
         simulated = self._row.copy() if self._factors is None else self._row * self._factors
-        simulated = simulated[: len(self._channels)] if len(self._all) > len(self._channels) else simulated
         return Step(t_ns, simulated, simulated, self._zeros, Status.OK)
 
     def process(self, record: Record) -> Record:
         """Columns of `record` are inputs by name, in any order and fitting unit; a record without columns leaves the
-        inputs as they are. What comes back: the responses, then `extra`."""
+        inputs as they are. What comes back: the responses."""
         u = self._input_values(record)
-        values = np.zeros((len(record), len(self._all)))
+        values = np.zeros((len(record), len(self._channels)))
         if len(record):
             instance = self._advancing(int(record.t_ns[0]), u.shape[1])
             self._require_finite(u, record.t_ns)
@@ -149,7 +145,7 @@ class FmuStepper:
             self._last_ns = int(record.t_ns[-1])
             if self._factors is not None:
                 values *= self._factors
-        return replace(record, values=values, channels=self._all)
+        return replace(record, values=values, channels=self._channels)
 
     def _run(
         self, instance: Instance, t_ns: Times, u: Float64[np.ndarray, "T U"], values: Float64[np.ndarray, "T K"]

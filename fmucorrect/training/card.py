@@ -39,7 +39,10 @@ def card(trained: Trained, bundle: Bundle, evaluations: Sequence[Comparison], co
         "Apart, since it knows the target: with the best single time shift (oracle) the corrected mean R2 would be",
     ]
     lines += [
-        ", ".join(f"{e.oracle.scores.mean_r2:.4f} at {e.condition.name} (shift {e.oracle.lag} samples)" for e in evaluations) + "."
+        ", ".join(
+            f"{e.oracle.scores.mean_r2:.4f} at {e.condition.name} (shift {e.oracle.lag} samples)" for e in evaluations
+        )
+        + "."
     ]
     lines += ["", "Share of samples within 1.645 sigma (a 90 % band if errors were normal), by channel:", ""]
     lines += [f"- {e.condition.name}: " + ", ".join(f"{100 * c:.1f} %" for c in e.within(BAND_90)) for e in evaluations]

@@ -58,8 +58,9 @@ class Scales:
     """Everything that is derived from the development data before any network is fitted.
 
     response: (J,) displacement scales s_q, the standard deviation of the measured channels (paper, section 3.3). window:
-    one scale for the simulated histories. components: (W J, d) window features, whitened as far as FLOOR lets. speed: km/h, centre and half
-    span; uncorrected: (J,) rms of measurement minus simulation. extent: (J,) largest simulated deflection.
+    one scale for the simulated histories. components: (W J, d) window features, whitened as far as FLOOR lets. speed:
+    km/h, centre and half span. uncorrected: (J,) rms of measurement minus simulation. extent: (J,) largest simulated
+    deflection.
     """
 
     response: Float64[np.ndarray, " J"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -79,7 +80,9 @@ def test_creep_law_against_full_contact_theory(creepage: float, published: float
     speed, load, friction = 80.0, 62.2e3, 0.35
     parameters = {"f11": 7.83e6, "f22": 6.92e6, "f23": 0.0, "wheel_load": load, "friction": friction, "speed": speed}
     outputs = (Channel("F", unit="N", simulation="contact_lateral.F"),)
-    with FmuStepper(FMUS / "wheelset" / "wheelset.fmu", outputs, parameters={**parameters, "v_y": creepage * speed}) as fmu:
+    with FmuStepper(
+        FMUS / "wheelset" / "wheelset.fmu", outputs, parameters={**parameters, "v_y": creepage * speed}
+    ) as fmu:
         fmu.reset(Condition("creep"))
         force = fmu.step(0, np.zeros(0)).simulated[0]
     assert force / (2.0 * friction * load) == pytest.approx(published, rel=0.04)
@@ -87,7 +90,7 @@ def test_creep_law_against_full_contact_theory(creepage: float, published: float
 
 def test_critical_speed_of_the_rig_falls_with_conicity(rig: Linearised) -> None:
     speeds = [rig.critical_speed({**STILL, "equivalent_conicity": c}, 60.0, 500.0) for c in (0.15, 0.2, 0.25, 0.3)]
-    assert all(a > b for a, b in zip(speeds, speeds[1:], strict=False))
+    assert all(a > b for a, b in pairwise(speeds))
     # an independent numpy model of the same equations (fewer degrees of freedom) gave 1148 and 691 km/h
     assert 3.6 * speeds[1] == pytest.approx(1148.0, rel=0.03)
     assert 3.6 * speeds[3] == pytest.approx(691.0, rel=0.03)
@@ -95,7 +98,10 @@ def test_critical_speed_of_the_rig_falls_with_conicity(rig: Linearised) -> None:
 
 @pytest.mark.parametrize(
     ("speed", "modes"),
-    [(300.0, [(4.74, 55), (9.9, 77), (17.9, 19), (19.6, 39), (26.6, 41)]), (385.0, [(5.20, 42), (18.2, 15), (19.5, 33)])],
+    [
+        (300.0, [(4.74, 55), (9.9, 77), (17.9, 19), (19.6, 39), (26.6, 41)]),
+        (385.0, [(5.20, 42), (18.2, 15), (19.5, 33)]),
+    ],
 )
 def test_modes_of_the_rig(rig: Linearised, speed: float, modes: list[tuple[float, float]]) -> None:
     """Natural frequency in Hz (2 %) and damping in % (2 points) of that numpy model, conicity 0.15."""
@@ -111,7 +117,9 @@ JOINTS = sorted(
 )
 
 
-def response(inputs: dict[str, float], outputs: tuple[str, ...], seconds: float = 0.02, **parameters: float) -> np.ndarray:
+def response(
+    inputs: dict[str, float], outputs: tuple[str, ...], seconds: float = 0.02, **parameters: float
+) -> np.ndarray:
     """(T, C) of the rig at rest under constant inputs, at 1 ms."""
     channels = tuple(Channel(name, unit="", simulation=name) for name in outputs)
     path = FMUS / "roller_rig" / "roller_rig.fmu"
@@ -169,7 +177,9 @@ def test_a_changed_conicity_is_a_moment_against_displacement_at_the_contact() ->
     gravity = 2.0 * 62.2e3 * (more - base) / l0
     with FmuStepper(path, channels, parameters={**tone, "equivalent_conicity": more}) as fmu:
         expected = run(fmu, Condition("more"), grid(2.0, 250_000))
-    with FmuStepper(path, (*channels, *deflections), inputs=names, parameters={**tone, "equivalent_conicity": base}) as fmu:
+    with FmuStepper(
+        path, (*channels, *deflections), inputs=names, parameters={**tone, "equivalent_conicity": base}
+    ) as fmu:
         fmu.reset(Condition("base"))
         forces, rows = np.zeros(4), []
         for i in range(8001):

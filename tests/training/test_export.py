@@ -7,7 +7,7 @@ import numpy as np
 import onnxruntime
 import pytest
 import torch
-from conftest import SMALL
+from closed_form import SMALL
 
 from fmucorrect import bundle
 from fmucorrect.study import Study
@@ -27,7 +27,9 @@ def random_inputs(count: int, rows: int, channels: int, seed: int = 0) -> dict[s
     rng = np.random.default_rng(seed)
     return {
         "window": rng.normal(size=(count, rows, channels)).astype(np.float32).cumsum(axis=1, dtype=np.float32) * 0.1,
-        "condition": np.stack([rng.uniform(250, 420, count), np.full(count, 0.03), np.full(count, 2.0)], 1).astype(np.float32),
+        "condition": np.stack([rng.uniform(250, 420, count), np.full(count, 0.03), np.full(count, 2.0)], 1).astype(
+            np.float32
+        ),
         "time": rng.uniform(-5.0, 1e6, size=(count, 1)),
     }
 

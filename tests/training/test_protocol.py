@@ -1,4 +1,4 @@
-"""The evaluation condition touches nothing; the same seed gives the same file; the correction helps where it was not trained."""
+"""The evaluation condition touches nothing; the same seed gives the same file; it helps where it was not trained."""
 
 import shutil
 from dataclasses import replace
@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import SMALL, make_study
+from closed_form import SMALL, make_study
 
 from fmucorrect import bundle
 from fmucorrect.errors import StudyError

@@ -134,11 +134,11 @@ def test_time_does_not_drift(oscillator: Path):
 def test_units(oscillator: Path):
     unit = (Channel("x", "m", simulation="mass1.x"), Channel("raw", "", simulation="mass1.x"))
     inch = (Channel("x", "in", simulation="mass1.x"), Channel("y", "mm", simulation="mass1.x"))
-    with FmuStepper(oscillator, unit, extra=inch[1:], inputs=("base.d",)) as stepper:
+    with FmuStepper(oscillator, (*unit, inch[1]), inputs=("base.d",)) as stepper:
         stepper.reset(PLUCKED)
         out = stepper.process(Record(np.array([0, MS]), np.array([[30.0], [40.0]]), (Channel("base.d", "mm"),)))
         assert stepper.channels[1].unit == "m"
-        assert stepper.step(2 * MS, np.array([0.03])).simulated.shape == (2,)
+        assert stepper.step(2 * MS, np.array([0.03])).simulated.shape == (3,)
         stepper.reset(PLUCKED)
         same = stepper.process(Record(np.array([0, MS]), np.array([[0.03], [0.04]]), (Channel("base.d"),)))
     np.testing.assert_array_equal(out.values, same.values)

@@ -1,0 +1,149 @@
+"""What is streamed: the plant of a study's condition and what drives it, or the rows of a logged simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from fmucorrect import records, units
+from fmucorrect.errors import RecordError, SignalError
+from fmucorrect.fmu import FmuStepper, input_record
+from fmucorrect.signals import NANOSECONDS, Channel, Condition, Record
+from fmucorrect.stepper import ReplayStepper, Stepper, grid
+from fmucorrect.study import Study
+
+ROWS = 1024
+"""Samples that are computed and written at once."""
+
+SIMULATION = "/simulation"
+"""The topic of a simulated response in the files written here."""
+
+
+def plant(study: Study, condition: Condition) -> Stepper:
+    """The plant of a condition; the excitation, where the study names one, is a response of its own behind the channels."""
+    channels = (*study.channels, *excitation_channel(study))
+    if condition.simulated is not None or study.simulation.fmu is None:
+        return ReplayStepper(channels)
+    names = records.describe(condition.inputs).topics[0].topic.columns if condition.inputs is not None else ()
+    return FmuStepper(
+        study.simulation.fmu,
+        channels,
+        inputs=tuple(column.name for column in names),
+        parameters=study.simulation.parameters,
+    )
+
+
+def inputs(study: Study, condition: Condition, duration: float | None = None) -> Iterator[Record]:
+    """What drives the plant of a condition, chunk by chunk."""
+    if condition.simulated is not None or study.simulation.fmu is None:
+        if condition.simulated is None:
+            raise RecordError(f"condition {condition.name!r} has neither an FMU nor a simulated record")
+        yield from log_inputs(condition.simulated, (*study.channels, *excitation_channel(study)))
+        return
+    series = records.read(condition.inputs) if condition.inputs is not None else None
+    length = measured_duration(condition) if duration is None else duration
+    for chunk in grid(length, study.simulation.step_ns, ROWS):
+        yield chunk if series is None else input_record(chunk.t_ns, series)
+
+
+def measured_duration(condition: Condition) -> float:
+    """How long the measurement of a condition is, in seconds."""
+    if condition.measurement is None:
+        raise RecordError(f"condition {condition.name!r} has no measurement")
+    lengths = [
+        (topic.extent.stop_ns or 0) - (topic.extent.start_ns or 0)
+        for topic in records.describe(condition.measurement).topics
+        if topic.extent.rows > 1
+    ]
+    if not lengths:
+        raise RecordError("there are no readable rows", where=str(condition.measurement))
+    return max(lengths) / NANOSECONDS
+
+
+def excitation_channel(study: Study) -> tuple[Channel, ...]:
+    """The recorded excitation as a channel behind the responses, in whatever unit it comes (""); empty where the study
+    has none, or a response carries it already."""
+    excitation = study.excitation
+    if excitation is None or excitation.simulation in {channel.name for channel in study.channels}:
+        return ()
+    return (
+        Channel(excitation.simulation, unit="", simulation=excitation.simulation, measurement=excitation.measurement),
+    )
+
+
+def expected_rows(study: Study, condition: Condition, duration: float | None = None) -> int:
+    """How many samples `inputs` gives."""
+    if condition.simulated is not None:
+        return logged_rows(condition.simulated, None)
+    length = measured_duration(condition) if duration is None else duration
+    return round(length * NANOSECONDS / study.simulation.step_ns) + 1
+
+
+def logged_rows(log: Path, topic: str | None) -> int:
+    """How many samples the topic has, or the longest topic of the log."""
+    topics = [item for item in records.describe(log).topics if topic in (None, item.topic.name)]
+    return max((item.extent.rows for item in topics), default=0)
+
+
+def log_inputs(
+    log: Path,
+    channels: tuple[Channel, ...],
+    *,
+    topic: str | None = None,
+    repair: str | None = None,
+    unit: str | None = None,
+) -> Iterator[Record]:
+    """The columns of a logged simulation that `channels` name (by `simulation` or `name`), in their units.
+
+    topic: by default /simulation where the file has it, else wherever the columns are. Raises RecordError for a column
+    that is not there, SignalError for a unit that does not fit or is not said.
+    """
+    chosen = topic or default_topic(log)
+    factors: np.ndarray | None = None
+    for chunk in records.stream(log, columns(log, channels, chosen), topic=chosen, repair=repair, rows=ROWS):
+        if factors is None:
+            pairs = zip(chunk.channels, channels, strict=True)
+            factors = np.array([_factor(have, want, log, unit) for have, want in pairs])
+        yield replace(chunk, values=chunk.values * factors if (factors != 1.0).any() else chunk.values)
+
+
+def columns(log: Path, channels: tuple[Channel, ...], topic: str | None = None) -> list[str]:
+    """The column of each channel: the one named `simulation`, or where the log has none of that, the one named `name`."""
+    there = {
+        name
+        for item in records.describe(log).topics
+        if topic in (None, item.topic.name)
+        for column in item.topic.columns
+        for name in (column.name, item.topic.full_name(column.name))
+    }
+    ends = {name[i + 1 :] for name in there for i, letter in enumerate(name) if letter == "."} | there
+
+    def column(channel: Channel) -> str:
+        names = [name for name in (channel.simulation, channel.name) if name]
+        return next((name for name in names if name in ends), names[0])
+
+    return [column(channel) for channel in channels]
+
+
+def default_topic(log: Path) -> str | None:
+    """/simulation where the log has that topic beside others, else None."""
+    names = [item.topic.name for item in records.describe(log).topics]
+    return SIMULATION if len(names) > 1 and SIMULATION in names else None
+
+
+def _factor(have: Channel, want: Channel, log: Path, unit: str | None) -> float:
+    if want.unit == "":
+        return 1.0
+    if have.unit in ("", "1") and want.unit not in ("", "1"):
+        if unit is None:
+            raise SignalError(
+                f"column {have.name!r} has no unit",
+                where=str(log),
+                expected=f"a unit like {want.unit!r}",
+                remedy=f"Name it in the file (in CSV: '{have.name} [{want.unit}]'), or give --unit {want.unit}.",
+            )
+        return units.conversion(unit, want.unit, f"--unit for column {have.name}")
+    return units.conversion(have.unit, want.unit, f"{log}, column {have.name}")

@@ -1,0 +1,116 @@
+"""One condition from study to pair: FMU or log as the simulation, units, signs, sample rates and clocks of the measurement."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fmucorrect.errors import RecordError, SignalError
+from fmucorrect.experiment import pair, read_measurement, simulate
+from fmucorrect.records import writer
+from fmucorrect.signals import Channel, Record
+from fmucorrect.sources import log_inputs
+from fmucorrect.study import load_study
+
+OSCILLATOR = Path(__file__).resolve().parent.parent / "fmus" / "oscillator" / "oscillator.fmu"
+STUDY = """format = 1
+name = "oscillator"
+[simulation]
+{fmu}
+step_size = 0.001
+[[channels]]
+name = "x"
+simulation = "mass1.x"
+measurement = "probe"
+quantity = "displacement"
+unit = "mm"
+measurement_sign = {sign}
+[excitation]
+simulation = "base.d"
+measurement = "base"
+kind = "command"
+[[conditions]]
+name = "one"
+role = "development"
+frequency = 2.0
+start = 1.0
+measurement = "measured.mcap"
+{simulated}
+"""
+
+
+def wave(t: np.ndarray) -> np.ndarray:
+    return np.where((t >= 1.0) & (t < 6.0), np.sin(2 * np.pi * 2.0 * (t - 1.0)), 0.0)
+
+
+def write(path: Path, t: np.ndarray, epoch: int, **columns: tuple[np.ndarray, str]) -> None:
+    channels = tuple(Channel(name.replace("__", "."), unit=unit) for name, (_, unit) in columns.items())
+    values = np.stack([value for value, _ in columns.values()], axis=1)
+    with writer(path) as out:
+        out.write("/log", Record(epoch + np.round(t * 1e9).astype(np.int64), values, channels))
+
+
+def make(folder: Path, sign: int = 1, step: float = 1e-3, late: float = 0.0, unit: str = "m", epoch: int = 0) -> Path:
+    """Measured: the wave in `unit`, recorded every `step` s, from `late` s after the simulation's start."""
+    t = np.arange(round(7.0 / step)) * step
+    scale = {"m": 1e-3, "mm": 1.0}[unit]
+    measured = sign * 2.0 * scale * wave(t + late)
+    write(folder / "measured.mcap", t, epoch, probe=(measured, unit), base=(wave(t + late), "mm"))
+    grid = np.arange(7001) * 1e-3
+    write(folder / "sim.mcap", grid, 0, mass1__x=(1e-3 * wave(grid), "m"), base__d=(1e-3 * wave(grid), "m"))
+    text = STUDY.format(fmu="", sign=sign, simulated='simulated = "sim.mcap"')
+    (folder / "study.toml").write_text(text, encoding="utf-8")
+    return folder / "study.toml"
+
+
+@pytest.mark.parametrize("late", [0.0, 0.2503, -0.3])
+@pytest.mark.parametrize("epoch", [0, 1_767_225_600_000_000_000])
+def test_units_signs_and_clocks(tmp_path: Path, late: float, epoch: int) -> None:
+    study = load_study(make(tmp_path, sign=-1, late=late, epoch=epoch))
+    item = pair(study, study.condition("one"))
+    assert item.offset is not None
+    assert item.offset.offset == pytest.approx(late, abs=2e-6)
+    assert item.offset.gain == pytest.approx(1.0, abs=1e-3)  # m here, mm there
+    # the corners of the wave are not band-limited; everywhere else the two agree
+    error = np.abs(item.measured[:, 0] - 2.0 * item.response[:, 0])
+    assert np.quantile(error, 0.99) < 1e-3
+    assert item.steady is not None
+
+
+@pytest.mark.parametrize("step", [1e-4, 2e-3])
+def test_another_sample_rate_is_brought_to_the_studys(tmp_path: Path, step: float) -> None:
+    study = load_study(make(tmp_path, step=step))
+    record = read_measurement(study, study.condition("one"))
+    assert record.step_ns == 1_000_000
+    item = pair(study, study.condition("one"))
+    assert np.quantile(np.abs(item.measured[:, 0] - 2.0 * item.response[:, 0]), 0.95) < 2e-2
+
+
+def test_an_fmu_and_its_log_are_the_same_simulation(tmp_path: Path) -> None:
+    make(tmp_path)
+    text = STUDY.format(fmu=f'fmu = "{OSCILLATOR.as_posix()}"\nparameters = {{ x1 = 0.002 }}', sign=1, simulated="")
+    (tmp_path / "fmu.toml").write_text(text, encoding="utf-8")
+    study = load_study(tmp_path / "fmu.toml")
+    live = simulate(study, study.condition("one"))
+    assert live["x"][0] == 2.0  # mm
+    assert [c.unit for c in live.channels] == ["mm", "m"]
+    with writer(tmp_path / "sim.mcap") as out:
+        metres = Record(live.t_ns, live.values * [1e-3, 1.0], (Channel("mass1.x", "m"), Channel("base.d", "m")))
+        out.write("/log", metres)
+    logged = load_study(tmp_path / "study.toml")
+    again = simulate(logged, logged.condition("one"))
+    assert np.allclose(again.values, live.values, rtol=1e-15, atol=0)
+
+
+def test_what_is_missing_or_does_not_fit(tmp_path: Path) -> None:
+    study = load_study(make(tmp_path))
+    t = np.arange(1000) * 1e-3
+    write(tmp_path / "measured.mcap", t, 0, probe=(wave(t), "N"), base=(wave(t), "mm"))
+    with pytest.raises(SignalError, match=r"column probe: units do not fit, expected a unit like 'mm', got 'N'"):
+        read_measurement(study, study.condition("one"))
+    write(tmp_path / "measured.mcap", t, 0, other=(wave(t), "mm"), base=(wave(t), "mm"))
+    with pytest.raises(RecordError, match="probe"):
+        read_measurement(study, study.condition("one"))
+    write(tmp_path / "log.mcap", t, 0, x=(wave(t), "1"))
+    with pytest.raises(SignalError, match="has no unit"):
+        list(log_inputs(tmp_path / "log.mcap", study.channels))
