@@ -4,8 +4,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from conftest import Fmu, fmpy
 from fmpy.fmi1 import FMICallException
+from host import Fmu, fmpy
 
 VARIABLES = """
 [model]

@@ -7,8 +7,8 @@ import zipfile
 
 import numpy as np
 import pytest
-from conftest import BOTH, EACH, FMUS, MODELS, STEP, Fmu, begin, bits, excite, fmu_path, settable, states, walk
 from fmpy.validation import validate_fmu
+from host import BOTH, EACH, FMUS, MODELS, STEP, Fmu, begin, bits, excite, fmu_path, settable, states, walk
 
 
 def test_there_are_models():

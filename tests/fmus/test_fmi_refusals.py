@@ -4,8 +4,8 @@ import shutil
 
 import numpy as np
 import pytest
-from conftest import BOTH, EACH, STEP, Fmu, settable, states, walk
 from fmpy.fmi1 import FMICallException
+from host import BOTH, EACH, STEP, Fmu, settable, states, walk
 
 
 @EACH
