@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from ctypes import memmove
 from dataclasses import replace
 from enum import IntEnum
 from typing import NamedTuple, Protocol, final, runtime_checkable
@@ -130,9 +129,10 @@ class Window:
         self._rows = rows
         self._seen = 0
         self._last = self.array[0, -1]
-        # one row up, as plain memory: a quarter of the time of an overlapping assignment in numpy
-        start, row = self.array.ctypes.data, self.array.strides[1]
-        self._shift = (start, start + row, (rows - 1) * row)
+        # moving up by one row as plain memory takes a third of the time of an overlapping assignment in numpy
+        self._memory = memoryview(self.array).cast("B")
+        row = self.array.strides[1]
+        self._kept, self._moved = slice(0, (rows - 1) * row), slice(row, rows * row)
 
     def clear(self) -> None:
         """Forget everything."""
@@ -146,7 +146,7 @@ class Window:
 
     def push(self, row: Row) -> bool:
         """Append one row in place; True when the window is full."""
-        memmove(*self._shift)
+        self._memory[self._kept] = self._memory[self._moved]
         self._last[:] = row
         self._seen += 1
         return self._seen >= self._rows
@@ -201,7 +201,7 @@ class CorrectedStepper:
     """
 
     def __init__(self, plant: Stepper, corrector: Corrector) -> None:
-        self._plant, self._corrector = plant, corrector
+        self._plant, self._corrector, self._step_ns = plant, corrector, corrector.step_ns
         self._columns = _match(plant.channels, corrector.channels)
         self._same = self._columns == list(range(len(plant.channels)))
         self._window = Window(corrector.rows, len(corrector.channels))
@@ -228,7 +228,7 @@ class CorrectedStepper:
         simulated = self._plant.step(t_ns, u).simulated
         if not self._same:
             simulated = simulated[self._columns]
-        if self._last_ns is not None and t_ns - self._last_ns != self._corrector.step_ns:
+        if self._last_ns is not None and t_ns - self._last_ns != self._step_ns:
             raise self._wrong_step(t_ns - self._last_ns, t_ns)
         if not math.isfinite(sum(simulated.tolist())):
             raise self._not_finite(simulated[None], np.array([t_ns]))
@@ -267,8 +267,8 @@ class CorrectedStepper:
     def _check(self, t_ns: np.ndarray, simulated: np.ndarray) -> None:
         if not np.isfinite(simulated).all():
             raise self._not_finite(simulated, t_ns)
-        steps = np.diff(t_ns, prepend=t_ns[0] - self._corrector.step_ns if self._last_ns is None else self._last_ns)
-        wrong = np.flatnonzero(steps != self._corrector.step_ns)
+        steps = np.diff(t_ns, prepend=t_ns[0] - self._step_ns if self._last_ns is None else self._last_ns)
+        wrong = np.flatnonzero(steps != self._step_ns)
         if len(wrong):
             raise self._wrong_step(int(steps[wrong[0]]), int(t_ns[wrong[0]]))
         self._last_ns = int(t_ns[-1])
@@ -284,7 +284,7 @@ class CorrectedStepper:
     def _wrong_step(self, got: int, t_ns: int) -> SignalError:
         return SignalError(
             f"the step to t = {t_ns / NANOSECONDS:.9g} s does not fit the corrector's sample time",
-            expected=f"{self._corrector.step_ns / NANOSECONDS:.9g} s",
+            expected=f"{self._step_ns / NANOSECONDS:.9g} s",
             got=f"{got / NANOSECONDS:.9g} s",
             remedy="Step the simulation at the corrector's sample time, or read the log with the repair rule 'resample'.",
         )
