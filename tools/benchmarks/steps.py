@@ -41,12 +41,12 @@ def measure(quick: bool) -> list[Row]:
         whole.append(median_us(lambda i: stepper.step(i * model.step_ns, rows[i]), count))
         alone.append(median_us(lambda _: correct(), count))
     rate, limit = batch_rate(model, quick)
-    call = "bound arrays, no copies"
+    call, blas = "bound arrays, no copies", "batched replay / BLAS on as many multiply-adds"
     return [
         Row("corrector call, one window, ONNX Runtime from Python", min(alone), "us", 6.0, False, call),
         Row("CorrectedStepper.step, all of it", min(whole), "us", 6.0, False, "checks, window, network, result"),
         Row("batched replay, one core", rate / 1e6, "million samples/s", 2.0, True, "CorrectedStepper.process"),
-        Row("batched replay / BLAS on as many multiply-adds", 100 * rate / limit, "%", 55.0, True, "numpy, float32, one thread, no tanh"),
+        Row(blas, 100 * rate / limit, "%", 55.0, True, "numpy, float32, one thread, no tanh"),
     ]
 
 
