@@ -163,6 +163,38 @@ def replay(
 
 
 @main.command()
+@click.argument("study", type=PATH)
+@click.option("-o", "--out", type=PATH, required=True, help="Folder for corrector.onnx, card.md and evaluation.json.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Of everything that is drawn.")
+@click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
+def train(study: Path, out: Path, seed: int, as_json: bool) -> None:
+    """Train a corrector on the development conditions of a STUDY, then score it on all.
+
+    TDNN baseline, one amplitude factor, residual correction; the length of the training is chosen by leaving one speed
+    out. The evaluation conditions are opened when the corrector is finished. Needs fmucorrect[train].
+
+    Example: fmucorrect train study.toml -o model
+    """
+    from fmucorrect.errors import MissingExtra
+    from fmucorrect.study import load_study
+
+    the_study = load_study(study)
+    try:
+        from fmucorrect.training import protocol, results, settings
+    except ModuleNotFoundError as error:
+        raise MissingExtra(error.name or "torch", "train") from error
+    chosen = settings.Settings(seed=seed)
+    epochs = protocol.total_epochs(len(the_study.development), chosen)
+    with _bar(epochs, "epoch", the_study.name) as advance:
+        command = f"fmucorrect train {study.name} --seed {seed}"
+        done = results.train_into(out, the_study, chosen, command, lambda: advance(1))
+    if as_json:
+        click.echo(json.dumps(results.figures(done.evaluations), indent=1))
+    else:
+        click.echo(f"{results.lines(done.evaluations)}\n\nRead  {out / 'card.md'}\nuse   {out / 'corrector.onnx'}")
+
+
+@main.command()
 @click.argument("paths", type=PATH, nargs=-1, required=True)
 @click.option("--json", "as_json", is_flag=True, help="Print what was found as JSON.")
 @click.option("-o", "--out", type=PATH, help="Write there instead of printing.")

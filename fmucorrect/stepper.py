@@ -130,7 +130,7 @@ class Window:
         self._seen = 0
         self._last = self.array[0, -1]
         # moving up by one row as plain memory takes a third of the time of an overlapping assignment in numpy
-        self._memory = memoryview(self.array).cast("B")
+        self._memory = self.array.data.cast("B")
         row = self.array.strides[1]
         self._kept, self._moved = slice(0, (rows - 1) * row), slice(row, rows * row)
 

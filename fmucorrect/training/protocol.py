@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
@@ -17,7 +15,7 @@ from fmucorrect.bundle import Bundle, Info
 from fmucorrect.comparison import Comparison, compare
 from fmucorrect.errors import StudyError
 from fmucorrect.experiment import Pair, pair
-from fmucorrect.metrics import Scores, score
+from fmucorrect.metrics import score
 from fmucorrect.signals import Channel
 from fmucorrect.stepper import CorrectedStepper, ReplayStepper
 from fmucorrect.study import Study
@@ -182,34 +180,3 @@ def _versions() -> dict[str, str]:
     from importlib.metadata import version
 
     return {name: version(name) for name in ("torch", "onnx", "numpy")}
-
-
-def save(trained: Trained, folder: Path) -> Path:
-    """Write corrector.onnx into `folder`, which is made; an old one is replaced at once."""
-    folder.mkdir(parents=True, exist_ok=True)
-    partial = folder / "corrector.onnx.partial"
-    partial.write_bytes(trained.content)
-    return partial.replace(folder / "corrector.onnx")
-
-
-def summary(item: Comparison) -> dict[str, Any]:
-    """An evaluation as plain numbers, for JSON."""
-
-    def scores(values: Scores) -> dict[str, Any]:
-        return {
-            "r2": [round(float(v), 5) for v in values.r2],
-            "nrmse": [round(float(v), 4) for v in values.nrmse],
-            "nmae": [round(float(v), 4) for v in values.nmae],
-            "mean_r2": round(values.mean_r2, 5),
-            "mean_nrmse": round(values.mean_nrmse, 4),
-            "mean_nmae": round(values.mean_nmae, 4),
-        }
-
-    return {
-        "condition": item.condition.name,
-        "role": item.condition.role,
-        "simulated": scores(item.before),
-        "corrected": scores(item.after),
-        "oracle": {"lag_samples": item.oracle.lag, **scores(item.oracle.scores)},
-        "coverage_90": [round(float(v), 4) for v in item.within(BAND_90)],
-    }

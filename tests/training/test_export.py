@@ -13,7 +13,8 @@ from fmucorrect import bundle
 from fmucorrect.study import Study
 from fmucorrect.training.export import graph
 from fmucorrect.training.networks import phase_features
-from fmucorrect.training.protocol import Trained, save, train
+from fmucorrect.training.protocol import Trained, train
+from fmucorrect.training.results import save
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 

@@ -13,7 +13,8 @@ from fmucorrect.errors import StudyError
 from fmucorrect.experiment import pair
 from fmucorrect.records import read, writer
 from fmucorrect.study import Study, load_study
-from fmucorrect.training.protocol import Trained, evaluate, save, total_epochs, train
+from fmucorrect.training.protocol import Trained, evaluate, total_epochs, train
+from fmucorrect.training.results import save
 
 
 def test_corrupting_the_evaluation_record_changes_no_fitted_number(trained: Trained, tmp_path: Path) -> None:

@@ -1,0 +1,50 @@
+"""What a training leaves behind: three files that agree with each other, replaced at once."""
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+from closed_form import SMALL, make_study
+
+from fmucorrect import bundle, cli
+from fmucorrect.study import Study
+from fmucorrect.training.protocol import Trained
+from fmucorrect.training.results import lines, train_into
+
+
+def test_the_three_files_agree(study: Study, trained: Trained, tmp_path: Path) -> None:
+    (tmp_path / "card.md").write_text("an old one")
+    done = train_into(tmp_path, study, SMALL, "the test")
+    assert (tmp_path / "corrector.onnx").read_bytes() == trained.content
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["card.md", "corrector.onnx", "evaluation.json"]
+    figures = json.loads((tmp_path / "evaluation.json").read_text())["conditions"]
+    assert [item["condition"] for item in figures] == ["300", "320", "340", "360", "385"]
+    assert figures[-1]["role"] == "evaluation"
+    last = done.evaluations[-1]
+    assert figures[-1]["corrected"]["mean_nrmse"] == pytest.approx(last.after.mean_nrmse, abs=1e-4)
+    card = (tmp_path / "card.md").read_text(encoding="utf-8")
+    assert "an old one" not in card
+    assert f"| {last.after.mean_nrmse:.2f} | {last.after.mean_nmae:.2f} |" in card
+    assert "the test" in card
+    assert f"{last.after.mean_nrmse:.2f} %" in lines(done.evaluations).splitlines()[-1]
+    assert bundle.load(tmp_path / "corrector.onnx").info.study_hash == study.hash
+
+
+def test_the_command_refuses_a_study_with_nothing_to_hold_out(tmp_path: Path) -> None:
+    path = make_study(tmp_path)
+    path.write_text(path.read_text().replace('role = "development"', 'role = "evaluation"', 3))
+    result = CliRunner().invoke(cli.main, ["train", str(path), "-o", str(tmp_path / "model")])
+    assert result.exit_code == 2
+    assert "at least two development conditions" in result.output
+    assert not (tmp_path / "model").exists()
+
+
+def test_without_torch_the_pip_command_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in [name for name in sys.modules if name.startswith("fmucorrect.training")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "torch", None)
+    result = CliRunner().invoke(cli.main, ["train", str(make_study(tmp_path)), "-o", str(tmp_path / "model")])
+    assert result.exit_code == 2
+    assert 'pip install "fmucorrect[train]"' in result.output
