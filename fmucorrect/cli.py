@@ -195,6 +195,30 @@ def train(study: Path, out: Path, seed: int, as_json: bool) -> None:
 
 
 @main.command()
+@click.argument("study", type=PATH)
+@click.option("-o", "--out", type=PATH, help="Write the figures there as JSON.")
+@click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
+def diagnose(study: Path, out: Path | None, as_json: bool) -> None:
+    """Ask whether each accelerometer of a STUDY fits the second derivative of its displacement.
+
+    Direct R2 and correlation, lag search, spectral overlap and coherence at every condition; recommends channels and band
+    for an acceleration loss from the development conditions alone.
+
+    Example: fmucorrect diagnose study.toml -o diagnosis.json
+    """
+    from fmucorrect import diagnosis
+    from fmucorrect.study import load_study
+
+    the_study = load_study(study)
+    with _bar(len(the_study.conditions), "condition", the_study.name) as advance:
+        found = diagnosis.diagnose(the_study, advance)
+    text = json.dumps(found.to_json(), indent=1)
+    if out is not None:
+        out.write_text(text + "\n", encoding="utf-8")
+    click.echo(text if as_json else diagnosis.table(found))
+
+
+@main.command()
 @click.argument("paths", type=PATH, nargs=-1, required=True)
 @click.option("--json", "as_json", is_flag=True, help="Print what was found as JSON.")
 @click.option("-o", "--out", type=PATH, help="Write there instead of printing.")
