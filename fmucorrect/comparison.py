@@ -60,9 +60,19 @@ class Comparison:
         measured = self.measured[self.scored]
         return oracle_lag(self.corrected[self.scored], measured, measured.std(axis=0), ORACLE_LIMIT)
 
-    def within(self, width: float = 2.0) -> Float64[np.ndarray, " J"]:
-        """Share of the scored measured samples inside corrected +- width * sigma, a value a channel."""
-        rows = self.scored
+    @cached_property
+    def excited(self) -> slice:
+        """The scored rows from the first to the last in which the excitation moves; all scored ones without a record of it."""
+        start, stop = self.scored.start, self.scored.stop
+        if self.excitation is None:
+            return self.scored
+        swing = np.abs(self.excitation - np.median(self.excitation))
+        moving = np.flatnonzero(swing > 0.05 * swing.max())
+        return slice(max(start, int(moving[0])), min(stop, int(moving[-1]) + 1)) if len(moving) else self.scored
+
+    def within(self, width: float = 2.0, rows: slice | None = None) -> Float64[np.ndarray, " J"]:
+        """Share of the measured samples inside corrected +- width * sigma, a value a channel; of all scored rows, or `rows`."""
+        rows = rows or self.scored
         return (np.abs(self.measured[rows] - self.corrected[rows]) <= width * self.sigma[rows]).mean(axis=0)
 
     def share(self, status: Status) -> float:

@@ -86,9 +86,8 @@ def agreements(study: Study, item: Pair) -> list[Agreement]:
     from fmucorrect import units
 
     step = study.simulation.step_ns / NANOSECONDS
-    equipped = [j for j, channel in enumerate(study.channels) if channel.acceleration]
     result: list[Agreement] = []
-    for column, j in enumerate(equipped):
+    for column, j in enumerate(item.equipped):
         channel = study.channels[j]
         displacement = item.measured[:, j] * units.conversion(channel.unit, "m", f"channel {channel.name}")
         result.append(

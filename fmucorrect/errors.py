@@ -6,6 +6,7 @@
     ├── FmuError        an FMU cannot be opened, or its solver refused a call
     ├── BundleError     an ONNX corrector is not what its contract says
     ├── SignalError     values that must not enter a computation: NaN, Inf, wrong unit, wrong shape, wrong time step
+    ├── TrainingError   a training cannot be done as it was asked for
     └── MissingExtra    an optional package is not installed; carries the pip command
 
 All of them are the user's to mend: the command line prints the message alone and exits with 2.
@@ -58,6 +59,10 @@ class BundleError(FmucorrectError):
 
 class SignalError(FmucorrectError):
     """Values that must not enter a computation: NaN, Inf, wrong unit, wrong shape, wrong time step."""
+
+
+class TrainingError(FmucorrectError):
+    """A training cannot be done as it was asked for."""
 
 
 class MissingExtra(FmucorrectError, ImportError):

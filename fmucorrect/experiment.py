@@ -22,8 +22,8 @@ class Pair:
 
     simulated: the whole simulated response, J channels in the study's units, from the start of the run. rows: those that
     the measurement covers. measured: (N, J), at these rows, in the channels' units and directions. acceleration: (N, A)
-    paired accelerometers, m/s2, of the channels that name one. offset: how the times were found; None without a recorded
-    excitation. steady: rows of the steady forced segment, within `measured`.
+    paired accelerometers, m/s2, of the channels that name one; equipped: the numbers of these channels. offset: how the
+    times were found; None without a recorded excitation. steady: rows of the steady forced segment, within `measured`.
     """
 
     condition: Condition
@@ -33,6 +33,7 @@ class Pair:
     acceleration: Float64[np.ndarray, "N A"]
     offset: Offset | None
     steady: slice | None
+    equipped: tuple[int, ...] = ()
 
     @property
     def t_ns(self) -> Int64[np.ndarray, " N"]:
@@ -97,7 +98,8 @@ def pair(study: Study, condition: Condition, simulated: Record | None = None) ->
     if condition.frequency > 0.0:
         steady = slice(*steady_segment(values[:, :count], step, 1.0 / condition.frequency))
     stop = values.shape[1] - len(sources.excitation_channel(study))
-    return Pair(condition, simulated, rows, values[:, :count], values[:, count:stop], offset, steady)
+    equipped = tuple(j for j, channel in enumerate(study.channels) if channel.acceleration)
+    return Pair(condition, simulated, rows, values[:, :count], values[:, count:stop], offset, steady, equipped)
 
 
 def _register(simulated: Record, measured: Record, name: str, step: float) -> Offset:

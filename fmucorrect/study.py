@@ -15,6 +15,7 @@ from types import MappingProxyType
 from fmucorrect.errors import StudyError
 from fmucorrect.signals import NANOSECONDS, Channel, Condition
 from fmucorrect.study_places import Location, Places, by_line, like, misfit, place
+from fmucorrect.study_training import Training
 
 
 @dataclass(frozen=True)
@@ -118,6 +119,7 @@ class Study:
     groups: tuple[Group, ...] = ()
     rotations: tuple[Rotation, ...] = ()
     adjustable: tuple[Adjustable, ...] = ()
+    training: Training = field(default_factory=Training)
     places: Places = field(default_factory=dict, repr=False, compare=False)
 
     @property
@@ -203,6 +205,7 @@ def load_study(path: str | Path) -> Study:
         groups=tuple(Group(row.name, tuple(row.joints)) for row in table.groups),
         rotations=tuple(Rotation(row.name, row.radius) for row in table.rotations),
         adjustable=tuple(adjustable),
+        training=table.training,
         places=MappingProxyType(places),
     )
 

@@ -11,11 +11,12 @@ from decimal import Decimal
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, Field, ValidationError
 
-from fmucorrect import units
+from fmucorrect import study_training_schema, units
 from fmucorrect.errors import SignalError
 from fmucorrect.study_places import Location, Places, by_line, nearest, place, scan
+from fmucorrect.study_validation import Table, message
 
 _QUANTITIES = {
     "displacement": ("m",),
@@ -61,11 +62,7 @@ NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Sign = Literal[1, -1]
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=True)
-
-
-class SimulationTable(_Table):
+class SimulationTable(Table):
     fmu: Text | None = None
     step_size: Annotated[float, Field(allow_inf_nan=False), AfterValidator(_step)] = Field(
         description="the communication step in s, as step_size = 0.001"
@@ -73,7 +70,7 @@ class SimulationTable(_Table):
     parameters: dict[str, Number] = {}
 
 
-class ChannelRow(_Table):
+class ChannelRow(Table):
     name: Text = Field(description="what the channel is called")
     simulation: Text = Field(description="FMU output variable, or column of the simulated record")
     measurement: Text = Field(description="column of the measured record")
@@ -87,13 +84,13 @@ class ChannelRow(_Table):
     acceleration: Text | None = None
 
 
-class ExcitationTable(_Table):
+class ExcitationTable(Table):
     simulation: Text = Field(description="FMU output or input variable")
     measurement: Text = Field(description="column of the measured record")
     kind: Literal["command", "actual"] = Field(description="'command' or 'actual'")
 
 
-class JointRow(_Table):
+class JointRow(Table):
     name: Text = Field(description="what the joint is called")
     force: Text = Field(description="FMU input, N or Nm")
     displacement: Text = Field(description="FMU output, m or rad")
@@ -104,17 +101,17 @@ class JointRow(_Table):
     kinds: list[Text] = []
 
 
-class GroupRow(_Table):
+class GroupRow(Table):
     name: Text = Field(description="what the group is called")
     joints: Annotated[list[Text], Field(min_length=1)] = Field(description="names of joints where one law acts alike")
 
 
-class RotationRow(_Table):
+class RotationRow(Table):
     name: Text = Field(description="what turns")
     radius: Positive = Field(description="m")
 
 
-class AdjustableRow(_Table):
+class AdjustableRow(Table):
     parameter: Text | None = None
     parameters: Annotated[list[Text], Field(min_length=1)] | None = None
     minimum: Number = Field(description="lower bound")
@@ -123,7 +120,7 @@ class AdjustableRow(_Table):
     absolute_tolerance: Positive | None = None
 
 
-class ConditionRow(_Table):
+class ConditionRow(Table):
     name: Text = Field(description="name, role and measurement are required")
     role: Literal["development", "evaluation"] = Field(description="'development' or 'evaluation'")
     speed: NotNegative = 0.0
@@ -137,7 +134,7 @@ class ConditionRow(_Table):
     quiet: Annotated[list[Number], Field(min_length=2, max_length=2), AfterValidator(_interval)] | None = None
 
 
-class StudyTable(_Table):
+class StudyTable(Table):
     format: Literal[1] = Field(description="write format = 1")
     name: str = ""
     simulation: SimulationTable = Field(
@@ -151,12 +148,13 @@ class StudyTable(_Table):
     groups: list[GroupRow] = []
     rotations: list[RotationRow] = []
     adjustable: list[AdjustableRow] = []
+    training: Any = None  # study_training_schema reads it
     conditions: Annotated[list[ConditionRow], Field(min_length=1)] = Field(
         description="write one [[conditions]] table a condition"
     )
 
 
-_TABLES: dict[str | int, type[_Table]] = {
+_TABLES: dict[str | int, type[Table]] = {
     "simulation": SimulationTable,
     "channels": ChannelRow,
     "excitation": ExcitationTable,
@@ -165,16 +163,6 @@ _TABLES: dict[str | int, type[_Table]] = {
     "rotations": RotationRow,
     "adjustable": AdjustableRow,
     "conditions": ConditionRow,
-}
-_TYPES = {
-    "string_type": "a string in quotes",
-    "float_type": "a number",
-    "list_type": "an array, as [ ... ]",
-    "dict_type": "a table, as { key = value }",
-    "model_type": "a table",
-    "finite_number": "a finite number",
-    "string_too_short": "a name, not empty",
-    "too_long": "of two numbers, as [begin, end]",
 }
 
 
@@ -190,35 +178,20 @@ def read(data: bytes, folder: Path) -> tuple[StudyTable | None, Places, list[str
         before = data[: error.start].splitlines()
         return None, {}, [f"line {len(before)}: is not UTF-8 text"]
     except tomllib.TOMLDecodeError as error:
-        message, _, at = str(error).partition(" (at ")
+        what, _, at = str(error).partition(" (at ")
         line = at.split(",")[0] if at.startswith("line") else f"line {len(data.splitlines())}"
-        return None, {}, [f"{line}: is not TOML: {message}"]
+        return None, {}, [f"{line}: is not TOML: {what}"]
     places = scan(text, document)
     table, problems = None, list(_across(document, folder, places))
+    training, wrong = study_training_schema.read(document)
+    problems += [f"{place(places, loc)}: {text}" for loc, text in wrong]
     try:
-        table = StudyTable.model_validate(document)
+        table = StudyTable.model_validate(document | {"training": training})
     except ValidationError as error:
-        problems += [f"{place(places, e['loc'])}: {_message(dict(e))}" for e in error.errors()]
+        for item in error.errors():
+            fields = (_TABLES[item["loc"][0]] if len(item["loc"]) > 1 else StudyTable).model_fields
+            problems.append(f"{place(places, item['loc'])}: {message(dict(item), fields)}")
     return table, places, by_line(problems)
-
-
-def _message(error: dict[str, Any]) -> str:
-    kind, loc, value = error["type"], error["loc"], error["input"]
-    fields = (_TABLES[loc[0]] if len(loc) > 1 else StudyTable).model_fields
-    if kind == "extra_forbidden":
-        return f"is not known{nearest(loc[-1], fields) or '; known here: ' + ', '.join(fields)}"
-    if kind == "missing":
-        return f"is missing: {fields[loc[-1]].description}"
-    if kind == "literal_error":
-        expected = str(error["ctx"]["expected"])
-        quoted, known = "'" in expected, expected.replace("'", "").replace(" or ", ", ").split(", ")
-        return f"must be {expected}, got {value!r}{nearest(value, known) if isinstance(value, str) and quoted else ''}"
-    if kind == "value_error":
-        return str(error["ctx"]["error"])
-    if kind == "too_short" and loc[-1] == "quiet":
-        kind = "too_long"
-    expected = f"must be {_TYPES[kind]}" if kind in _TYPES else error["msg"].replace("Input should", "must")
-    return f"{expected}, got {value!r}"
 
 
 def _rows(document: Mapping[str, Any], table: str) -> Iterator[tuple[int, dict[str, Any]]]:

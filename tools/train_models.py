@@ -1,6 +1,6 @@
 """Trains the shipped correctors: python tools/train_models.py [A B C] -> exported_models/roller_rig[_B|_C]/
 
-Four to six minutes a rig on one core; the same seed gives the same file.
+Minutes a rig on two cores; the same seed gives the same file. Killed, it goes on from the folder .train_models.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from tqdm import tqdm
 from fmucorrect.study import load_study
 from fmucorrect.training.protocol import total_epochs
 from fmucorrect.training.results import lines, train_into
-from fmucorrect.training.settings import Settings
+from fmucorrect.training.tasks import CORES, Workshop
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -22,11 +22,9 @@ def make(rig: str) -> None:
     """Train, evaluate and write one rig's corrector."""
     study = load_study(ROOT / "fmus" / "roller_rig" / rig / "study.toml")
     folder = ROOT / "exported_models" / ("roller_rig" if rig == "A" else f"roller_rig_{rig}")
-    settings = Settings()
-    with tqdm(
-        total=total_epochs(len(study.development), settings), unit="epoch", desc=f"rig {rig}", disable=None
-    ) as bar:
-        results = train_into(folder, study, settings, f"python tools/train_models.py {rig}", bar.update)
+    with tqdm(total=total_epochs(study, study.training), unit="epoch", desc=f"rig {rig}", disable=None) as bar:
+        workshop = Workshop(ROOT / ".train_models" / rig, CORES, advance=bar.update)
+        results = train_into(folder, study, study.training, f"python tools/train_models.py {rig}", workshop)
     print(f"rig {rig}\n{lines(results.evaluations)}")
 
 

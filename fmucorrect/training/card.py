@@ -6,12 +6,14 @@ from collections.abc import Sequence
 
 from fmucorrect.bundle import Bundle
 from fmucorrect.comparison import Comparison
-from fmucorrect.training.protocol import BAND_90, Trained
+from fmucorrect.training.corrector import BAND_90
+from fmucorrect.training.protocol import Trained
 
 
 def card(trained: Trained, bundle: Bundle, evaluations: Sequence[Comparison], command: str) -> str:
     """The card as Markdown. command: what made the model."""
-    info, settings, selection = bundle.info, trained.settings, trained.selection
+    info, settings, selection = bundle.info, trained.training, trained.selection
+    unit = info.channels[0].unit
     names = [channel.name for channel in info.channels]
     lines = [
         f"# {info.name}: corrector",
@@ -44,21 +46,34 @@ def card(trained: Trained, bundle: Bundle, evaluations: Sequence[Comparison], co
         )
         + "."
     ]
-    lines += ["", "Share of samples within 1.645 sigma (a 90 % band if errors were normal), by channel:", ""]
-    lines += [f"- {e.condition.name}: " + ", ".join(f"{100 * c:.1f} %" for c in e.within(BAND_90)) for e in evaluations]
+    lines += ["", "Share of samples within 1.645 sigma, the 90 % band, by channel (and while the excitation runs):", ""]
+    for e in evaluations:
+        excited = e.within(BAND_90, e.excited)
+        lines.append(
+            f"- {e.condition.name}: "
+            + ", ".join(f"{100 * c:.1f} ({100 * x:.1f}) %" for c, x in zip(e.within(BAND_90), excited, strict=True))
+        )
     fields = ", ".join(f"{key} {value:.2f} %" for key, value in selection.errors.items())
+    left = ", ".join(f"{key} {value:.2f} %" for key, value in selection.held_out.items())
+    band = selection.band
     lines += [
         "",
         "## How it was chosen",
         "",
-        f"- Settings: {settings}.",
-        f"- Amplitude factor rho {trained.rho:.5f} (eq. alignment_fit).",
-        f"- Epochs of the residual network by leave-one-speed-out over {len(info.conditions)} development conditions, mean "
-        f"held-out NRMSE: {fields}; taken: {selection.epochs}.",
-        "- sigma: rms of the held-out errors of these folds, "
-        + ", ".join(f"{n} {v:.4f} {info.channels[0].unit}" for n, v in zip(names, selection.residual, strict=True))
+        *_search(trained),
+        f"- {settings.corrector}, window {settings.window}, seed {settings.seed}; {trained.parameters} trained numbers.",
+        f"- Amplitude factor rho of each member {', '.join(f'{rho:.5f}' for rho in trained.rho)} (eq. alignment_fit).",
+        f"- Epochs of the residual networks by leave-one-speed-out over {len(info.conditions)} development conditions, mean "
+        f"held-out NRMSE: {fields}; taken: {selection.epochs}. At that choice, each condition left out: {left}.",
+        "- sigma = floor + size * mean |response| + deviation * the members' mean deviation, fitted to the errors of these "
+        "folds and scaled so that 90 % of them lie within 1.645 sigma (split conformal with a local scale). A measured band, "
+        "no guarantee: neighbouring samples err alike, and the folds are few. "
+        + "; ".join(
+            f"{c.name}: floor {f:.4f} {unit}, size {s:.4f}, deviation {d:.2f}"
+            for c, f, s, d in zip(info.channels, band.floor, band.size, band.deviation, strict=True)
+        )
         + ".",
-        "- Phase features: " + ("used." if settings.phase else "not used; the history carries the phase."),
+        "- Phase features: " + ("used." if settings.corrector.phase else "not used; the history carries the phase."),
         "",
         "## Where it may be used",
         "",
@@ -76,3 +91,18 @@ def card(trained: Trained, bundle: Bundle, evaluations: Sequence[Comparison], co
         "",
     ]
     return "\n".join(lines)
+
+
+def _search(trained: Trained) -> list[str]:
+    """Every trial of the search, best first."""
+    if not trained.trials:
+        return ["- Hyper-parameters as the study file has them; no search."]
+    shown = sorted(trained.trials, key=lambda trial: trial.held_out)
+    return [
+        f"- Hyper-parameters by optuna, {len(shown)} trials of one member judged by leave-one-speed-out (held-out NRMSE: "
+        "learning rate, weight decay, width, window features): "
+        + "; ".join(
+            f"{t.held_out:.2f} %: {t.learning_rate:.2e}, {t.weight_decay:.1e}, {t.width}, {t.history}" for t in shown
+        )
+        + "."
+    ]

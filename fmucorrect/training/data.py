@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float32, Float64
 
+from fmucorrect import units
 from fmucorrect.errors import SignalError
 from fmucorrect.experiment import Pair
 from fmucorrect.signals import NANOSECONDS
@@ -18,33 +19,59 @@ from fmucorrect.stepper import Window
 class Samples:
     """One condition as the networks see it: N complete windows and what was measured at their last rows.
 
-    windows: (N, W, J), mm or the channels' units, oldest row first. condition: (3,) speed km/h, amplitude deg, frequency
-    Hz. seconds: (N,) since the excitation began. simulated, measured: (N, J) at the last rows.
+    history: (W - 1 + N, J), the simulated rows that the windows are made of, mm or the channels' units. window: W. condition:
+    (3,) speed km/h, amplitude deg, frequency Hz. seconds: (N,) since the excitation began. simulated, measured: (N, J) at the
+    last rows. acceleration: (N, A) m/s2, of the channels `equipped`, their numbers. channels: names. metres: (J,) what one of
+    each channel's units is in SI, the paper's gamma_q. step: s between rows.
     """
 
     name: str
-    windows: Float32[np.ndarray, "N W J"]
+    history: Float32[np.ndarray, "H J"]
+    window: int
     condition: Float32[np.ndarray, "3"]
     seconds: Float64[np.ndarray, " N"]
     simulated: Float64[np.ndarray, "N J"]
     measured: Float64[np.ndarray, "N J"]
+    acceleration: Float64[np.ndarray, "N A"]
+    equipped: tuple[int, ...]
+    channels: tuple[str, ...]
+    metres: tuple[float, ...]
+    step: float
+
+    @property
+    def windows(self) -> Float32[np.ndarray, "N W J"]:
+        """Oldest row first; a view."""
+        return Window(self.window, self.history.shape[1]).extend(self.history.astype(np.float64))
+
+    @property
+    def speed(self) -> float:
+        """km/h"""
+        return float(self.condition[0])
 
 
 def samples(pair: Pair, rows: int) -> Samples:
     """The complete windows of a pair. The history reaches back before the measurement where the simulation does."""
-    simulated = pair.simulated.values[:, : pair.measured.shape[1]]
-    windows = Window(rows, simulated.shape[1]).extend(simulated)
+    channels = pair.measured.shape[1]
+    simulated = pair.simulated.values[:, :channels]
     first = max(pair.rows.start, rows - 1)
     last = pair.rows.stop
     if last <= first:
         raise SignalError(f"condition {pair.condition.name!r} is shorter than one window of {rows} samples")
+    t_ns = pair.simulated.t_ns
+    kept = slice(first - pair.rows.start, None)
     return Samples(
         name=pair.condition.name,
-        windows=windows[first - rows + 1 : last - rows + 1],
+        history=simulated[first - rows + 1 : last].astype(np.float32),
+        window=rows,
         condition=np.array(pair.condition.features, np.float32),
-        seconds=(pair.simulated.t_ns[first:last] - pair.condition.start_ns) / NANOSECONDS,
+        seconds=(t_ns[first:last] - pair.condition.start_ns) / NANOSECONDS,
         simulated=simulated[first:last],
-        measured=pair.measured[first - pair.rows.start :],
+        measured=pair.measured[kept],
+        acceleration=pair.acceleration[kept],
+        equipped=pair.equipped,
+        channels=tuple(channel.name for channel in pair.simulated.channels[:channels]),
+        metres=tuple(units.parse(channel.unit).factor for channel in pair.simulated.channels[:channels]),
+        step=float(t_ns[1] - t_ns[0]) / NANOSECONDS,
     )
 
 
@@ -84,7 +111,7 @@ def scales(development: Sequence[Samples], history: int, stride: int) -> Scales:
     power, vectors = np.linalg.eigh(flat.T @ flat / (len(flat) * window**2))
     order = np.argsort(power)[::-1][:history]
     spread = np.sqrt(np.maximum(power[order], FLOOR**2 * power[order[0]]))
-    speeds = [float(s.condition[0]) for s in development]
+    speeds = [s.speed for s in development]
     half = (max(speeds) - min(speeds)) / 2.0
     error = np.concatenate([s.measured - s.simulated for s in development])
     return Scales(

@@ -46,15 +46,18 @@ def graph(corrector: Corrector, rows: int, channels: int) -> bytes:
         parts.append(_phase(add, constants))
     x = add("Concat", parts, "x", axis=1)
     hidden = add("Tanh", [add("Gemm", [x, "A", "a"], "hidden_0")], "tanh_0")
-    base = add("Gemm", [hidden, "B", "b"], "baseline")
+    bases = add("Gemm", [hidden, "B", "b"], "bases")
+    add("MatMul", [bases, "S"], "baseline")
     for i in range(1, corrector.layers + 1):
         hidden = add("Tanh", [add("Gemm", [hidden, f"C{i}", f"c{i}"], f"hidden_{i}")], f"tanh_{i}")
     outside = add("Relu", [add("Gemm", [x, "R", "r"], "ramps")], "outside")
     inside = add("Relu", [add("Gemm", [outside, "v", "one"], "share")], "in_envelope")
-    response = add("Gemm", [hidden, "D", base], "response")
+    responses = add("Gemm", [hidden, "D", bases], "responses")
+    response = add("MatMul", [responses, "S"], "response")
     delta = add("Mul", [inside, add("Gemm", [outside, "minus_Q", response], "lead")], "delta")
     add("Gemm", [outside, "Q", delta], "corrected")
-    add("Gemm", [inside, "s", "s_u"], "sigma")
+    band = add("Gemm", [add("Abs", [responses], "deviations"), "T", "t"], "band")
+    add("Add", [add("Mul", [inside, band], "faded_band"), "s_u"], "sigma")
 
     def tensor(name: str, kind: int, *shape: int) -> Any:
         return helper.make_tensor_value_info(name, kind, ["N", *shape])

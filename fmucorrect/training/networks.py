@@ -1,21 +1,25 @@
 """The corrector's network, in the form in which it is trained, exported and deployed: one and the same arithmetic.
 
     x      = (window, condition, [sin, cos of the phase])  flat, in the channels' units
-    H      = tanh(A' x + a)                                hidden neurons of the TDNN, then of the residual network
-    base   = B' H + b                                      TDNN times rho (eqs. tdnn_definition, alignment_fit)
-    h      = tanh(C' H + c), ...                           further layers of the residual network; they see the baseline in H
-    y      = base + D' h                                   eq. multifidelity
+    H      = tanh(A' x + a)                                hidden neurons of all members: TDNNs, then residual networks
+    Z      = B' H + b                                      TDNN times rho (eqs. tdnn_definition, alignment_fit)
+    h      = tanh(C' H + c), ...                           further layers of the residual networks; they see Z in H
+    Y      = Z + D' h                                      eq. multifidelity
+    y      = S' Y,  base = S' Z                            the members' mean; the rest of Y and Z are deviations from it
+    s      = T' |Y| + t                                    calibrated band: grows with the response and the deviations
     V      = relu(R' x + r)                                how far outside the envelope; then q+ and q-, the window's last row
     inside = relu(1 - v' V)                                1 inside the training envelope, fading to 0
-    delta  = inside (y - q),  corrected = q + delta,  sigma = inside (s_c - s_u) + s_u,  q = Q' V
+    delta  = inside (y - q),  corrected = q + delta,  sigma = inside (s - s_u) + s_u,  q = Q' V
 
-Eleven matrix products that ONNX Runtime fuses into twelve nodes: at one row a call a node costs more than its arithmetic.
+Members stand side by side in A and as blocks in C, so that an ensemble costs few more nodes than one network: at one row a
+call a node costs ONNX Runtime more than its arithmetic.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -24,6 +28,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from fmucorrect.training.data import Scales
+from fmucorrect.training.mlp import tanh
 
 FREQUENCY_STEPS = 1e4
 """A condition comes as float32; its frequency is taken to the nearest 0.1 mHz in double precision, so that 1.3 Hz means
@@ -49,7 +54,7 @@ class Baseline(nn.Module):
         self.out = nn.Linear(width, channels)
 
     def forward(self, u: Float[Tensor, "N U"]) -> Float[Tensor, "N J"]:
-        return self.out(torch.tanh(self.hidden(u)))
+        return self.out(tanh(self.hidden(u)))
 
 
 class Residual(nn.Module):
@@ -67,10 +72,32 @@ class Residual(nn.Module):
         nn.init.zeros_(self.out.weight)
 
     def forward(self, u: Float[Tensor, "N U"], base: Float[Tensor, "N J"]) -> Float[Tensor, "N J"]:
-        h = torch.tanh(self.second(torch.cat([torch.tanh(self.first(u)), base], 1)))
+        h = tanh(self.second(torch.cat([tanh(self.first(u)), base], 1)))
         for layer in self.more:
-            h = torch.tanh(layer(h))
+            h = tanh(layer(h))
         return self.out(h)
+
+
+@dataclass(frozen=True)
+class Member:
+    """One trained chain: TDNN, amplitude factor, residual network."""
+
+    baseline: Baseline
+    rho: float
+    residual: Residual
+
+
+@dataclass(frozen=True)
+class Band:
+    """The calibrated standard deviation of each channel, (J,) each:
+
+    sigma = floor + size * (mean |response| of all channels) + deviation * (mean |deviation| of the members from their mean).
+    floor in the channels' units. A band of +-1.645 sigma is meant to hold 90 %.
+    """
+
+    floor: tuple[float, ...]
+    size: tuple[float, ...]
+    deviation: tuple[float, ...]
 
 
 class Corrector(nn.Module):
@@ -79,43 +106,41 @@ class Corrector(nn.Module):
 
     def __init__(
         self,
-        baseline: Baseline,
-        rho: float,
-        residual: Residual,
+        members: Sequence[Member],
         scales: Scales,
         envelope: Sequence[tuple[int, float, float, float, float]],
-        sigma: Sequence[float],
+        band: Band,
         phase: bool,
     ) -> None:
-        """envelope: (index into (q, condition), outer low, inner low, inner high, outer high) each; sigma: (J,) of the
-        corrected response, in the channels' units."""
+        """envelope: (index into (q, condition), outer low, inner low, inner high, outer high) each."""
         super().__init__()
         self.phase = phase
         response = torch.tensor(scales.response)
         channels, history = len(response), len(scales.components)
         fold = _Fold(scales, phase)
-        first, first_bias = fold.first(baseline.hidden, torch.eye(history, dtype=torch.float64) / scales.window)
-        second, second_bias = fold.first(residual.first, torch.tensor(scales.components))
-        tdnn = _weight(baseline.out) * response * rho
-        offset = _bias(baseline.out) * response * rho
-        joined, joined_bias = _weight(residual.second), _bias(residual.second)
-        inner, aligned = joined[:-channels], joined[-channels:] / response[:, None]
+        window = torch.eye(history, dtype=torch.float64) / scales.window
+        parts = [_member(fold, m, response, window, torch.tensor(scales.components)) for m in members]
+        spread = _spread(len(members), channels)
         tensors = {
-            "A": torch.cat([first, second], 1),
-            "a": torch.cat([first_bias, second_bias]),
-            "B": torch.cat([tdnn, torch.zeros(second.shape[1], channels, dtype=torch.float64)]),
-            "b": offset,
-            "C1": torch.cat([tdnn @ aligned, inner]),
-            "c1": joined_bias + offset @ aligned,
+            "A": torch.cat([part["A"] for part in parts], 1),
+            "a": torch.cat([part["a"] for part in parts]),
+            "B": torch.block_diag(*(part["B"] for part in parts)) @ spread,
+            "b": torch.cat([part["b"] for part in parts]) @ spread,
         }
-        for i, layer in enumerate(residual.more, start=2):
-            assert isinstance(layer, nn.Linear)
-            tensors[f"C{i}"], tensors[f"c{i}"] = _weight(layer), _bias(layer)
-        tensors["D"] = _weight(residual.out) * response
+        self.layers = 1 + len(members[0].residual.more)
+        for i in range(1, self.layers + 1):
+            tensors[f"C{i}"] = torch.block_diag(*(part[f"C{i}"] for part in parts))
+            tensors[f"c{i}"] = torch.cat([part[f"c{i}"] for part in parts])
+        tensors["D"] = torch.block_diag(*(part["D"] for part in parts)) @ spread
         tensors |= _envelope(envelope, channels, history, fold.inputs)
         uncorrected = torch.tensor(scales.uncorrected)
-        tensors["s"], tensors["s_u"] = (torch.tensor(sigma, dtype=torch.float64) - uncorrected)[None], uncorrected
-        self.layers = 1 + len(residual.more)
+        total = channels * (1 + len(members))
+        tensors["S"] = torch.eye(total, channels, dtype=torch.float64)
+        size = torch.tensor(band.size, dtype=torch.float64).expand(channels, channels) / channels
+        deviation = torch.diag(torch.tensor(band.deviation, dtype=torch.float64)) / len(members)
+        tensors["T"] = torch.cat([size, deviation.repeat(len(members), 1)])
+        tensors["t"] = torch.tensor(band.floor, dtype=torch.float64) - uncorrected
+        tensors["s_u"] = uncorrected
         for name, tensor in tensors.items():
             self.register_buffer(name, tensor.detach().float().contiguous())
 
@@ -132,15 +157,47 @@ class Corrector(nn.Module):
             parts.append(phase_features(condition, time))
         x = torch.cat(parts, 1)
         hidden = torch.tanh(torch.addmm(t["a"], x, t["A"]))
-        base = torch.addmm(t["b"], hidden, t["B"])
+        bases = torch.addmm(t["b"], hidden, t["B"])
         for i in range(1, self.layers + 1):
             hidden = torch.tanh(torch.addmm(t[f"c{i}"], hidden, t[f"C{i}"]))
         outside = torch.relu(torch.addmm(t["r"], x, t["R"]))
         inside = torch.relu(torch.addmm(t["one"], outside, t["v"]))
-        lead = torch.addmm(torch.addmm(base, hidden, t["D"]), outside, t["minus_Q"])
+        responses = torch.addmm(bases, hidden, t["D"])
+        lead = torch.addmm(responses @ t["S"], outside, t["minus_Q"])
         delta = inside * lead
         corrected = torch.addmm(delta, outside, t["Q"])
-        return Outputs(corrected, base, torch.addmm(t["s_u"], inside, t["s"]), inside)
+        sigma = inside * torch.addmm(t["t"], responses.abs(), t["T"]) + t["s_u"]
+        return Outputs(corrected, bases @ t["S"], sigma, inside)
+
+
+def _member(fold: _Fold, member: Member, response: Tensor, window: Tensor, components: Tensor) -> dict[str, Tensor]:
+    """One member's weights on x, scales folded in."""
+    channels = len(response)
+    first, first_bias = fold.first(member.baseline.hidden, window)
+    second, second_bias = fold.first(member.residual.first, components)
+    tdnn = _weight(member.baseline.out) * response * member.rho
+    offset = _bias(member.baseline.out) * response * member.rho
+    joined, joined_bias = _weight(member.residual.second), _bias(member.residual.second)
+    inner, aligned = joined[:-channels], joined[-channels:] / response[:, None]
+    tensors = {
+        "A": torch.cat([first, second], 1),
+        "a": torch.cat([first_bias, second_bias]),
+        "B": torch.cat([tdnn, torch.zeros(second.shape[1], channels, dtype=torch.float64)]),
+        "b": offset,
+        "C1": torch.cat([tdnn @ aligned, inner]),
+        "c1": joined_bias + offset @ aligned,
+        "D": _weight(member.residual.out) * response,
+    }
+    for i, layer in enumerate(member.residual.more, start=2):
+        tensors[f"C{i}"], tensors[f"c{i}"] = _weight(layer), _bias(layer)
+    return tensors
+
+
+def _spread(members: int, channels: int) -> Tensor:
+    """(K J, J + K J): what the members say side by side becomes their mean, then each one's deviation from it."""
+    eye = torch.eye(channels, dtype=torch.float64)
+    mean = eye.repeat(members, 1) / members
+    return torch.cat([mean, torch.eye(members * channels, dtype=torch.float64) - mean.repeat(1, members)], 1)
 
 
 class _Fold:

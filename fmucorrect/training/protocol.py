@@ -5,75 +5,64 @@ Evaluation conditions are never opened here; `evaluate` is apart and runs on a f
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
-import torch
 
 from fmucorrect.bundle import Bundle, Info
 from fmucorrect.comparison import Comparison, compare
 from fmucorrect.errors import StudyError
 from fmucorrect.experiment import Pair, pair
-from fmucorrect.metrics import score
 from fmucorrect.signals import Channel
 from fmucorrect.stepper import CorrectedStepper, ReplayStepper
 from fmucorrect.study import Study
-from fmucorrect.training.data import Samples, Scales, samples, scales
+from fmucorrect.study_training import Training
+from fmucorrect.training.corrector import Ensemble, fit_member, view
+from fmucorrect.training.data import Samples, Scales, samples
 from fmucorrect.training.export import to_bundle
-from fmucorrect.training.fit import Fitted, fit, predict
+from fmucorrect.training.loop import Curve
 from fmucorrect.training.networks import Corrector
-from fmucorrect.training.settings import Settings
-
-Tick = Callable[[], object]
-BAND_90 = 1.645
-"""Half the width of a 90 % band in standard deviations, were errors normal."""
-
-
-@dataclass(frozen=True)
-class Selection:
-    """What the folds said. errors: mean held-out NRMSE (%) by number of epochs. epochs: the best. residual: (J,) rms of
-    the held-out error at that choice, in the channels' units: the standard deviation that the corrector states."""
-
-    errors: Mapping[int, float]
-    epochs: int
-    residual: tuple[float, ...]
+from fmucorrect.training.search import Trial, search
+from fmucorrect.training.selection import Selection, select
+from fmucorrect.training.tasks import Task, Workshop
 
 
 @dataclass(frozen=True)
 class Trained:
-    """A finished training. content: the bundle file's bytes. corrector: the same in torch, for comparison."""
+    """A finished training. content: the bundle file's bytes. corrector: the same in torch, for comparison. rho: of each
+    member. curves: of the refit, all members. trials: of the search, in order."""
 
     content: bytes
     corrector: Corrector
     selection: Selection
-    settings: Settings
-    rho: float
+    training: Training
+    trials: tuple[Trial, ...]
+    rho: tuple[float, ...]
+    curves: tuple[Curve, ...]
+    parameters: int
 
 
-def train(study: Study, settings: Settings | None = None, tick: Tick = lambda: None) -> Trained:
-    """Train on the study's development conditions. tick() is called once an epoch (see `total_epochs`).
+def train(study: Study, training: Training | None = None, workshop: Workshop | None = None) -> Trained:
+    """Train on the study's development conditions; `training`: other settings than the study's own.
 
     Raises StudyError where fewer than two development conditions leave nothing to hold out, and what simulation and
     registration raise.
     """
-    settings = settings or Settings()
-    if len(study.development) < 2:
-        raise StudyError(str(study.path), ["training needs at least two development conditions, to hold one out"])
-    torch.set_num_threads(1)
-    torch.use_deterministic_algorithms(True)
-    development = [samples(pair(study, condition), settings.rows) for condition in study.development]
-    selection = select(development, settings, tick)
-    basis = scales(development, settings.history, settings.stride)
-    fitted = fit(development, basis, settings, selection.epochs, tick)
-    corners = envelope(development, basis)
-    corrector = assemble(fitted, basis, corners, selection.residual, settings)
+    training, workshop = training or study.training, workshop or Workshop()
+    development = [samples(item, training.window) for item in development_pairs(study)]
+    training, trials = search(development, training, workshop)
+    selection = select(development, training, workshop)
+    ensemble, curves = refit(development, training, selection.epochs, workshop)
+    scales = ensemble.see.scales
+    corners = envelope(development, scales)
+    corrector = Corrector(ensemble.members, scales, corners, selection.band, training.corrector.phase)
     info = Info(
         name=study.name,
         channels=tuple(_for_bundle(channel) for channel in study.channels),
-        rows=settings.rows,
+        rows=training.window,
         step_ns=study.simulation.step_ns,
-        uncorrected=tuple(float(value) for value in basis.uncorrected),
+        uncorrected=tuple(float(value) for value in scales.uncorrected),
         envelope=_named(corners, study.channels),
         conditions=tuple(
             {"name": c.name, "speed": c.speed, "amplitude": c.amplitude, "frequency": c.frequency}
@@ -84,43 +73,47 @@ def train(study: Study, settings: Settings | None = None, tick: Tick = lambda: N
         evaluation={
             "held out NRMSE by epochs, leave one speed out": {str(k): round(v, 4) for k, v in selection.errors.items()},
             "epochs": selection.epochs,
-            "rho": round(fitted.rho, 6),
+            "members": len(ensemble.members),
         },
     )
     first = development[0]
-    rows = np.linspace(0, len(first.windows) - 1, 8).astype(int)
+    rows = np.linspace(0, len(first.seconds) - 1, 8).astype(int)
     content = to_bundle(corrector, info, first.windows[rows], first.condition, first.seconds[rows])
-    return Trained(content, corrector, selection, settings, fitted.rho)
+    rho = tuple(member.rho for member in ensemble.members)
+    return Trained(content, corrector, selection, training, trials, rho, curves, ensemble.parameters)
 
 
-def total_epochs(development: int, settings: Settings) -> int:
-    """Ticks of `train` at most: every candidate on every fold, then the refit with the longest."""
-    return sum(settings.epochs) * development + max(settings.epochs)
+def development_pairs(study: Study) -> list[Pair]:
+    """The development conditions, simulated and registered. Raises StudyError for fewer than two."""
+    if len(study.development) < 2:
+        raise StudyError(str(study.path), ["training needs at least two development conditions, to hold one out"])
+    return [pair(study, condition) for condition in study.development]
 
 
-def select(development: Sequence[Samples], settings: Settings, tick: Tick = lambda: None) -> Selection:
-    """Leave one speed out: of each candidate number of epochs, the mean NRMSE on the speeds that were left out."""
-    speeds = sorted({float(item.condition[0]) for item in development})
-    folds = [[item for item in development if float(item.condition[0]) == speed] for speed in speeds]
-    if len(folds) < 2:
-        folds = [[item] for item in development]
-    errors: dict[int, float] = {}
-    spreads: dict[int, tuple[float, ...]] = {}
-    for epochs in settings.epochs:
-        nrmse: list[float] = []
-        squares: list[np.ndarray] = []
-        for held in folds:
-            rest = [item for item in development if item not in held]
-            basis = scales(rest, settings.history, settings.stride)
-            fitted = fit(rest, basis, settings, epochs, tick)
-            for item in held:
-                predicted = predict(fitted, item, basis, settings)
-                nrmse.append(score(predicted, item.measured).mean_nrmse)
-                squares.append(((predicted - item.measured) ** 2).mean(axis=0))
-        errors[epochs] = float(np.mean(nrmse))
-        spreads[epochs] = tuple(float(value) for value in np.sqrt(np.mean(squares, axis=0)))
-    best = min(errors, key=lambda epochs: errors[epochs])
-    return Selection(errors, best, spreads[best])
+def total_epochs(study: Study, training: Training) -> int:
+    """Epochs of `train` at most: every candidate on every fold, then the refit with the longest, all members."""
+    folds = len({condition.speed for condition in study.development})
+    folds = folds if folds > 1 else len(study.development)
+    settings = training.corrector
+    trials = settings.trials * min(settings.epochs) * folds
+    return trials + settings.members * (sum(settings.epochs) * folds + max(settings.epochs))
+
+
+def refit(
+    development: Sequence[Samples], training: Training, epochs: int, workshop: Workshop
+) -> tuple[Ensemble, tuple[Curve, ...]]:
+    """All members on all development conditions."""
+    members = training.corrector.members
+    tasks = [
+        Task(f"member {k + 1}", fit_member, (list(development), training, k, epochs), epochs) for k in range(members)
+    ]
+    results = workshop.run(tasks)
+    curves = [
+        replace(curve, stage=f"{curve.stage}, member {k + 1}")
+        for k, (_, member_curves) in enumerate(results)
+        for curve in member_curves
+    ]
+    return Ensemble(tuple(member for member, _ in results), view(development, training), training), tuple(curves)
 
 
 Corners = list[tuple[int, float, float, float, float]]
@@ -144,11 +137,6 @@ def envelope(development: Sequence[Samples], basis: Scales) -> Corners:
         margin = (high - low) / 2.0 if k == 0 and high > low else 0.05 * high
         corners.append((channels + k, low - 2.0 * margin, low - margin, high + margin, high + 2.0 * margin))
     return corners
-
-
-def assemble(fitted: Fitted, basis: Scales, corners: Corners, sigma: Sequence[float], settings: Settings) -> Corrector:
-    """The deployed network of a fitted chain."""
-    return Corrector(fitted.baseline, fitted.rho, fitted.residual, basis, corners, sigma, settings.phase)
 
 
 def evaluate(item: Pair, bundle: Bundle) -> Comparison:

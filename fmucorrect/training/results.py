@@ -1,21 +1,28 @@
-"""What a training leaves in a folder: corrector.onnx, card.md for people, evaluation.json for programs."""
+"""What a training leaves in a folder: corrector.onnx, card.md for people, evaluation.json for programs; and what a comparison
+leaves: compare.json with compare.npz."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from fmucorrect import bundle
 from fmucorrect.comparison import Comparison
 from fmucorrect.experiment import pair
 from fmucorrect.metrics import Scores
 from fmucorrect.study import Study
+from fmucorrect.study_training import Training
 from fmucorrect.training.card import card
-from fmucorrect.training.protocol import BAND_90, Tick, Trained, evaluate, train
-from fmucorrect.training.settings import Settings
+from fmucorrect.training.compare_table import curve_of
+from fmucorrect.training.corrector import BAND_90
+from fmucorrect.training.protocol import Trained, evaluate, train
+from fmucorrect.training.tasks import Workshop
 
 
 @dataclass(frozen=True)
@@ -23,22 +30,67 @@ class Results:
     """folder: where everything lies. evaluations: every condition of the study, in its order."""
 
     folder: Path
+    trained: Trained
     evaluations: tuple[Comparison, ...]
 
 
-def train_into(folder: Path, study: Study, settings: Settings, command: str, tick: Tick = lambda: None) -> Results:
+def train_into(folder: Path, study: Study, training: Training, command: str, workshop: Workshop) -> Results:
     """Train on the development conditions, write the bundle, then open every condition and score it.
 
     command: what the card names as its maker. Raises what `protocol.train` raises; files of an earlier training are
     replaced one by one, each at once.
     """
-    trained = train(study, settings, tick)
+    trained = train(study, training, workshop)
     folder.mkdir(parents=True, exist_ok=True)
     model = bundle.load(save(trained, folder))
     evaluations = tuple(evaluate(pair(study, condition), model) for condition in study.conditions)
     _replace(folder / "card.md", card(trained, model, evaluations, command).encode())
     _replace(folder / "evaluation.json", (json.dumps(figures(evaluations), indent=1) + "\n").encode())
-    return Results(folder, evaluations)
+    return Results(folder, trained, evaluations)
+
+
+def curves(trained: Trained) -> list[dict[str, Any]]:
+    """Loss curves of the refit and the folds' held-out errors, as in compare.json, for the page."""
+    errors = trained.selection.errors
+    folds = {
+        "stage": "residual, all members",
+        "fold": "mean of the folds",
+        "epochs": list(errors),
+        "terms": {},
+        "held_out": [round(value, 4) for value in errors.values()],
+    }
+    return [curve_of(curve, "refit") for curve in trained.curves] + [folds]
+
+
+def facts(trained: Trained) -> list[tuple[str, str]]:
+    """How the model was chosen, terms and text, for the page."""
+    selection, settings = trained.selection, trained.training
+    named = [("Epochs", ", ".join(f"{n}: {error:.2f} %" for n, error in selection.errors.items()))]
+    named[0] = (named[0][0], f"{named[0][1]} mean held-out NRMSE, leaving one speed out; taken: {selection.epochs}")
+    held = ", ".join(f"{name}: {error:.2f} %" for name, error in selection.held_out.items())
+    search = (
+        f"optuna, {len(trained.trials)} trials; see card.md" if trained.trials else "as the study has them; no search"
+    )
+    return [
+        *named,
+        ("Each condition left out", held),
+        ("Hyper-parameters", search),
+        (
+            "Network",
+            f"{settings.corrector.members} members, {trained.parameters} trained numbers, seed {settings.seed}",
+        ),
+        ("Band", "sigma fitted to the errors on what was left out, scaled so that 90 % of them lie within 1.645 sigma"),
+    ]
+
+
+def save_comparison(folder: Path, table: dict[str, Any], histories: dict[str, np.ndarray]) -> Path:
+    """Write compare.json and compare.npz; the path of the former."""
+    folder.mkdir(parents=True, exist_ok=True)
+    buffer = BytesIO()
+    single: dict[str, Any] = {name: values.astype(np.float32) for name, values in histories.items()}
+    np.savez_compressed(buffer, **single)
+    _replace(folder / "compare.npz", buffer.getvalue())
+    return _replace(folder / "compare.json", (json.dumps(table, indent=1) + "\n").encode())
 
 
 def save(trained: Trained, folder: Path) -> Path:
@@ -69,6 +121,7 @@ def _condition(item: Comparison) -> dict[str, Any]:
         "corrected": _scores(item.after),
         "oracle": {"lag_samples": item.oracle.lag, **_scores(item.oracle.scores)},
         "coverage_90": [round(float(v), 4) for v in item.within(BAND_90)],
+        "coverage_90_excited": [round(float(v), 4) for v in item.within(BAND_90, item.excited)],
     }
 
 

@@ -8,10 +8,25 @@ import numpy as np
 
 from fmucorrect.records import writer
 from fmucorrect.signals import Channel, Record
-from fmucorrect.training.settings import Settings
+from fmucorrect.study_training import Corrector, Pinn, Proposed, Tdnn, TdnnResidual, Training
 
-SMALL = Settings(
-    rows=8, baseline_width=6, baseline_epochs=30, history=4, widths=(16, 16), epochs=(30, 60), batch=512, stride=2
+SMALL = Training(
+    window=8,
+    decimation=10,
+    tdnn=Tdnn(widths=(8,)),
+    pinn=Pinn(widths=(16, 16), epochs=60),
+    tdnn_residual=TdnnResidual(widths=(16, 16), epochs=60, tdnn_epochs=40),
+    proposed=Proposed(widths=(16, 16), head_width=16, epochs=60, tdnn_epochs=40),
+    corrector=Corrector(
+        baseline_width=6,
+        baseline_epochs=30,
+        history=4,
+        widths=(16, 16),
+        members=2,
+        epochs=(30, 60),
+        batch=512,
+        stride=2,
+    ),
 )
 HEAD = """format = 1
 name = "closed form"

@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parent.parent.parent
 
 @pytest.fixture(scope="module")
 def with_phase(study: Study) -> Trained:
-    return train(study, replace(SMALL, phase=True, epochs=(5,)))
+    return train(study, replace(SMALL, corrector=replace(SMALL.corrector, phase=True, epochs=(5,))))
 
 
 def random_inputs(count: int, rows: int, channels: int, seed: int = 0) -> dict[str, np.ndarray]:
@@ -43,10 +43,10 @@ def onnx_outputs(content: bytes, inputs: dict[str, np.ndarray]) -> list[np.ndarr
 @pytest.mark.parametrize("name", ["trained", "with_phase"])
 def test_torch_equals_onnx_to_a_nanometre(name: str, request: pytest.FixtureRequest) -> None:
     trained: Trained = request.getfixturevalue(name)
-    inputs = random_inputs(2000, SMALL.rows, 2)
+    inputs = random_inputs(2000, SMALL.window, 2)
     with torch.no_grad():
         expected = trained.corrector(*(torch.from_numpy(value) for value in inputs.values()))
-    got = onnx_outputs(graph(trained.corrector, SMALL.rows, 2), inputs)
+    got = onnx_outputs(graph(trained.corrector, SMALL.window, 2), inputs)
     for a, b in zip(expected, got, strict=True):
         assert np.abs(a.numpy() - b).max() <= 1e-6
     assert len(np.unique(got[3])) > 10  # inside, outside and between were all there
@@ -54,7 +54,7 @@ def test_torch_equals_onnx_to_a_nanometre(name: str, request: pytest.FixtureRequ
 
 def test_rows_and_batches_agree(trained: Trained, tmp_path: Path) -> None:
     model = bundle.load(save(trained, tmp_path))
-    inputs = random_inputs(3 * bundle.CHUNK // 2, SMALL.rows, 2)
+    inputs = random_inputs(3 * bundle.CHUNK // 2, SMALL.window, 2)
     many = model.correct(inputs["window"], inputs["condition"][0], inputs["time"][:, 0])
     window, condition, seconds = inputs["window"][:1].copy(), inputs["condition"][:1].copy(), inputs["time"][:1].copy()
     correct, answer = model.bind(window, condition, seconds)
@@ -67,7 +67,7 @@ def test_rows_and_batches_agree(trained: Trained, tmp_path: Path) -> None:
 
 def test_outside_the_envelope_nothing_is_added(trained: Trained, tmp_path: Path) -> None:
     model = bundle.load(save(trained, tmp_path))
-    windows = random_inputs(50, SMALL.rows, 2)["window"]
+    windows = random_inputs(50, SMALL.window, 2)["window"]
     far = model.correct(windows, np.array([500.0, 0.03, 2.0], np.float32), np.zeros(50))
     assert not far.delta.any()
     assert not far.inside.any()
@@ -93,10 +93,10 @@ def test_phase_is_exact_after_a_million_seconds(frequency: float) -> None:
 
 
 def test_phase_in_the_graph_after_a_million_seconds(with_phase: Trained) -> None:
-    inputs = random_inputs(200, SMALL.rows, 2)
+    inputs = random_inputs(200, SMALL.window, 2)
     inputs["condition"][:, 2] = 1.3
     inputs["condition"][:, 0] = 330.0
-    content = graph(with_phase.corrector, SMALL.rows, 2)
+    content = graph(with_phase.corrector, SMALL.window, 2)
     inputs["time"] = np.arange(200)[:, None] * 1e-3
     early = onnx_outputs(content, inputs)[0]
     inputs["time"] = inputs["time"] + 1_300_000 / 1.3

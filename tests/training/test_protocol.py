@@ -15,6 +15,7 @@ from fmucorrect.records import read, writer
 from fmucorrect.study import Study, load_study
 from fmucorrect.training.protocol import Trained, evaluate, total_epochs, train
 from fmucorrect.training.results import save
+from fmucorrect.training.tasks import Workshop
 
 
 def test_corrupting_the_evaluation_record_changes_no_fitted_number(trained: Trained, tmp_path: Path) -> None:
@@ -53,10 +54,10 @@ def test_selection_took_the_better_candidate(trained: Trained) -> None:
 
 
 def test_ticks_are_what_was_announced(study: Study) -> None:
-    ticks = []
-    settings = replace(SMALL, epochs=(3,))
-    train(study, settings, lambda: ticks.append(1))
-    assert len(ticks) == total_epochs(len(study.development), settings)
+    ticks: list[int] = []
+    settings = replace(SMALL, corrector=replace(SMALL.corrector, epochs=(3,)))
+    train(study, settings, Workshop(advance=ticks.append))
+    assert sum(ticks) == total_epochs(study, settings)
 
 
 def test_one_development_condition_is_not_enough(tmp_path: Path) -> None:

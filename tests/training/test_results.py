@@ -12,11 +12,12 @@ from fmucorrect import bundle, cli
 from fmucorrect.study import Study
 from fmucorrect.training.protocol import Trained
 from fmucorrect.training.results import lines, train_into
+from fmucorrect.training.tasks import Workshop
 
 
 def test_the_three_files_agree(study: Study, trained: Trained, tmp_path: Path) -> None:
     (tmp_path / "card.md").write_text("an old one")
-    done = train_into(tmp_path, study, SMALL, "the test")
+    done = train_into(tmp_path, study, SMALL, "the test", Workshop())
     assert (tmp_path / "corrector.onnx").read_bytes() == trained.content
     assert sorted(path.name for path in tmp_path.iterdir()) == ["card.md", "corrector.onnx", "evaluation.json"]
     figures = json.loads((tmp_path / "evaluation.json").read_text())["conditions"]

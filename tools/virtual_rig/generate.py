@@ -80,15 +80,21 @@ def runs(rig: dict) -> list[Run]:
     return result
 
 
-def measure(rig: dict, plant: Plant, run: Run, rng: np.random.Generator) -> Record:
-    """What the acquisition recorded of one run."""
-    speed = run.speed / 3.6
+def hidden_effects(rig: dict, speed: float) -> list[HiddenEffect]:
+    """The rig's hidden effects at a speed in m/s; what turns with the rollers gets its frequency here."""
     effects = []
     for entry in rig["effects"]:
         entry = dict(entry)
         if "order" in entry:
             entry["b"] = entry.pop("order") * speed / (2.0 * np.pi * rig["rotation"]["radius"])
         effects.append(HiddenEffect(**entry))
+    return effects
+
+
+def measure(rig: dict, plant: Plant, run: Run, rng: np.random.Generator) -> Record:
+    """What the acquisition recorded of one run."""
+    speed = run.speed / 3.6
+    effects = hidden_effects(rig, speed)
     columns = [*CHANNELS, *(f"acc_{name}" for name in CHANNELS), "platform_yaw"]
     parameters = {**rig["physical"], "speed": speed, "platform_amplitude": 0.0}
     truth = plant.run(parameters, effects, run.command, columns, STEP, substeps=10)
@@ -139,24 +145,32 @@ def study(rig: dict, items: list[Run]) -> str:
 
 
 def make(name: str) -> None:
-    """Write everything of one rig."""
+    """Write everything of one of this folder's rigs."""
     rig = tomllib.loads(Path(__file__).with_name(f"{name}.toml").read_text(encoding="utf-8"))
-    place = ROOT / "fmus" / "roller_rig" / name
+    write(rig, ROOT / "fmus" / "roller_rig" / name, Plant("roller_rig"))
+
+
+def write(rig: dict, place: Path, plant: Plant) -> None:
+    """Write the platform's commands, the measurements and study.toml of a rig into the folder `place`."""
     place.mkdir(parents=True, exist_ok=True)
     for old in place.glob("measured_*.mcap"):
         old.unlink()
-    plant = Plant("roller_rig")
     rng = np.random.default_rng(rig["seed"])
     items = runs(rig)
     for inputs, command in {run.inputs: run.command for run in items}.items():
-        moving = np.flatnonzero(command)
-        rows = range(moving[0] - 1, moving[-1] + 2)
-        lines = ["time,platform_yaw_input [deg]", *(f"{row * STEP:.3f},{command[row]:.9g}" for row in rows)]
-        (place / inputs).write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
+        write_command(place / inputs, command)
     for run in items:
         with writer(place / f"measured_{run.name}.mcap") as out:
             out.write("/measured", measure(rig, plant, run, rng))
     (place / "study.toml").write_text(study(rig, items), encoding="utf-8", newline="\n")
+
+
+def write_command(path: Path, command: np.ndarray) -> None:
+    """Write the platform's command (T,), deg at STEP, as the FMU's input: from just before its motion to just behind."""
+    moving = np.flatnonzero(command)
+    rows = range(moving[0] - 1, moving[-1] + 2)
+    lines = ["time,platform_yaw_input [deg]", *(f"{row * STEP:.3f},{command[row]:.9g}" for row in rows)]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
 
 
 if __name__ == "__main__":

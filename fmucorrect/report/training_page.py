@@ -1,0 +1,297 @@
+"""The page of a training: every condition before and after, how the errors of the folds fell, how it was chosen.
+
+`losses` and `ablation_section` are for other pages too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from plotly import graph_objects as go
+
+from fmucorrect.comparison import Comparison
+from fmucorrect.report import figures
+from fmucorrect.report import training_figures as drawn
+from fmucorrect.report.html import Page, Row
+
+BAND_90 = 1.645
+"""Half the width of a 90 % band in standard deviations, were errors normal."""
+ROLES = {
+    "evaluation": "Evaluation: nothing fitted to these",
+    "development": "Development: trained on, so these flatter",
+}
+CAUTION = (
+    "The figures say how well a reproducible discrepancy is corrected under conditions like those that were measured. They "
+    "are no evidence for safety, certification or acceptance, and say nothing of conditions outside the training envelope."
+)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """NRMSE of a variant minus that of the full formulation, paired by seed: mean and its standard error, % points."""
+
+    difference: float
+    error: float
+    word: str
+
+
+def write_page(
+    path: Path,
+    title: str,
+    comparisons: Sequence[Comparison],
+    curves: Sequence[Mapping[str, Any]],
+    selection: Sequence[tuple[str, str]],
+    before_after_note: str = "",
+) -> None:
+    """Write the page of `fmucorrect train`. comparisons: every condition, development and evaluation. curves: loss curves
+    as cases[].curves of compare.json. selection: what was chosen and how, terms and text. Raises OSError."""
+    build(title, comparisons, curves, selection, before_after_note).write(path)
+
+
+def build(
+    title: str,
+    comparisons: Sequence[Comparison],
+    curves: Sequence[Mapping[str, Any]],
+    selection: Sequence[tuple[str, str]],
+    before_after_note: str = "",
+) -> Page:
+    """The page, ready to be written."""
+    unseen = [item for item in comparisons if item.condition.role == "evaluation"]
+    page = Page(title, lead(comparisons), kicker="fmucorrect train")
+    if comparisons:
+        _tiles(page, unseen or comparisons, bool(unseen))
+        _conditions(page, comparisons, before_after_note)
+    for item in (_drawable(item, -(-len(unseen) // 2)) for item in unseen):
+        page.section(
+            f"{_name(item)}: measured, and what the models say",
+            "Nothing was fitted to this condition. Drag to zoom all panels together, double-click for everything, click a "
+            "name to hide its curve.",
+        )
+        page.figure(figures.histories(item), figures.views(item, figures.response_curves(item)))
+        page.end()
+        page.section(f"{_name(item)}: what is left", "Simulated and corrected response minus the measurement.")
+        views = figures.views(item, figures.error_curves(item))
+        page.figure(figures.errors(item), [*views, figures.close_up(item)])
+        page.end()
+    losses(page, [drawn.Training("", curves, chosen_epochs(curves))])
+    if selection:
+        page.section("How it was chosen", "From the development conditions alone.")
+        page.facts(selection)
+        page.end()
+    page.section("What these figures are no evidence for")
+    page.caution(CAUTION)
+    page.end()
+    return page
+
+
+def lead(comparisons: Sequence[Comparison]) -> str:
+    """What the training achieved, in one or two sentences."""
+    trained = [item.condition.name for item in comparisons if item.condition.role == "development"]
+    unseen = [item for item in comparisons if item.condition.role == "evaluation"]
+    text = f"Trained on {len(trained)} development condition{'s' * (len(trained) != 1)} ({', '.join(trained)})."
+    if not unseen:
+        return f"{text} There is no evaluation condition: nothing here says how well it does where it was not trained."
+    before, after = _mean(unseen, "before", "mean_nrmse"), _mean(unseen, "after", "mean_nrmse")
+    where = ", ".join(_name(item) for item in unseen)
+    verb = "falls" if after < before else "rises"
+    return f"{text} At {where}, held out of everything, the error (NRMSE) {verb} from {before:.2f} % to {after:.2f} %."
+
+
+def losses(page: Page, trainings: Sequence[drawn.Training]) -> None:
+    """Two sections side by side, terms of the refit and held-out errors of the folds; nothing where there are none."""
+    terms, held = drawn.loss_terms(trainings), drawn.held_out(trainings)
+    if terms is None and held is None:
+        return
+    page.open_pair()
+    if terms is not None:
+        page.section("Loss terms of the refit", "Each with its weight, on all development conditions, log axis.")
+        page.figure(terms)
+        page.end()
+    if held is not None:
+        page.section(
+            "Error at held-out conditions",
+            "NRMSE where one development condition was left out of training; large errors at the start are cut.",
+        )
+        page.figure(held)
+        page.end()
+    page.close_pair()
+
+
+def chosen_epochs(curves: Sequence[Mapping[str, Any]]) -> dict[str, int]:
+    """The last epoch of each stage's refit: a refit runs for as long as the folds recommend."""
+    return {c["stage"]: int(c["epochs"][-1]) for c in curves if c["fold"] == "refit" and len(c["epochs"])}
+
+
+def spread(values: np.ndarray, digits: int) -> str:
+    """Mean +- standard deviation, the latter where there is more than one value; more digits where it would read 0."""
+    if len(values) < 2:
+        return f"{values.mean():.{digits}f}"
+    deviation = float(values.std(ddof=1))
+    if 0.0 < deviation < 0.5 * 10.0**-digits:
+        digits = min(digits + 2, int(np.ceil(-np.log10(2.0 * deviation))))
+    return f"{values.mean():.{digits}f} ± {deviation:.{digits}f}"
+
+
+def standard_error(values: np.ndarray) -> float:
+    """Standard error of the mean; 0 for a single value."""
+    return float(values.std(ddof=1) / np.sqrt(len(values))) if len(values) > 1 else 0.0
+
+
+def verdict(variant: Sequence[float], full: Sequence[float]) -> Verdict:
+    """Does what the variant lacks help? By the paired differences of NRMSE over the seeds, against two standard errors."""
+    difference = np.subtract(variant, full)
+    mean, error = float(difference.mean()), standard_error(difference)
+    if len(difference) < 2 or abs(mean) <= 2.0 * error:
+        return Verdict(mean, error, "no difference seen")
+    return Verdict(mean, error, "helps" if mean > 0 else "hurts")
+
+
+def ablation_sentence(rows: Sequence[Mapping[str, Any]], verdicts: Sequence[Verdict]) -> str:
+    """Which variants differ from the full formulation by more than the seeds do, in plain words."""
+    seeds = len(rows[0]["nrmse"]) if rows else 0
+    if seeds < 2:
+        return "With a single seed no difference can be told from chance."
+    said: list[str] = []
+    for word, what in (
+        ("helps", "The full formulation beats these by more than two standard errors, so what they lack helps"),
+        ("hurts", "These beat the full formulation by more than two standard errors, so what they lack hurts"),
+        ("no difference seen", "No difference seen from"),
+    ):
+        found = [f"{r['label']} ({v.difference:+.3f})" for r, v in zip(rows, verdicts, strict=True) if v.word == word]
+        said += [f"{what}: {', '.join(found)}."] * bool(found)
+    return " ".join(said)
+
+
+def false_alarm(seeds: int) -> float:
+    """Probability that a variant that changes nothing passes two standard errors all the same (Student's t, both sides)."""
+    from scipy.special import stdtr
+
+    return 2.0 * float(stdtr(seeds - 1, -2.0))
+
+
+def ablation_section(page: Page, ablation: Mapping[str, Any]) -> None:
+    rows: Sequence[Mapping[str, Any]] = ablation["rows"]
+    full = next((row for row in rows if row["variant"] == "full"), None)
+    variants = [row for row in rows if row is not full] if full else []
+    verdicts = [verdict(row["nrmse"], full["nrmse"]) for row in variants] if full else []
+    by_name = dict(zip((row["variant"] for row in variants), verdicts, strict=True))
+    seeds = len(ablation["seeds"])
+    page.section(
+        "Ablation",
+        f"{ablation['epochs']} epochs, {seeds} seed{'s' * (seeds != 1)}, mean ± standard deviation; NRMSE means over "
+        "evaluation conditions and channels. Difference: variant minus full, paired by seed, ± standard error.",
+    )
+    if variants:
+        page.facts([("by the figures", ablation_sentence(variants, verdicts))])
+    table: list[Row] = []
+    for row in rows:
+        found = by_name.get(row["variant"])
+        cells = [spread(np.array(row["nrmse"]), 3), spread(np.array(row["r2"]), 4)]
+        cells += [spread(np.array(row["held_out_nrmse"]), 3) if row["held_out_nrmse"] else ""]
+        cells += [f"{found.difference:+.3f} ± {found.error:.3f}", found.word] if found else ["", ""]
+        table.append(Row([row["label"], *cells], "strong" if row is full else ""))
+    page.table(["", "NRMSE, %", "R²", "held-out NRMSE, %", "difference, % points", "what it lacks"], table)
+    if variants and full:
+        pairs = [(row["label"], np.subtract(row["nrmse"], full["nrmse"])) for row in variants]
+        page.figure(_differences(pairs, [item.word for item in verdicts]))
+    if variants and seeds > 1:
+        page.caution(
+            f"Two standard errors of {seeds} seeds are a rule of thumb: a variant that changes nothing passes it "
+            f"{100 * false_alarm(seeds):.0f} times in 100, and {len(variants)} variants are judged here."
+        )
+    page.end()
+
+
+def _tiles(page: Page, items: Sequence[Comparison], unseen: bool) -> None:
+    where = "mean of the evaluation conditions" if unseen else "mean of the development conditions, none is held out"
+
+    def pair(key: str, form: str, unit: str = "") -> tuple[str, str]:
+        return f"{_mean(items, 'before', key):{form}}{unit}", f"{_mean(items, 'after', key):{form}}{unit}"
+
+    covered = 100.0 * float(np.mean([item.within(BAND_90).mean() for item in items]))
+    page.tiles(
+        [
+            ("Error, NRMSE", *pair("mean_nrmse", ".2f", " %"), where),
+            ("Error, NMAE", *pair("mean_nmae", ".2f", " %"), where),
+            ("Variance explained, R²", *pair("mean_r2", ".3f"), "1 is perfect"),
+            ("Inside the 90 % band", "", f"{covered:.0f} %", "of the measured samples"),
+        ]
+    )
+
+
+def _conditions(page: Page, comparisons: Sequence[Comparison], note: str) -> None:
+    page.section(
+        "Before and after, every condition",
+        "Means of the channels, over all samples but the warm-up; NRMSE and NMAE in % of the measured range. Coverage: share "
+        "of measured samples inside the corrector's 90 % band, lowest and highest channel.",
+    )
+    if note:
+        page.caution(note)
+    header = ["condition", "R² before", "after", "NRMSE before", "after", "NMAE before", "after", "90 % band covers"]
+    rows: list[Row] = []
+    for role, text in ROLES.items():
+        items = [item for item in comparisons if item.condition.role == role]
+        if items:
+            rows.append(Row([text], "group"))
+            rows += [_row(item, "strong" if role == "evaluation" else "") for item in items]
+    page.table(header, rows)
+    page.end()
+    page.section("With the best single time shift")
+    page.caution("The oracle picks the shift that suits the measurement best: it knows the target, so it is no score.")
+    page.table(["condition", "shift, samples", "R²", "NRMSE, %", "NMAE, %"], [_oracle(item) for item in comparisons])
+    page.end()
+
+
+def _row(item: Comparison, kind: str) -> Row:
+    before, after, inside = item.before, item.after, 100.0 * item.within(BAND_90)
+    cells = [f"{before.mean_r2:.4f}", f"{after.mean_r2:.4f}", f"{before.mean_nrmse:.3f}", f"{after.mean_nrmse:.3f}"]
+    cells += [f"{before.mean_nmae:.3f}", f"{after.mean_nmae:.3f}", f"{inside.min():.0f} to {inside.max():.0f} %"]
+    return Row([_name(item), *cells], kind)
+
+
+def _oracle(item: Comparison) -> Row:
+    lag, scores = item.oracle.lag, item.oracle.scores
+    values = [drawn.signed(lag), f"{scores.mean_r2:.4f}", f"{scores.mean_nrmse:.3f}", f"{scores.mean_nmae:.3f}"]
+    return Row([f"{_name(item)}, {item.condition.role}", *values])
+
+
+def _mean(items: Sequence[Comparison], side: str, key: str) -> float:
+    return float(np.mean([getattr(getattr(item, side), key) for item in items]))
+
+
+def _drawable(item: Comparison, share: int) -> Comparison:
+    """For figures alone: so many times fewer points as `figures` would draw, so that the page stays small."""
+    step = figures.thinning(item) * share if share > 1 else 1
+    keys = ("t_ns", "simulated", "corrected", "measured", "sigma", "status")
+    return replace(item, excitation=None, **{key: getattr(item, key)[::step] for key in keys})
+
+
+def _name(item: Comparison) -> str:
+    """The condition's name, with its speed where the name does not say it."""
+    name, speed = item.condition.name, f"{item.condition.speed:g}"
+    return name if speed == "0" else f"{speed} km/h" if name == speed else f"{name} ({speed} km/h)"
+
+
+def _differences(variants: Sequence[tuple[str, np.ndarray]], verdicts: Sequence[str]) -> go.Figure:
+    """NRMSE of each variant minus that of the full formulation, per cent points: a dot a seed, a bar at the mean."""
+    shades = {"helps": "#1b7f4b", "hurts": figures.SIMULATED}
+    figure = go.Figure()
+    labels = [escape(label) for label, _ in variants]
+    for label, (_, values), verdict in zip(labels, variants, verdicts, strict=True):
+        colour = shades.get(verdict, figures.MEASURED)
+        common: dict[str, Any] = {"showlegend": False, "hovertemplate": "%{x:+.4f}<extra></extra>"}
+        figure.add_bar(
+            x=[values.mean()], y=[label], orientation="h", marker_color=colour, opacity=0.35, width=0.5, **common
+        )
+        marker = {"color": colour if verdict in shades else "#5b6675", "size": 8, "line": {"color": "#fff", "width": 1}}
+        figure.add_scatter(x=values, y=[label] * len(values), mode="markers", marker=marker, **common)
+    drawn.style(figure, 44 * len(labels) + 120)
+    figure.update_layout(margin={"t": 20}, barmode="overlay")
+    figure.update_yaxes(autorange="reversed", automargin=True, ticklabelposition="outside")
+    figure.update_xaxes(title_text="NRMSE minus full, % points", zeroline=True, zerolinecolor=figures.INK)
+    return figure

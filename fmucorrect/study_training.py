@@ -1,0 +1,146 @@
+"""What a study may choose about training: the [training] table, with the paper's values as defaults.
+
+Plain dataclasses: study_schema makes the tables of the file from them, training/ reads them. Neither knows torch here.
+Weights that the paper does not print (widths of the TDNN, its activation) are marked as ours.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
+
+from annotated_types import Ge, Gt, MinLen
+
+Activation = Literal["tanh", "sigmoid", "relu"]
+Count = Annotated[int, Ge(1)]
+Widths = Annotated[tuple[Count, ...], MinLen(1)]
+Weight = Annotated[float, Ge(0)]
+Positive = Annotated[float, Gt(0)]
+Band = tuple[Weight, Positive]
+Matrix = tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True)
+class Tdnn:
+    """[training.tdnn], the baseline (eq. tdnn_definition). widths: hidden neurons a layer (ours; the paper prints none)."""
+
+    widths: Widths = (32,)
+    activation: Activation = "tanh"
+
+
+@dataclass(frozen=True)
+class Pinn:
+    """[training.pinn], case 1, from the experiment alone (eqs. experiment_only_loss, experiment_only_sdof).
+
+    smooth, sdof: weights of the two regularisations. natural_frequency: Hz, damping: where the trainable values begin.
+    damping_limits: between which the damping ratio stays.
+    """
+
+    widths: Widths = (96, 96, 64)
+    activation: Activation = "tanh"
+    epochs: Count = 4000
+    learning_rate: Positive = 2e-3
+    weight_decay: Weight = 1e-6
+    smooth: Weight = 1e-5
+    sdof: Weight = 1e-5
+    natural_frequency: Positive = 2.0
+    damping: Positive = 0.05
+    damping_limits: Band = (0.005, 0.30)
+
+
+@dataclass(frozen=True)
+class TdnnResidual:
+    """[training.tdnn_residual], case 2: TDNN, amplitude factor, data-driven residual network (eq. tdnn_nn_residual_loss)."""
+
+    widths: Widths = (96, 96, 96, 96)
+    activation: Activation = "tanh"
+    epochs: Count = 1000
+    learning_rate: Positive = 1e-2
+    weight_decay: Weight = 1e-6
+    tdnn_epochs: Count = 600
+    tdnn_learning_rate: Positive = 3e-4
+
+
+@dataclass(frozen=True)
+class Proposed:
+    """[training.proposed], case 3: discrepancy correction (eqs. multifidelity, physics_residual, loss_components).
+
+    inputs: "time", as the paper, or "history", window features in its place, which also hold in a run of hours. widths: the
+    shared layers; head_width: the layer behind the acceleration head. residual to parameters: loss weights, `parameters` that
+    of the L2 term on the discrepancy coefficients. band: Hz, of the coherent-band projection; bands: of single conditions by
+    name. acceleration_channels: those with an acceleration loss, at the head's outputs; None: those that `diagnose`
+    recommends from the development conditions. observation: H_q, J rows of p numbers; None: the identity. mass, damping,
+    stiffness: nominal M_s, C_s, K_s, p x p, for coordinates in the channels' unit and time in s; None: unit mass, and the
+    stiffness and 5 % damping of a 2 Hz resonance, where case 1 begins. harmonics: of the excitation in the force discrepancy.
+    tdnn, alignment: stages that can be left out; without its TDNN the simulated response itself is the baseline.
+    """
+
+    inputs: Literal["time", "history"] = "time"
+    widths: Widths = (96, 96, 64)
+    head_width: Count = 64
+    activation: Activation = "tanh"
+    epochs: Count = 3000
+    learning_rate: Positive = 1e-2
+    weight_decay: Weight = 1e-6
+    tdnn_epochs: Count = 1500
+    tdnn_learning_rate: Positive = 1e-2
+    residual: Weight = 1.0
+    smooth: Weight = 1e-5
+    acceleration_head: Weight = 1e-5
+    acceleration_kinematic: Weight = 1e-5
+    acceleration_consistency: Weight = 1e-5
+    physics: Weight = 1e-4
+    parameters: Weight = 1e-8
+    band: Band = (3.5, 4.5)
+    bands: Mapping[str, Band] = field(default_factory=dict[str, Band])
+    acceleration_channels: tuple[str, ...] | None = None
+    observation: Matrix | None = None
+    mass: Matrix | None = None
+    damping: Matrix | None = None
+    stiffness: Matrix | None = None
+    harmonics: Count = 3
+    tdnn: bool = True
+    alignment: bool = True
+
+
+@dataclass(frozen=True)
+class Corrector:
+    """[training.corrector], what `train` fits and exports: the paper's chain on histories instead of raw time, an ensemble.
+
+    baseline_width: hidden neurons of each member's TDNN. history: window features (principal components of the development
+    windows) that a residual network sees. widths: its hidden layers, tanh. members: networks that are averaged; their spread
+    widens the band. phase: whether they also see sine and cosine of the excitation's phase; the history carries it already,
+    and then the corrector needs no clock. epochs: candidates for the length of training, of which leave-one-speed-out
+    chooses. learning_rate, weight_decay: of AdamW, the rate on a one-cycle schedule. batch: windows a step. stride: every how
+    many samples a window is trained on; neighbours at 1 kHz say the same. trials: of optuna's search over learning rate,
+    weight decay, widths and window features, judged by leave-one-speed-out; 0: none, the numbers above hold.
+    """
+
+    baseline_width: Count = 16
+    baseline_epochs: Count = 100
+    history: Count = 12
+    widths: Annotated[tuple[Count, ...], MinLen(2)] = (32, 32)
+    members: Count = 4
+    phase: bool = False
+    epochs: Widths = (200, 400, 800)
+    learning_rate: Positive = 3e-3
+    weight_decay: Weight = 1e-4
+    batch: Count = 4096
+    stride: Count = 4
+    trials: Annotated[int, Ge(0)] = 0
+
+
+@dataclass(frozen=True)
+class Training:
+    """[training]. window: W, rows of history. decimation: the paper's cases are trained on every so-manieth sample, a uniform
+    grid of that step, on which their differences are taken. seed: of everything that is drawn."""
+
+    window: Count = 40
+    decimation: Count = 10
+    seed: Annotated[int, Ge(0)] = 0
+    tdnn: Tdnn = Tdnn()
+    pinn: Pinn = Pinn()
+    tdnn_residual: TdnnResidual = TdnnResidual()
+    proposed: Proposed = Proposed()
+    corrector: Corrector = Corrector()

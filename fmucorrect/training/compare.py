@@ -1,0 +1,178 @@
+"""`fmucorrect compare`: every case on one study, the paper's table beside it, and what each term of the loss is worth.
+
+Folds choose the epochs with the study's seed; each seed is then a refit on all development conditions. Evaluation conditions
+are opened when everything is fitted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from fmucorrect.experiment import pair
+from fmucorrect.study import Study
+from fmucorrect.study_training import Training
+from fmucorrect.training.ablation import VARIANTS, ablation_table, budget, fit_variants
+from fmucorrect.training.cases import CASES, Case, Fitted, chosen_epochs, fit_case, resolved
+from fmucorrect.training.compare_table import (
+    PAPER,
+    PAPER_ORACLE,
+    band_of,
+    curve_of,
+    ranking,
+    row_of,
+    run_of,
+    scores_of,
+)
+from fmucorrect.training.data import Samples, samples
+from fmucorrect.training.protocol import development_pairs, refit, total_epochs
+from fmucorrect.training.selection import folds, select
+from fmucorrect.training.tasks import Task, Workshop
+
+
+@dataclass(frozen=True)
+class Result:
+    """table: compare.json. histories: compare.npz, responses of the first seed on the evaluation conditions."""
+
+    table: dict[str, Any]
+    histories: dict[str, np.ndarray]
+
+
+def compare_study(study: Study, training: Training, seeds: Sequence[int], ablate: bool, workshop: Workshop) -> Result:
+    """All of it. Raises what `protocol.train` raises."""
+    pairs = development_pairs(study)
+    training = resolved(study, training, pairs)
+    development = [samples(item, training.window) for item in pairs]
+    by_case = _fit(development, training, seeds, workshop)
+    selection = select(development, training, workshop)
+    ours = [refit(development, replace(training, seed=s), selection.epochs, workshop) for s in seeds]
+    ablation = fit_variants(development, training, seeds, workshop) if ablate else None
+    # everything is fitted; from here on the evaluation conditions may be seen
+    held = [samples(pair(study, condition), training.window) for condition in study.evaluation]
+    histories: dict[str, np.ndarray] = {}
+    for item in held:
+        histories[f"t/{item.name}"] = item.seconds
+        histories[f"measured/{item.name}"] = item.measured
+        histories[f"uncorrected/{item.name}"] = item.simulated
+    rows = [row_of("uncorrected", "Uncorrected simulation", "paper", "", 0, {}, None)]
+    rows[0]["runs"] = [run_of(None, 0.0, {item.name: scores_of(item, item.simulated) for item in held})]
+    for case in CASES:
+        fits = by_case[case.key]
+        trained = fits.fitted[0].model.parameters
+        row = row_of(case.key, case.label, case.family, case.inputs, trained, fits.epochs, fits.held_out)
+        for seed, fit in zip(seeds, fits.fitted, strict=False):
+            said = {item.name: fit.model.predict(item) for item in held}
+            row["runs"].append(
+                run_of(seed, fit.seconds, {item.name: scores_of(item, said[item.name]) for item in held})
+            )
+            if fit is fits.fitted[0]:
+                histories |= {f"{case.key}/{name}": values for name, values in said.items()}
+        row["curves"] = fits.curves
+        rows.append(row)
+    error = selection.errors[selection.epochs]
+    row = row_of(
+        "corrector",
+        f"fmucorrect's corrector, {training.corrector.members} members",
+        "ours",
+        "window features, speed, aligned TDNN",
+        ours[0][0].parameters,
+        {"residual": selection.epochs},
+        error,
+    )
+    for seed, (ensemble, curves) in zip(seeds, ours, strict=True):
+        said = {item.name: ensemble.responses(item) for item in held}
+        scores = {i.name: scores_of(i, said[i.name].mean(0), band_of(selection.band, said[i.name])) for i in held}
+        row["runs"].append(run_of(seed, None, scores))
+        if seed == seeds[0]:
+            histories |= {f"corrector/{name}": values.mean(0) for name, values in said.items()}
+            row["curves"] = [curve_of(curve, "refit") for curve in curves]
+    rows.append(row)
+    table: dict[str, Any] = {
+        "format": 1,
+        "study": study.name,
+        "study_sha256": study.hash,
+        "channels": [channel.name for channel in study.channels],
+        "unit": study.channels[0].unit,
+        "development": [condition.name for condition in study.development],
+        "evaluation": [condition.name for condition in study.evaluation],
+        "settings": asdict(training),
+        "cases": rows,
+        "paper": list(PAPER),
+        "paper_oracle_r2": PAPER_ORACLE,
+        "ablation": None if ablation is None else ablation_table(ablation, seeds, held),
+    }
+    table["ranking"] = ranking(table, seeds)
+    return Result(table, histories)
+
+
+def total(study: Study, training: Training, seeds: int, ablate: bool) -> int:
+    """Epochs of `compare_study` at most, for a progress bar."""
+    speeds = len({condition.speed for condition in study.development})
+    parts = speeds if speeds > 1 else len(study.development)
+    count = sum((parts + (seeds if case.epochs(training) else 1)) * _length(case, training) for case in CASES)
+    members = training.corrector.members * max(training.corrector.epochs)
+    count += total_epochs(study, training) + (seeds - 1) * members
+    return count + ablate * len(VARIANTS) * seeds * sum(budget(training.proposed))
+
+
+def _length(case: Case, training: Training) -> int:
+    return max(1, sum(case.epochs(training).values()))
+
+
+@dataclass(frozen=True)
+class Fits:
+    """One case. fitted: a refit a seed. epochs, held_out: as the folds chose and what they said there. curves: of the folds and
+    of the first seed."""
+
+    fitted: list[Fitted]
+    epochs: dict[str, int]
+    held_out: float
+    curves: list[dict[str, Any]]
+
+
+def _fit(development: list[Samples], training: Training, seeds: Sequence[int], workshop: Workshop) -> dict[str, Fits]:
+    """Folds of all cases, the choice of their epochs, and a refit a seed; closed forms need no seed."""
+    parts = folds(development)
+    tasks = [
+        Task(
+            f"{case.key}, fold {held[0].name}",
+            fit_case,
+            (case.key, rest, held, training, training.seed, case.epochs(training)),
+            _length(case, training),
+        )
+        for case in CASES
+        for rest, held in parts
+    ]
+    found = _by_case(workshop.run(tasks), [len(parts)] * len(CASES))
+    chosen = {case.key: chosen_epochs(found[case.key], case.epochs(training)) for case in CASES}
+    needed = [list(seeds) if case.epochs(training) else list(seeds[:1]) for case in CASES]
+    tasks = [
+        Task(
+            f"{case.key}, seed {seed}",
+            fit_case,
+            (case.key, development, [], training, seed, chosen[case.key][0]),
+            _length(case, training),
+        )
+        for case, some in zip(CASES, needed, strict=True)
+        for seed in some
+    ]
+    fitted = _by_case(workshop.run(tasks), [len(some) for some in needed])
+    result: dict[str, Fits] = {}
+    for case in CASES:
+        key = case.key
+        curves = [
+            curve_of(curve, held[0].name)
+            for (_, held), fit in zip(parts, found[key], strict=True)
+            for curve in fit.curves
+        ]
+        curves += [curve_of(curve, "refit") for curve in fitted[key][0].curves]
+        result[key] = Fits(fitted[key], *chosen[key], curves)
+    return result
+
+
+def _by_case(results: list[Fitted], counts: Sequence[int]) -> dict[str, list[Fitted]]:
+    left = iter(results)
+    return {case.key: [next(left) for _ in range(count)] for case, count in zip(CASES, counts, strict=True)}

@@ -1,0 +1,167 @@
+"""The page of a training: every condition in the table, histories of evaluation conditions alone."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from html import unescape
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_compare_page import curves, opened
+from test_page import BROWSER, comparison
+
+from fmucorrect.comparison import Comparison
+from fmucorrect.report import training_figures, training_page
+from fmucorrect.signals import Condition
+
+CHOSEN = [("epochs", "tdnn 20, residual 40"), ("weights <w>", "smooth 0.1")]
+
+
+def conditions(rows: int = 8000) -> list[Comparison]:
+    """One evaluation condition and two that were trained on."""
+    base = comparison(rows)
+    made = [Condition(name, "development", float(name), 0.03, 2.0, 2.0) for name in ("300", "320")]
+    return [*(replace(base, condition=condition) for condition in made), base]
+
+
+def words(text: str) -> str:
+    """The page's text without tags, figures left out."""
+    body = text.split("</main>")[0].split("<main>")[1]
+    return re.sub(r"\s+", " ", unescape(re.sub(r"<[^>]+>", " ", body)))
+
+
+def page(items: list[Comparison], note: str = "") -> str:
+    """The file's text."""
+    return training_page.build("A <b>corrector", items, curves({"tdnn": 20, "residual": 40}), CHOSEN, note).text()
+
+
+def test_every_condition_is_in_the_table_with_its_figures() -> None:
+    items = [replace(item, sigma=np.full_like(item.sigma, 0.02)) for item in conditions()]
+    text = words(page(items, "Beware"))
+    last = items[-1]
+    inside = 100 * last.within(1.645)
+    assert 0.0 < inside.min() < inside.max()
+    assert (
+        f"385 km/h {last.before.mean_r2:.4f} {last.after.mean_r2:.4f} {last.before.mean_nrmse:.3f} "
+        f"{last.after.mean_nrmse:.3f} {last.before.mean_nmae:.3f} {last.after.mean_nmae:.3f} "
+        f"{inside.min():.0f} to {inside.max():.0f} %"
+    ) in text
+    assert text.index("Evaluation: nothing fitted") < text.index("Development: trained on") < text.index("300 km/h")
+    assert "Beware" in text
+    assert "it knows the target, so it is no score" in text
+    assert "no evidence for safety, certification or acceptance" in text
+
+
+def test_lead_and_tiles_are_of_the_evaluation_conditions() -> None:
+    items = conditions()
+    worse = replace(items[0], corrected=3.0 * items[0].measured)
+    before, after = items[-1].before.mean_nrmse, items[-1].after.mean_nrmse
+    lead = training_page.lead([worse, *items[1:]])
+    assert lead.startswith("Trained on 2 development conditions (300, 320). At 385 km/h, held out of everything,")
+    assert lead.endswith(f"falls from {before:.2f} % to {after:.2f} %.")
+    assert f"{before:.2f} % → {after:.2f} %" in words(page([worse, *items[1:]]))
+    assert "rises" in training_page.lead([replace(items[-1], corrected=3.0 * items[-1].measured)])
+
+
+def test_without_an_evaluation_condition_the_page_says_so() -> None:
+    text = words(page(conditions()[:2]))
+    assert "There is no evaluation condition" in text
+    assert "none is held out" in text
+    assert "what is left" not in text
+
+
+def test_only_evaluation_conditions_have_histories() -> None:
+    text = page(conditions())
+    assert text.count("Plotly.newPlot('figure-") == 4  # histories, errors, loss terms, held-out errors
+    assert "385 km/h: what is left" in text
+    assert "300 km/h: what is left" not in text
+
+
+def test_names_are_escaped() -> None:
+    odd = replace(conditions()[-1], condition=Condition("<i>wet</i>", "evaluation", 390.0, 0.03, 2.0, 2.0))
+    text = page([odd])
+    assert "<i>wet" not in text
+    assert "&lt;i&gt;wet&lt;/i&gt; (390 km/h)" in text
+    assert "A &lt;b&gt;corrector" in text
+    assert "weights &lt;w&gt;" in text
+
+
+def test_a_page_without_curves_and_selection_is_written(tmp_path: Path) -> None:
+    path = tmp_path / "train.html"
+    training_page.write_page(path, "title", conditions(), [], [])
+    text = words(path.read_text(encoding="utf-8"))
+    assert "Loss terms" not in text
+    assert "How it was chosen" not in text
+    assert path.stat().st_size < 8e6
+
+
+def test_a_page_of_many_evaluation_conditions_is_small(tmp_path: Path) -> None:
+    path = tmp_path / "train.html"
+    item = comparison(60_000, ("FW", "FB", "RW", "RB"))
+    named = [replace(item, condition=replace(item.condition, name=f"run {i}")) for i in range(5)]
+    training_page.write_page(path, "title", named, curves({"tdnn": 3000}), CHOSEN)
+    assert path.stat().st_size < 8e6
+    assert f"{item.after.mean_r2:.4f}" in path.read_text(encoding="utf-8")  # scores use every row
+
+
+def test_the_chosen_epochs_are_those_of_the_refit() -> None:
+    assert training_page.chosen_epochs(curves({"tdnn": 20, "residual": 40})) == {"tdnn": 20, "residual": 40}
+
+
+def test_spread_has_digits_that_are_worth_reading() -> None:
+    assert training_page.spread(np.array([1.0]), 2) == "1.00"
+    assert training_page.spread(np.array([1.0, 1.2]), 2) == "1.10 ± 0.14"
+    assert training_page.spread(np.array([1.0, 1.002]), 2) == "1.001 ± 0.001"
+    assert training_page.spread(np.array([1.0, 1.0]), 2) == "1.00 ± 0.00"
+
+
+@pytest.mark.parametrize(
+    ("variant", "word"),
+    [
+        ([1.5, 1.6, 1.7], "helps"),
+        ([0.5, 0.61, 0.7], "hurts"),
+        ([1.1, 1.3, 1.8], "no difference seen"),  # 1.96 standard errors
+        ([1.1, 1.3, 1.78], "helps"),  # 2.01
+        ([1.0, 1.1, 1.2], "no difference seen"),
+    ],
+)
+def test_verdict_is_by_paired_differences(variant: list[float], word: str) -> None:
+    full = [1.0, 1.1, 1.2]
+    found = training_page.verdict(variant, full)
+    difference = np.array(variant) - full
+    assert found.word == word
+    assert found.difference == pytest.approx(difference.mean())
+    assert found.error == pytest.approx(np.std(difference, ddof=1) / np.sqrt(3))
+
+
+def test_pairing_sees_what_the_seeds_would_hide() -> None:
+    full = [1.0, 5.0, 9.0]
+    assert training_page.verdict([value + 0.1 for value in full], full).word == "helps"
+    assert training_page.verdict([2.0], [1.0]).word == "no difference seen"
+
+
+def test_held_out_errors_with_gaps_are_drawn_where_they_are_known() -> None:
+    found = curves({"tdnn": 5})
+    found[0]["held_out"] = [None, 6.0, None, 4.0, None]
+    figure = training_figures.held_out([training_figures.Training("x", found, {"tdnn": 4})])
+    assert figure is not None
+    assert [list(trace.x) for trace in figure.data] == [[2, 4], [1, 2, 3, 4, 5], [2, 4]]
+    assert list(figure.data[2].y) == [8.0, 5.75]  # the mean where both are known: (6 + 10) / 2, (4 + 7.5) / 2
+    assert figure.layout.shapes[0].x0 == 4
+
+
+def test_long_loss_curves_are_thinned_and_zero_terms_left_out() -> None:
+    figure = training_figures.loss_terms([training_figures.Training("x", curves({"tdnn": 5000}), {})])
+    assert figure is not None
+    assert [trace.name for trace in figure.data] == ["data"]
+    assert len(figure.data[0].x) <= training_figures.CURVE_POINTS
+    assert figure.data[0].x[-1] == 5000
+
+
+@pytest.mark.skipif(BROWSER is None, reason="no chromium or chrome is installed")
+def test_it_opens_in_a_browser_without_errors(tmp_path: Path) -> None:
+    path = tmp_path / "train.html"
+    path.write_text(page(conditions()), encoding="utf-8")
+    assert len(re.findall(r'class="figure[^"]*js-plotly-plot', opened(path, tmp_path, "500,900"))) == 4
