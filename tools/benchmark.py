@@ -1,4 +1,4 @@
-"""Measures what README.md says of speed: python tools/benchmark.py [--quick] [--json FILE]
+"""Measures what README.md says of speed: python tools/benchmark.py [--quick] [--only PART] [--json FILE]
 
 Medians, and ratios of things measured in turn within this one run; one thread. Targets are those of the project's design.
 """
@@ -49,14 +49,21 @@ def table(rows: list[Row]) -> str:
 def main() -> None:
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ[variable] = "1"  # before numpy is imported
-    from benchmarks import files, running, steps
+    from benchmarks import files, running, steps, training
 
     parser = argparse.ArgumentParser(description="Measure the speed of fmucorrect.")
     parser.add_argument("--quick", action="store_true", help="fewer repeats; for a look, not for quoting")
+    parser.add_argument("--only", choices=["steps", "running", "files", "training"], help="one part")
     parser.add_argument("--json", type=Path, help="write the rows there as well")
     arguments = parser.parse_args()
-    parts: list[Callable[[bool], list[Row]]] = [steps.measure, running.measure, files.measure]
-    rows = [row for part in parts for row in part(arguments.quick)]
+    parts: dict[str, Callable[[bool], list[Row]]] = {
+        "steps": steps.measure,
+        "running": running.measure,
+        "files": files.measure,
+        "training": training.measure,
+    }
+    chosen = [arguments.only] if arguments.only else list(parts)
+    rows = [row for name in chosen for row in parts[name](arguments.quick)]
     print(table(rows))
     if arguments.json:
         arguments.json.write_text(json.dumps([row.__dict__ for row in rows], indent=1) + "\n", encoding="utf-8")

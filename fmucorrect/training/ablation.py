@@ -15,7 +15,7 @@ from fmucorrect.training.data import Samples
 from fmucorrect.training.proposed import ProposedModel
 from fmucorrect.training.tasks import Task, Workshop
 
-EPOCHS = 600
+EPOCHS = 400
 """Of every variant's correction at most, half as many of its TDNN."""
 _ACCELERATION = {"acceleration_head": 0.0, "acceleration_kinematic": 0.0, "acceleration_consistency": 0.0}
 _PHYSICS = {"physics": 0.0, "parameters": 0.0}

@@ -136,7 +136,7 @@ def fit_harmonics(development: Sequence[Samples], training: Training, run: Run, 
     return _fit_linear("harmonics", development, training)
 
 
-UNITS, SEGMENT, LEAD, EPOCHS, RATE = 80, 250, 50, 600, 5e-3
+UNITS, SEGMENT, LEAD, EPOCHS, RATE = 80, 250, 50, 400, 5e-3
 """Of the GRU: hidden units (about as many numbers as case 3), rows of a training segment, rows before it that only fill the
 state, epochs at most, learning rate of Adam."""
 

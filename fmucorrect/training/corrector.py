@@ -84,13 +84,13 @@ def _minimise(
     settings = training.corrector
     inputs, target = tuple(x.to(run.device) for x in inputs), target.to(run.device)
     network.to(run.device)
-    optimiser = torch.optim.AdamW(network.parameters(), lr=settings.learning_rate, weight_decay=settings.weight_decay)
+    rate, decay = settings.learning_rate, settings.weight_decay
+    # fused: with networks this small the optimiser's own calls would take as long as their gradients
+    optimiser = torch.optim.AdamW(network.parameters(), lr=rate, weight_decay=decay, fused=True)
     batches = max(1, round(len(target) / settings.batch))
     count = epochs * batches
     rise = min(max(0.1, 3.0 / count), 0.9)  # share of the steps; at least three
-    schedule = torch.optim.lr_scheduler.OneCycleLR(
-        optimiser, settings.learning_rate, total_steps=max(count, 4), pct_start=rise
-    )
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, rate, total_steps=max(count, 4), pct_start=rise)
 
     def steps(epoch: int) -> Iterator[Terms]:
         order = torch.randperm(len(target), generator=torch.Generator().manual_seed(1_000_003 * run.seed + epoch))

@@ -76,7 +76,7 @@ class Bands:
     rows. The square sum of a projected history is that of its coefficients."""
 
     spans: tuple[slice, ...]
-    waves: tuple[Float[Tensor, "T M"], ...]
+    waves: tuple[Float[Tensor, "_ _"], ...]
     rows: int
 
     def power(self, z: Float[Tensor, "N A"]) -> Tensor:

@@ -107,7 +107,7 @@ def minimise(
 
 def adam(module: nn.Module, learning_rate: float, weight_decay: float) -> torch.optim.Optimizer:
     """Adam with the L2 term in the gradient, as the paper names it."""
-    return torch.optim.Adam(module.parameters(), lr=learning_rate, weight_decay=weight_decay)
+    return torch.optim.Adam(module.parameters(), lr=learning_rate, weight_decay=weight_decay, fused=True)
 
 
 def _load(run: Run, stage: str) -> dict[str, Any] | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from torch import nn
@@ -12,6 +12,7 @@ from fmucorrect.metrics import score
 from fmucorrect.training.data import Samples
 
 
+@runtime_checkable
 class Model(Protocol):
     """A fitted case. It can be pickled: folds and seeds are fitted in other processes."""
 

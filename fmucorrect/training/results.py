@@ -83,13 +83,14 @@ def facts(trained: Trained) -> list[tuple[str, str]]:
     ]
 
 
-def save_comparison(folder: Path, table: dict[str, Any], histories: dict[str, np.ndarray]) -> Path:
-    """Write compare.json and compare.npz; the path of the former."""
+def save_comparison(folder: Path, table: dict[str, Any], histories: dict[str, np.ndarray] | None = None) -> Path:
+    """Write compare.json, and compare.npz where there are histories; the path of the former."""
     folder.mkdir(parents=True, exist_ok=True)
-    buffer = BytesIO()
-    single: dict[str, Any] = {name: values.astype(np.float32) for name, values in histories.items()}
-    np.savez_compressed(buffer, **single)
-    _replace(folder / "compare.npz", buffer.getvalue())
+    if histories is not None:
+        buffer = BytesIO()
+        single: dict[str, Any] = {name: values.astype(np.float32) for name, values in histories.items()}
+        np.savez_compressed(buffer, **single)
+        _replace(folder / "compare.npz", buffer.getvalue())
     return _replace(folder / "compare.json", (json.dumps(table, indent=1) + "\n").encode())
 
 

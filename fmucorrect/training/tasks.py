@@ -210,7 +210,7 @@ def _executor(scheduler: str, workers: int) -> Generator[Executor]:
         except ModuleNotFoundError as error:
             raise MissingExtra("dask.distributed", "cluster") from error
         try:
-            client = Client(scheduler, timeout=10)
+            client = Client(scheduler, timeout=5)
         except OSError as error:
             raise TrainingError(
                 f"the scheduler does not answer: {error}",

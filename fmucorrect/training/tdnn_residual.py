@@ -28,7 +28,7 @@ class TdnnResidualModel:
     def parameters(self) -> int:
         return self.baseline.parameters + parameters(self.network)
 
-    def inputs(self, item: Samples, stride: int = 1) -> Float[Tensor, "N 2+J"]:
+    def inputs(self, item: Samples, stride: int = 1) -> Float[Tensor, "N U"]:
         see = self.baseline.see
         return torch.cat([see.time(item, stride), see.speed(item, stride), self.baseline.aligned(item, stride)], 1)
 

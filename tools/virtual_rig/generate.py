@@ -141,7 +141,8 @@ def study(rig: dict, items: list[Run]) -> str:
         f'parameters = {{ speed = {run.speed / 3.6:.9f} }}\ninputs = "{run.inputs}"\nmeasurement = "measured_{run.name}.mcap"\n'
         for run in items
     ]
-    return head + "".join(conditions)
+    training = "".join(f"\n[training]\n{key} = {value}\n" for key, value in rig.get("training", {}).items())
+    return head + training + "".join(conditions)
 
 
 def make(name: str) -> None:
