@@ -15,6 +15,8 @@ from fmucorrect.signals import Channel, Condition, Record
 from fmucorrect.stepper import Status
 
 Response = Float64[np.ndarray, "N J"]
+BAND_90 = 1.645
+"""Half the width of a 90 % band in sigmas, were errors normal: a calibrated sigma is stated so that this one holds 90 %."""
 ORACLE_LIMIT = 250
 """Most samples by which the oracle may shift the corrected response."""
 

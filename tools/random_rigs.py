@@ -30,7 +30,7 @@ import generate  # noqa: E402
 from draw import Drawn, Settled, draw  # noqa: E402
 from plant import Plant  # noqa: E402
 
-from fmucorrect.comparison import Comparison  # noqa: E402
+from fmucorrect.comparison import BAND_90, Comparison  # noqa: E402
 from fmucorrect.study import Study, load_study  # noqa: E402
 
 FMU = ROOT / "fmus" / "roller_rig" / "roller_rig.fmu"
@@ -38,11 +38,10 @@ PROCESSES = 2
 EPOCHS = (
     200  # of each residual network, without a choice: minutes for a dozen rigs where the shipped models took an hour
 )
-BAND_90 = 1.645  # half the width of a 90 % band in sigmas, were errors normal
 
 
 def train_and_score(study: Study) -> list[Comparison]:
-    """Train on the study's development conditions, and open every condition with the finished bundle. All that knows how training is called."""
+    """Train on the study's development conditions, and open every condition with the finished bundle."""
     from fmucorrect import bundle
     from fmucorrect.experiment import pair
     from fmucorrect.training.protocol import evaluate, train

@@ -14,13 +14,11 @@ from typing import Any
 import numpy as np
 from plotly import graph_objects as go
 
-from fmucorrect.comparison import Comparison
+from fmucorrect.comparison import BAND_90, Comparison
 from fmucorrect.report import figures
 from fmucorrect.report import training_figures as drawn
 from fmucorrect.report.html import Page, Row
 
-BAND_90 = 1.645
-"""Half the width of a 90 % band in standard deviations, were errors normal."""
 ROLES = {
     "evaluation": "Evaluation: nothing fitted to these",
     "development": "Development: trained on, so these flatter",

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from fmucorrect.bundle import Bundle
-from fmucorrect.comparison import Comparison
-from fmucorrect.training.corrector import BAND_90
+from fmucorrect.comparison import BAND_90, Comparison
 from fmucorrect.training.protocol import Trained
 
 

@@ -10,6 +10,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from fmucorrect.comparison import BAND_90
 from fmucorrect.metrics import score
 from fmucorrect.study_training import Training
 from fmucorrect.training.data import Samples, scales
@@ -19,9 +20,6 @@ from fmucorrect.training.mlp import parameters
 from fmucorrect.training.networks import Band, Baseline, Member, Residual
 from fmucorrect.training.tasks import Context
 from fmucorrect.training.tdnn import window_and_speed
-
-BAND_90 = 1.645
-"""Half the width of a 90 % band in standard deviations, were errors normal: sigma is stated so that this one holds 90 %."""
 
 
 def view(development: Sequence[Samples], training: Training) -> Inputs:

@@ -13,14 +13,13 @@ from typing import Any
 import numpy as np
 
 from fmucorrect import bundle
-from fmucorrect.comparison import Comparison
+from fmucorrect.comparison import BAND_90, Comparison
 from fmucorrect.experiment import pair
 from fmucorrect.metrics import Scores
 from fmucorrect.study import Study
 from fmucorrect.study_training import Training
 from fmucorrect.training.card import card
-from fmucorrect.training.compare_table import curve_of
-from fmucorrect.training.corrector import BAND_90
+from fmucorrect.training.compare_table import against_others, curve_of
 from fmucorrect.training.protocol import Trained, evaluate, train
 from fmucorrect.training.tasks import Workshop
 
@@ -37,14 +36,15 @@ class Results:
 def train_into(folder: Path, study: Study, training: Training, command: str, workshop: Workshop) -> Results:
     """Train on the development conditions, write the bundle, then open every condition and score it.
 
-    command: what the card names as its maker. Raises what `protocol.train` raises; files of an earlier training are
+    command: what the card names as its maker. A compare.json of the same study in `folder` goes into the card. Raises what `protocol.train` raises; files of an earlier training are
     replaced one by one, each at once.
     """
     trained = train(study, training, workshop)
     folder.mkdir(parents=True, exist_ok=True)
     model = bundle.load(save(trained, folder))
     evaluations = tuple(evaluate(pair(study, condition), model) for condition in study.conditions)
-    _replace(folder / "card.md", card(trained, model, evaluations, command).encode())
+    text = card(trained, model, evaluations, command) + _against_others(folder / "compare.json", study)
+    _replace(folder / "card.md", text.encode())
     _replace(folder / "evaluation.json", (json.dumps(figures(evaluations), indent=1) + "\n").encode())
     return Results(folder, trained, evaluations)
 
@@ -112,6 +112,14 @@ def lines(evaluations: Sequence[Comparison]) -> str:
         f"{item.after.mean_r2:.4f}  NRMSE {item.before.mean_nrmse:6.2f} -> {item.after.mean_nrmse:.2f} %"
         for item in evaluations
     )
+
+
+def _against_others(path: Path, study: Study) -> str:
+    """The card's section on other methods, where `fmucorrect compare` has left its figures of this study beside the model."""
+    if not path.is_file():
+        return ""
+    table = json.loads(path.read_text(encoding="utf-8"))
+    return against_others(table) if table.get("study_sha256") == study.hash else ""
 
 
 def _condition(item: Comparison) -> dict[str, Any]:
