@@ -22,6 +22,7 @@ from fmucorrect.training.compare_table import (
     PAPER_ORACLE,
     band_of,
     curve_of,
+    hour_later,
     ranking,
     row_of,
     run_of,
@@ -65,9 +66,8 @@ def compare_study(study: Study, training: Training, seeds: Sequence[int], ablate
         row = row_of(case.key, case.label, case.family, case.inputs, trained, fits.epochs, fits.held_out)
         for seed, fit in zip(seeds, fits.fitted, strict=False):
             said = {item.name: fit.model.predict(item) for item in held}
-            row["runs"].append(
-                run_of(seed, fit.seconds, {item.name: scores_of(item, said[item.name]) for item in held})
-            )
+            scores = {i.name: scores_of(i, said[i.name]) | hour_later(fit.model, i, said[i.name]) for i in held}
+            row["runs"].append(run_of(seed, fit.seconds, scores))
             if fit is fits.fitted[0]:
                 histories |= {f"{case.key}/{name}": values for name, values in said.items()}
         row["curves"] = fits.curves
@@ -84,7 +84,11 @@ def compare_study(study: Study, training: Training, seeds: Sequence[int], ablate
     )
     for seed, (ensemble, curves) in zip(seeds, ours, strict=True):
         said = {item.name: ensemble.responses(item) for item in held}
-        scores = {i.name: scores_of(i, said[i.name].mean(0), band_of(selection.band, said[i.name])) for i in held}
+        scores = {
+            i.name: scores_of(i, said[i.name].mean(0), band_of(selection.band, said[i.name]))
+            | hour_later(ensemble, i, said[i.name].mean(0))
+            for i in held
+        }
         row["runs"].append(run_of(seed, None, scores))
         if seed == seeds[0]:
             histories |= {f"corrector/{name}": values.mean(0) for name, values in said.items()}

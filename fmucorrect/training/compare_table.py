@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -12,6 +13,7 @@ from fmucorrect.comparison import BAND_90, ORACLE_LIMIT
 from fmucorrect.metrics import Scores, oracle_lag, score
 from fmucorrect.training.data import Samples
 from fmucorrect.training.loop import Curve
+from fmucorrect.training.model import Model
 from fmucorrect.training.networks import Band
 
 PAPER = (
@@ -63,6 +65,17 @@ def scores_of(item: Samples, said: np.ndarray, sigma: np.ndarray | None = None) 
         "oracle": {"lag_samples": oracle.lag, "mean_r2": round(oracle.scores.mean_r2, 5)},
         "coverage_90": None if inside is None else [round(float(v), 4) for v in inside],
     }
+
+
+def hour_later(model: Model, item: Samples, said: np.ndarray) -> dict[str, Any]:
+    """Mean NRMSE (%) since the excitation began, as it is, and had it begun a whole number of periods, about an hour, before:
+    the same simulation, the same phase, another clock. What was learned from raw time cannot know it."""
+    frequency = round(float(item.condition[2]), 4)
+    shift = round(3600.0 * frequency) / frequency if frequency > 0.0 else 3600.0
+    rows = item.seconds >= 0.0
+    late = model.predict(replace(item, seconds=item.seconds + shift))
+    now, then = (score(values[rows], item.measured[rows]).mean_nrmse for values in (said, late))
+    return {"begun_nrmse": round(now, 4), "hour_later_nrmse": round(then, 4)}
 
 
 def band_of(band: Band, responses: np.ndarray) -> np.ndarray:

@@ -36,8 +36,8 @@ class Results:
 def train_into(folder: Path, study: Study, training: Training, command: str, workshop: Workshop) -> Results:
     """Train on the development conditions, write the bundle, then open every condition and score it.
 
-    command: what the card names as its maker. A compare.json of the same study in `folder` goes into the card. Raises what `protocol.train` raises; files of an earlier training are
-    replaced one by one, each at once.
+    command: what the card names as its maker. A compare.json of the same study in `folder` goes into the card. Raises what
+    `protocol.train` raises; files of an earlier training are replaced one by one, each at once.
     """
     trained = train(study, training, workshop)
     folder.mkdir(parents=True, exist_ok=True)

@@ -98,6 +98,14 @@ def test_histories_are_those_that_were_scored(result: Result) -> None:
         assert np.allclose(nrmse, row["runs"][0]["conditions"]["385"]["nrmse"], atol=1e-3)
 
 
+def test_an_hour_later_only_raw_time_is_lost(result: Result) -> None:
+    rows = {row["case"]: row["runs"][0]["conditions"]["385"] for row in result.table["cases"]}
+    for key in ("rho", "fir", "harmonics", "gru", "corrector", "proposed_history"):
+        assert rows[key]["hour_later_nrmse"] == pytest.approx(rows[key]["begun_nrmse"], abs=2e-3)
+    for key in ("pinn", "tdnn_residual", "proposed"):
+        assert abs(rows[key]["hour_later_nrmse"] - rows[key]["begun_nrmse"]) > 0.01
+
+
 def test_the_ablation_switches_everything_once(result: Result) -> None:
     ablation = result.table["ablation"]
     assert [row["variant"] for row in ablation["rows"]] == [*(key for key, _, _ in VARIANTS), "correction"]

@@ -1,0 +1,81 @@
+"""The band holds 90 % of what it was calibrated on, widens where errors are larger, and goes with the units; the exported
+sigma is the one that was calibrated."""
+
+import numpy as np
+import pytest
+import torch
+from closed_form import SMALL
+
+from fmucorrect.comparison import BAND_90
+from fmucorrect.experiment import pair
+from fmucorrect.study import Study
+from fmucorrect.training.compare_table import band_of
+from fmucorrect.training.corrector import LeftOut, calibrate
+from fmucorrect.training.data import samples
+from fmucorrect.training.networks import Band
+from fmucorrect.training.protocol import Trained, refit
+from fmucorrect.training.tasks import Workshop
+
+
+def fold(seed: int, rows: int = 4000, scale: float = 1.0) -> LeftOut:
+    """A quiet half with errors of 0.02 and a loud half with errors that follow the response and the deviations."""
+    rng = np.random.default_rng(seed)
+    loud = (np.arange(rows) >= rows // 2)[:, None]
+    t = np.arange(rows)[:, None] * 0.01
+    mean = loud * np.concatenate([3.0 * np.sin(t), 2.0 * np.cos(t)], axis=1)
+    deviation = loud * np.abs(rng.normal(size=(rows, 2))) * 0.05
+    level = np.abs(mean).mean(axis=1, keepdims=True)
+    error = rng.normal(size=(rows, 2)) * (0.02 + 0.05 * level + 2.0 * deviation)
+    return LeftOut(f"{seed}", scale * mean, scale * error, scale * deviation, 0.0)
+
+
+def sigma(band: Band, item: LeftOut) -> np.ndarray:
+    level = np.abs(item.mean).mean(axis=1, keepdims=True)
+    return np.array(band.floor) + np.array(band.size) * level + np.array(band.deviation) * item.deviation
+
+
+def test_ninety_per_cent_of_what_was_left_out_lie_inside() -> None:
+    folds = [fold(seed) for seed in range(4)]
+    band = calibrate(folds)
+    inside = np.mean([(np.abs(f.error) <= BAND_90 * sigma(band, f)).mean(axis=0) for f in folds], axis=0)
+    assert inside == pytest.approx([0.9, 0.9], abs=1e-3)
+
+
+def test_so_do_the_quiet_and_the_loud_half_of_a_new_one() -> None:
+    band, new = calibrate([fold(seed) for seed in range(4)]), fold(9)
+    inside = np.abs(new.error) <= BAND_90 * sigma(band, new)
+    half = len(inside) // 2
+    assert inside[:half].mean() == pytest.approx(0.9, abs=0.03)
+    assert inside[half:].mean() == pytest.approx(0.9, abs=0.03)
+
+
+def test_every_condition_counts_alike_however_long() -> None:
+    long, short = fold(0, 40_000), fold(1, 400)
+    band = calibrate([long, LeftOut("x", short.mean, 5.0 * short.error, short.deviation, 0.0)])
+    alone = calibrate([long])
+    assert np.all(sigma(band, long).mean(axis=0) > 1.5 * sigma(alone, long).mean(axis=0))
+
+
+def test_another_unit_is_another_unit() -> None:
+    band, metres = calibrate([fold(0), fold(1)]), calibrate([fold(0, scale=1e-3), fold(1, scale=1e-3)])
+    assert np.allclose(np.array(metres.floor) * 1e3, band.floor, rtol=1e-6)
+    assert np.allclose(metres.size, band.size, rtol=1e-6, atol=1e-12)
+    assert np.allclose(metres.deviation, band.deviation, rtol=1e-6, atol=1e-12)
+
+
+def test_the_exported_sigma_is_the_calibrated_one(study: Study, trained: Trained) -> None:
+    item = samples(pair(study, study.condition("340")), SMALL.window)
+    rows = slice(2000, 2300)
+    with torch.no_grad():
+        said = trained.corrector(
+            torch.from_numpy(item.windows[rows].copy()),
+            torch.from_numpy(np.tile(item.condition, (300, 1))),
+            torch.from_numpy(item.seconds[rows, None].copy()),
+        )
+    assert (said.in_envelope == 1.0).all()
+    development = [samples(pair(study, c), SMALL.window) for c in study.development]
+    ensemble, _ = refit(development, SMALL, trained.selection.epochs, Workshop())
+    responses = ensemble.responses(item)[:, rows]
+    assert np.abs(said.corrected.numpy() - responses.mean(axis=0)).max() < 1e-5
+    assert np.abs(said.sigma.numpy() - band_of(trained.selection.band, responses)).max() < 1e-5
+    assert responses.std(axis=0).max() > 1e-4  # the members do differ
