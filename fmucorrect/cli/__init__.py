@@ -1,0 +1,13 @@
+"""The command line: one thin function a command, imports inside. Exit 0 on success, 2 with one message on a user's error."""
+
+from __future__ import annotations
+
+from fmucorrect.cli import running, training
+from fmucorrect.cli.group import UserError, main
+
+__all__ = ["UserError", "main"]
+
+for command in (running.demo, running.run, running.replay, running.inspect):
+    main.add_command(command)
+for command in (training.train, training.compare, training.diagnose):
+    main.add_command(command)

@@ -1,0 +1,185 @@
+"""demo, run, replay, inspect."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from fmucorrect.cli.group import PATH, UserError, progress_bar
+
+if TYPE_CHECKING:
+    from fmucorrect.session import Summary
+    from fmucorrect.signals import Condition
+
+
+@click.command()
+@click.option(
+    "-o", "--out", type=PATH, default=Path("fmucorrect-demo"), show_default=True, help="Folder to write into."
+)
+@click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
+def demo(out: Path, as_json: bool) -> None:
+    """Correct a bogie on a roller rig at 385 km/h, a speed that the model never saw, and compare with the measurement.
+
+    Writes demo.mcap, demo.html and the model, corrector.onnx. Needs no file of yours.
+
+    Example: fmucorrect demo -o /tmp/demo
+    """
+    from fmucorrect import demo as demonstration
+    from fmucorrect.report.comparison_page import headline
+
+    with progress_bar(len(demonstration.STEPS) - 1, "step", "demo") as advance:
+        begun: list[str] = []
+
+        def tell(step: str) -> None:
+            if begun:
+                advance(1)
+            begun.append(step)
+
+        result = demonstration.run_demo(out, progress=tell)
+    if as_json:
+        click.echo(json.dumps(demonstration.to_json(result), indent=1))
+        return
+    comparison = result.comparison
+    click.echo(f"{headline(comparison, demonstration.unseen(comparison, result.model))}.\n")
+    click.echo(demonstration.table(comparison))
+    click.echo(
+        f"\nStepped online, one sample a call: {1e6 * result.online.step:.0f} us a step of "
+        f"{result.study.simulation.step_ns / 1e6:g} ms, solver included. All of it took {result.seconds:.1f} s."
+    )
+    click.echo(f"\n{demonstration.NOTICE}")
+    click.echo(f"\nLook at      {result.page}\nand open     {result.record}  in Foxglove or any MCAP reader")
+    click.echo(f"\nTry next\n{demonstration.next_steps(result)}")
+
+
+@click.command()
+@click.argument("study", type=PATH)
+@click.option("--condition", required=True, help="Name of a condition of the study.")
+@click.option("--corrector", type=PATH, help="The ONNX bundle; without it the bare simulation is written.")
+@click.option("--duration", type=click.FloatRange(min=0, min_open=True), help="s; default: as long as the measurement.")
+@click.option("-o", "--out", type=PATH, required=True, help="Record file to write; .mcap takes several topics.")
+@click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON.")
+def run(study: Path, condition: str, corrector: Path | None, duration: float | None, out: Path, as_json: bool) -> None:
+    """Run the FMU of a STUDY at a condition, through a corrector, into a record file.
+
+    Topics /simulation and /corrected (the latter with a corrector only). Stopped at any moment, the MCAP stays readable.
+
+    Example: fmucorrect run study.toml --condition 385 --corrector corrector.onnx -o run.mcap
+    """
+    from fmucorrect import bundle, session, sources
+    from fmucorrect.study import load_study
+
+    the_study = load_study(study)
+    chosen = the_study.condition(condition)
+    model = bundle.load(corrector) if corrector is not None else None
+    rows = sources.expected_rows(the_study, chosen, duration)
+    with progress_bar(rows, "sample", condition) as advance:
+        summary = session.run_study(the_study, chosen, out, model, duration=duration, progress=advance)
+    _print_summary(summary, as_json)
+
+
+@click.command()
+@click.argument("log", type=PATH)
+@click.option("--corrector", type=PATH, required=True, help="The ONNX bundle.")
+@click.option("--study", type=PATH, help="Study that has the condition; needs --condition.")
+@click.option("--condition", help="Name of a condition of the study.")
+@click.option("--speed", type=float, help="km/h")
+@click.option("--amplitude", type=float, help="deg, of the excitation")
+@click.option("--frequency", type=float, help="Hz, of the excitation")
+@click.option("--start", type=float, help="s on the log's clock, when the excitation begins")
+@click.option("--topic", help="Topic of the log to read; default: /simulation where there is one.")
+@click.option("--repair", help="Rules for a log with flaws: sort, drop, interpolate, resample; as 'sort,drop'.")
+@click.option("--unit", help="Unit of the columns for which the log says none, as 'mm'.")
+@click.option("-o", "--out", type=PATH, required=True, help="Record file to write; .mcap takes several topics.")
+@click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON.")
+def replay(
+    log: Path,
+    corrector: Path,
+    study: Path | None,
+    condition: str | None,
+    topic: str | None,
+    repair: str | None,
+    unit: str | None,
+    out: Path,
+    as_json: bool,
+    **features: float | None,
+) -> None:
+    """Send a logged simulation through a corrector, as if it ran live; memory does not grow with the LOG.
+
+    The operating condition comes from --study and --condition, else from the log itself (those that fmucorrect writes
+    carry it); --speed, --amplitude, --frequency and --start go before both.
+
+    Example: fmucorrect replay run.csv --corrector corrector.onnx --study study.toml --condition 385 -o out.mcap
+    """
+    from fmucorrect import bundle, session, sources
+
+    if log.resolve() == out.resolve():
+        raise UserError(f"{out}: the log would be written over; choose another name for -o")
+    model = bundle.load(corrector)
+    chosen = _condition(log, topic, study, condition, features)
+    with progress_bar(sources.logged_rows(log, topic), "sample", log.name) as advance:
+        summary = session.replay_log(log, chosen, out, model, topic=topic, repair=repair, unit=unit, progress=advance)
+    _print_summary(summary, as_json)
+
+
+@click.command()
+@click.argument("paths", type=PATH, nargs=-1, required=True)
+@click.option("--json", "as_json", is_flag=True, help="Print what was found as JSON.")
+@click.option("-o", "--out", type=PATH, help="Write there instead of printing.")
+def inspect(paths: tuple[Path, ...], as_json: bool, out: Path | None) -> None:
+    """Say what is in an FMU, an ONNX bundle, a record file or a study, and whether they fit together.
+
+    Several PATHS are held against each other; a study against all that it names. Exit code 2 where something does not fit.
+
+    Example: fmucorrect inspect study.toml corrector.onnx
+    """
+    from fmucorrect import inspection
+
+    found = inspection.inspect(paths)
+    text = json.dumps(found.to_json(), indent=1) if as_json else found.text()
+    if out is None:
+        click.echo(text)
+    else:
+        out.write_text(text + "\n", encoding="utf-8")
+    if found.misfits:
+        raise UserError(f"{len(found.misfits)} thing{'s do' if len(found.misfits) > 1 else ' does'} not fit, see above")
+
+
+def _condition(
+    log: Path, topic: str | None, study: Path | None, name: str | None, features: dict[str, float | None]
+) -> Condition:
+    """The condition of a replay. Raises UserError that says what is missing."""
+    from fmucorrect import session
+    from fmucorrect.signals import Condition
+    from fmucorrect.study import load_study
+
+    if (study is None) != (name is None):
+        raise UserError("--study and --condition belong together")
+    if study is not None and name is not None:
+        known = load_study(study).condition(name)
+    else:
+        known = session.logged_condition(log, topic)
+    given = {key: value for key, value in features.items() if value is not None}
+    if known is None and len(given) < len(features):
+        missing = ", ".join(f"--{key}" for key in features if key not in given)
+        raise UserError(f"{log} does not say its operating condition: give {missing}, or --study and --condition")
+    return replace(known or Condition(log.stem), **given)
+
+
+def _print_summary(summary: Summary, as_json: bool) -> None:
+    if as_json:
+        click.echo(json.dumps(summary.to_json(), indent=1))
+        return
+    click.echo(f"{summary.path}: {', '.join(summary.topics)}")
+    click.echo(
+        f"{summary.rows} samples, {summary.seconds:g} s simulated in {summary.elapsed:.2f} s, "
+        f"{summary.real_time_factor:.0f} times real time"
+    )
+    if summary.status:
+        shares = ", ".join(f"{name} {100 * share:.2f} %" for name, share in summary.status.items())
+        click.echo(f"status: {shares}")
+        if summary.status["outside"] > 0:
+            click.echo("outside: the corrector was not trained for this, there it fades to the bare simulation")

@@ -1,0 +1,134 @@
+"""train, compare, diagnose."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import click
+
+from fmucorrect.cli.group import PATH, progress_bar
+
+
+def _training_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Where the fits are done."""
+    for option in (
+        click.option("--scheduler", default="", help="Address of a dask scheduler; default: this machine's cores."),
+        click.option("--device", default="cpu", show_default=True, help="Where torch computes: cpu, or cuda."),
+    ):
+        command = option(command)
+    return command
+
+
+@click.command()
+@click.argument("study", type=PATH)
+@click.option("-o", "--out", type=PATH, required=True, help="Folder for the model, its card, its page and its figures.")
+@click.option("--seed", type=click.IntRange(0), help="Of everything that is drawn; default: the study's.")
+@_training_options
+@click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
+def train(study: Path, out: Path, seed: int | None, device: str, scheduler: str, as_json: bool) -> None:
+    """Train a corrector on the development conditions of a STUDY, then score it on all.
+
+    TDNN baseline, amplitude factor and residual correction, several members, with a calibrated band; leaving one speed out
+    chooses the length of the training. The evaluation conditions are opened when the corrector is finished. Settings:
+    the study's [training] table. Killed, the same command goes on from OUT/work. Needs fmucorrect[train].
+
+    Example: fmucorrect train study.toml -o model
+    """
+    from fmucorrect.report import training_page
+    from fmucorrect.study import load_study
+
+    protocol, results, tasks = _training("protocol", "results", "tasks")
+    the_study = load_study(study)
+    chosen = the_study.training if seed is None else replace(the_study.training, seed=seed)
+    with progress_bar(protocol.total_epochs(the_study, chosen), "epoch", the_study.name) as advance:
+        shop = tasks.Workshop(out / "work", tasks.CORES, scheduler, device, advance)
+        done = results.train_into(out, the_study, chosen, f"fmucorrect train {study.name} --seed {chosen.seed}", shop)
+    page = out / "train.html"
+    training_page.write_page(
+        page,
+        f"{the_study.name}: corrector",
+        done.evaluations,
+        results.curves(done.trained),
+        results.facts(done.trained),
+    )
+    if as_json:
+        click.echo(json.dumps(results.figures(done.evaluations), indent=1))
+    else:
+        click.echo(
+            f"{results.lines(done.evaluations)}\n\nRead  {out / 'card.md'}\nopen  {page}\nuse   {out / 'corrector.onnx'}"
+        )
+
+
+@click.command()
+@click.argument("study", type=PATH)
+@click.option("-o", "--out", type=PATH, required=True, help="Folder for compare.html, compare.json and compare.npz.")
+@click.option("--seeds", type=click.IntRange(1), default=5, show_default=True, help="How many, from the study's on.")
+@click.option("--ablate", is_flag=True, help="Also switch each loss term and stage off, one at a time.")
+@_training_options
+@click.option("--json", "as_json", is_flag=True, help="Print compare.json.")
+def compare(study: Path, out: Path, seeds: int, ablate: bool, device: str, scheduler: str, as_json: bool) -> None:
+    """Train every compared case on a STUDY and score it on the evaluation conditions: the paper's three, simpler ones, ours.
+
+    Leaving one speed out chooses each case's epochs; each seed is a refit. A rig with four speeds of 30 s takes half an hour
+    on two cores, with --ablate twice that. Killed, the same command goes on from OUT/work. Needs fmucorrect[train].
+
+    Example: fmucorrect compare study.toml -o comparison --ablate
+    """
+    from fmucorrect.report import compare_page
+    from fmucorrect.study import load_study
+
+    cases, table, results, tasks = _training("compare", "compare_table", "results", "tasks")
+    the_study = load_study(study)
+    chosen = the_study.training
+    numbers = range(chosen.seed, chosen.seed + seeds)
+    with progress_bar(cases.total(the_study, chosen, seeds, ablate), "epoch", the_study.name) as advance:
+        shop = tasks.Workshop(out / "work", tasks.CORES, scheduler, device, advance)
+        result = cases.compare_study(the_study, chosen, numbers, ablate, shop)
+    path = results.save_comparison(out, result.table, result.histories)
+    page = out / "compare.html"
+    compare_page.write_page(page, result.table, result.histories)
+    click.echo(path.read_text(encoding="utf-8") if as_json else f"{table.lines(result.table)}\n\nOpen  {page}")
+
+
+@click.command()
+@click.argument("study", type=PATH)
+@click.option("-o", "--out", type=PATH, help="Write the page there, or the figures where it ends in .json.")
+@click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
+def diagnose(study: Path, out: Path | None, as_json: bool) -> None:
+    """Ask whether each accelerometer of a STUDY fits the second derivative of its displacement.
+
+    Direct R2 and correlation, lag search, spectral overlap and coherence at every condition; recommends channels and band
+    for an acceleration loss from the development conditions alone.
+
+    Example: fmucorrect diagnose study.toml -o diagnosis.html
+    """
+    from fmucorrect import diagnosis
+    from fmucorrect.study import load_study
+
+    the_study = load_study(study)
+    with progress_bar(len(the_study.conditions), "condition", the_study.name) as advance:
+        found = diagnosis.diagnose(the_study, advance)
+    text = json.dumps(found.to_json(), indent=1)
+    if out is not None and out.suffix == ".json":
+        out.write_text(text + "\n", encoding="utf-8")
+    elif out is not None:
+        from fmucorrect.report import diagnosis_page
+
+        diagnosis_page.write_page(out, f"{the_study.name}: accelerometers", found)
+    click.echo(text if as_json else diagnosis.table(found))
+
+
+def _training(*modules: str) -> list[Any]:
+    """Modules of the training package. Raises MissingExtra where torch is not installed."""
+    from importlib import import_module
+
+    from fmucorrect.errors import MissingExtra
+
+    try:
+        return [import_module(f"fmucorrect.training.{name}") for name in modules]
+    except ModuleNotFoundError as error:
+        raise MissingExtra(error.name or "torch", "train") from error
