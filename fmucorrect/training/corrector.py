@@ -22,6 +22,11 @@ from fmucorrect.training.tasks import Context
 from fmucorrect.training.tdnn import window_and_speed
 
 
+def needed(training: Training) -> Training:
+    """What the corrector's fits depend on: another epoch of a compared case makes no other corrector."""
+    return Training(window=training.window, seed=training.seed, corrector=training.corrector)
+
+
 def view(development: Sequence[Samples], training: Training) -> Inputs:
     """Scales of a training or of a fold, from its own conditions alone."""
     return inputs(development, scales(development, training.corrector.history, training.corrector.stride))

@@ -18,7 +18,7 @@ from fmucorrect.signals import Channel
 from fmucorrect.stepper import CorrectedStepper, ReplayStepper
 from fmucorrect.study import Study
 from fmucorrect.study_training import Training
-from fmucorrect.training.corrector import Ensemble, fit_member, view
+from fmucorrect.training.corrector import Ensemble, fit_member, needed, view
 from fmucorrect.training.data import Samples, Scales, samples
 from fmucorrect.training.export import to_bundle
 from fmucorrect.training.loop import Curve
@@ -105,7 +105,8 @@ def refit(
     """All members on all development conditions."""
     members = training.corrector.members
     tasks = [
-        Task(f"member {k + 1}", fit_member, (list(development), training, k, epochs), epochs) for k in range(members)
+        Task(f"member {k + 1}", fit_member, (list(development), needed(training), k, epochs), epochs)
+        for k in range(members)
     ]
     results = workshop.run(tasks)
     curves = [

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fmucorrect.study_training import Training
-from fmucorrect.training.corrector import LeftOut, calibrate, fold
+from fmucorrect.training.corrector import LeftOut, calibrate, fold, needed
 from fmucorrect.training.data import Samples
 from fmucorrect.training.networks import Band
 from fmucorrect.training.tasks import Task, Workshop
@@ -39,7 +39,7 @@ def leave_out(development: Sequence[Samples], training: Training, workshop: Work
     candidates, parts = training.corrector.epochs, folds(development)
     members = training.corrector.members
     tasks = [
-        Task(f"fold {held[0].speed:g} km/h, {n} epochs", fold, (rest, held, training, n), n * members)
+        Task(f"fold {held[0].speed:g} km/h, {n} epochs", fold, (rest, held, needed(training), n), n * members)
         for n in candidates
         for rest, held in parts
     ]
