@@ -123,10 +123,10 @@ class Corrector:
     widths: Annotated[tuple[Count, ...], MinLen(2)] = (32, 32)
     members: Count = 4
     phase: bool = False
-    epochs: Widths = (200, 400, 800)
-    learning_rate: Positive = 3e-3
+    epochs: Widths = (100, 200, 400)
+    learning_rate: Positive = 2e-2
     weight_decay: Weight = 1e-4
-    batch: Count = 4096
+    batch: Count = 1024
     stride: Count = 4
     trials: Annotated[int, Ge(0)] = 0
 
