@@ -11,7 +11,7 @@ import numpy as np
 from fmucorrect.diagnosis import agreements, recommend
 from fmucorrect.experiment import Pair
 from fmucorrect.study import Study
-from fmucorrect.study_training import Training
+from fmucorrect.study_training import Corrector, Training
 from fmucorrect.training.baselines import EPOCHS, fit_fir, fit_gru, fit_harmonics, fit_nearest, fit_rho
 from fmucorrect.training.data import Samples
 from fmucorrect.training.loop import Curve, Run
@@ -102,6 +102,11 @@ class Fitted:
     curves: tuple[Curve, ...]
     held_out: float | None
     seconds: float
+
+
+def needed(training: Training) -> Training:
+    """What the cases depend on: nothing of the corrector but the number of window features."""
+    return replace(training, corrector=Corrector(history=training.corrector.history))
 
 
 def fit_case(

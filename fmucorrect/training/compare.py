@@ -16,7 +16,7 @@ from fmucorrect.experiment import pair
 from fmucorrect.study import Study
 from fmucorrect.study_training import Training
 from fmucorrect.training.ablation import VARIANTS, ablation_table, budget, fit_variants
-from fmucorrect.training.cases import CASES, Case, Fitted, chosen_epochs, fit_case, resolved
+from fmucorrect.training.cases import CASES, Case, Fitted, chosen_epochs, fit_case, needed, resolved
 from fmucorrect.training.compare_table import (
     PAPER,
     PAPER_ORACLE,
@@ -47,10 +47,10 @@ def compare_study(study: Study, training: Training, seeds: Sequence[int], ablate
     pairs = development_pairs(study)
     training = resolved(study, training, pairs)
     development = [samples(item, training.window) for item in pairs]
-    by_case = _fit(development, training, seeds, workshop)
+    by_case = _fit(development, needed(training), seeds, workshop)
     selection = select(development, training, workshop)
     ours = [refit(development, replace(training, seed=s), selection.epochs, workshop) for s in seeds]
-    ablation = fit_variants(development, training, seeds, workshop) if ablate else None
+    ablation = fit_variants(development, needed(training), seeds, workshop) if ablate else None
     # everything is fitted; from here on the evaluation conditions may be seen
     held = [samples(pair(study, condition), training.window) for condition in study.evaluation]
     histories: dict[str, np.ndarray] = {}
@@ -152,7 +152,7 @@ def _fit(development: list[Samples], training: Training, seeds: Sequence[int], w
     ]
     found = _by_case(workshop.run(tasks), [len(parts)] * len(CASES))
     chosen = {case.key: chosen_epochs(found[case.key], case.epochs(training)) for case in CASES}
-    needed = [list(seeds) if case.epochs(training) else list(seeds[:1]) for case in CASES]
+    wanted = [list(seeds) if case.epochs(training) else list(seeds[:1]) for case in CASES]
     tasks = [
         Task(
             f"{case.key}, seed {seed}",
@@ -160,10 +160,10 @@ def _fit(development: list[Samples], training: Training, seeds: Sequence[int], w
             (case.key, development, [], training, seed, chosen[case.key][0]),
             _length(case, training),
         )
-        for case, some in zip(CASES, needed, strict=True)
+        for case, some in zip(CASES, wanted, strict=True)
         for seed in some
     ]
-    fitted = _by_case(workshop.run(tasks), [len(some) for some in needed])
+    fitted = _by_case(workshop.run(tasks), [len(some) for some in wanted])
     result: dict[str, Fits] = {}
     for case in CASES:
         key = case.key
