@@ -141,8 +141,13 @@ def study(rig: dict, items: list[Run]) -> str:
         f'parameters = {{ speed = {run.speed / 3.6:.9f} }}\ninputs = "{run.inputs}"\nmeasurement = "measured_{run.name}.mcap"\n'
         for run in items
     ]
-    training = "".join(f"\n[training]\n{key} = {value}\n" for key, value in rig.get("training", {}).items())
+    training = "".join(_toml(name, rig[name]) for name in ("training", "training.corrector") if name in rig)
     return head + training + "".join(conditions)
+
+
+def _toml(name: str, table: dict) -> str:
+    """A table of plain numbers."""
+    return f"\n[{name}]\n" + "".join(f"{key} = {value}\n" for key, value in table.items())
 
 
 def make(name: str) -> None:
