@@ -143,7 +143,7 @@ def _cases_section(page: Page, result: Mapping[str, Any]) -> None:
         f"{_averaged(result)} An hour later: NRMSE since the excitation began, had it begun an hour of whole periods before, "
         "with the same simulation and phase; a case that learned from raw time cannot know that clock.",
     )
-    head = ["", "NRMSE, %", "R²", "held out, %", "an hour later, %", "parameters", "epochs"]
+    head = ["", "NRMSE, %", "R²", "held out, %", "an hour later, %"]
     rows: list[Row] = []
     best = _best(result, result["cases"])
     for family, cases in _families(result):
@@ -152,13 +152,11 @@ def _cases_section(page: Page, result: Mapping[str, Any]) -> None:
             held = case["held_out_nrmse"]
             cells = [spread(scores(result, case, "nrmse"), 2), spread(scores(result, case, "r2"), 4)]
             cells += ["" if held is None else f"{held:.2f}", _hour_later(case)]
-            cells += [f"{case['parameters']:,}".replace(",", " ")]
-            cells += [" + ".join(map(str, case["epochs"].values()))]
             rows.append(Row([case["label"], *cells], "strong" if case is best else ""))
     page.table(head, rows)
     page.end()
     page.section("What each case sees")
-    page.facts([(case["label"], case["inputs"]) for case in result["cases"] if case["inputs"]])
+    page.facts([(case["label"], _seen(case)) for case in result["cases"] if case["inputs"]])
     page.end()
     if len(result["evaluation"]) < 2:
         return
@@ -169,6 +167,14 @@ def _cases_section(page: Page, result: Mapping[str, Any]) -> None:
     page.section("Each condition by itself", "NRMSE, %, mean of the channels.")
     page.table(["", *result["evaluation"]], split)
     page.end()
+
+
+def _seen(case: Mapping[str, Any]) -> str:
+    """Inputs, size and length of the refit."""
+    count = f"{case['parameters']:,}".replace(",", " ")
+    epochs = " + ".join(map(str, case["epochs"].values()))
+    trained = f"; {count} trained numbers" if case["parameters"] else ""
+    return f"{case['inputs']}{trained}" + (f"; {epochs} epochs" if epochs else "")
 
 
 def _hour_later(case: Mapping[str, Any]) -> str:
