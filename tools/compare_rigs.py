@@ -1,22 +1,27 @@
-"""Compares all cases on the rigs: python tools/compare_rigs.py [A B C] -> exported_models/roller_rig[_B|_C]/compare.json
+"""Compares all cases on rig A, and ablates the paper's case 3 on all rigs: python tools/compare_rigs.py [A B C]
 
-Rig A with the paper's epochs, B and C with a fifth of them; five seeds and the ablation everywhere. An hour on two cores.
-Killed, it goes on from the folder .compare; the page of each rig lies there too.
+A: everything that `fmucorrect compare --ablate` does, the paper's epochs, five seeds -> exported_models/roller_rig/compare.json;
+the page lies in .compare/A. B and C: the ablation alone -> exported_models/roller_rig_[B|C]/ablation.json. Half an hour, and
+ten minutes each, on two cores. Killed, it goes on from the folder .compare.
 """
 
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
+import json
 from pathlib import Path
 
 from tqdm import tqdm
 
+from fmucorrect.experiment import pair
 from fmucorrect.report import compare_page
-from fmucorrect.study import load_study
-from fmucorrect.study_training import Training
+from fmucorrect.study import Study, load_study
+from fmucorrect.training.ablation import VARIANTS, ablation_table, budget, fit_variants
+from fmucorrect.training.cases import needed, resolved
 from fmucorrect.training.compare import compare_study, total
 from fmucorrect.training.compare_table import lines
+from fmucorrect.training.data import samples
+from fmucorrect.training.protocol import development_pairs
 from fmucorrect.training.results import save_comparison
 from fmucorrect.training.tasks import CORES, Workshop
 
@@ -24,35 +29,38 @@ ROOT = Path(__file__).resolve().parent.parent
 SEEDS = range(5)
 
 
-def shortened(training: Training, share: int) -> Training:
-    """The same with a share of the paper's epochs."""
-    pinn, second, third = training.pinn, training.tdnn_residual, training.proposed
-    return replace(
-        training,
-        pinn=replace(pinn, epochs=pinn.epochs // share),
-        tdnn_residual=replace(second, epochs=second.epochs // share, tdnn_epochs=second.tdnn_epochs // share),
-        proposed=replace(third, epochs=third.epochs // share, tdnn_epochs=third.tdnn_epochs // share),
-    )
-
-
-def make(rig: str) -> None:
-    """Compare, keep everything under .compare, and the figures without loss curves beside the model."""
-    study = load_study(ROOT / "fmus" / "roller_rig" / rig / "study.toml")
-    training = study.training if rig == "A" else shortened(study.training, 5)
-    place = ROOT / ".compare" / rig
-    with tqdm(total=total(study, training, len(SEEDS), True), unit="epoch", desc=f"rig {rig}", disable=None) as bar:
+def compare(study: Study, place: Path, model: Path) -> None:
+    """Everything under `place`, and the figures without loss curves beside the model."""
+    count = total(study, study.training, len(SEEDS), True)
+    with tqdm(total=count, unit="epoch", desc=study.name, disable=None) as bar:
         workshop = Workshop(place / "work", CORES, advance=bar.update)
-        result = compare_study(study, training, SEEDS, True, workshop)
+        result = compare_study(study, study.training, SEEDS, True, workshop)
     save_comparison(place, result.table, result.histories)
     compare_page.write_page(place / "compare.html", result.table, result.histories)
-    bare = result.table | {"cases": [{**row, "curves": []} for row in result.table["cases"]]}
-    model = ROOT / "exported_models" / ("roller_rig" if rig == "A" else f"roller_rig_{rig}")
-    save_comparison(model, bare)
-    print(f"rig {rig}\n{lines(result.table)}")
+    save_comparison(model, result.table | {"cases": [{**row, "curves": []} for row in result.table["cases"]]})
+    print(lines(result.table))
+
+
+def ablate(study: Study, place: Path, model: Path) -> None:
+    """The ablation alone; evaluation conditions are opened when everything is fitted."""
+    pairs = development_pairs(study)
+    training = needed(resolved(study, study.training, pairs))
+    development = [samples(item, training.window) for item in pairs]
+    count = len(VARIANTS) * len(SEEDS) * sum(budget(training.proposed))
+    with tqdm(total=count, unit="epoch", desc=study.name, disable=None) as bar:
+        workshop = Workshop(place / "work", CORES, advance=bar.update)
+        fits = fit_variants(development, training, SEEDS, workshop)
+    held = [samples(pair(study, condition), training.window) for condition in study.evaluation]
+    table = {"study_sha256": study.hash, "ablation": ablation_table(fits, SEEDS, held)}
+    (model / "ablation.json").write_text(json.dumps(table, indent=1) + "\n", encoding="utf-8")
+    for row in table["ablation"]["rows"]:
+        print(f"{row['label']:<45} {' '.join(f'{value:7.3f}' for value in row['nrmse'])}")
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description="Compare all cases on the rigs.")
+    parser = argparse.ArgumentParser(description="Compare cases and losses on the rigs.")
     parser.add_argument("rigs", nargs="*", default=["A", "B", "C"])
-    for name in parser.parse_args().rigs:
-        make(name)
+    for rig in parser.parse_args().rigs:
+        one = load_study(ROOT / "fmus" / "roller_rig" / rig / "study.toml")
+        beside = ROOT / "exported_models" / ("roller_rig" if rig == "A" else f"roller_rig_{rig}")
+        (compare if rig == "A" else ablate)(one, ROOT / ".compare" / rig, beside)
