@@ -1,8 +1,8 @@
 """Compares all cases on rig A, and ablates the paper's case 3 on all rigs: python tools/compare_rigs.py [A B C]
 
-A: everything that `fmucorrect compare --ablate` does, the paper's epochs, five seeds -> exported_models/roller_rig/compare.json;
-the page lies in .compare/A. B and C: the ablation alone -> exported_models/roller_rig_[B|C]/ablation.json. Half an hour, and
-ten minutes each, on two cores. Killed, it goes on from the folder .compare.
+A: everything that `fmucorrect compare --ablate` does, the paper's epochs, five seeds, into exported_models/roller_rig/
+compare.json; the page lies in .compare/A. B and C: the ablation alone, into exported_models/roller_rig_[B|C]/ablation.json.
+Half an hour, and ten minutes each, on two cores. Killed, it goes on from the folder .compare.
 """
 
 from __future__ import annotations
