@@ -51,15 +51,18 @@ def train_into(folder: Path, study: Study, training: Training, command: str, wor
 
 def curves(trained: Trained) -> list[dict[str, Any]]:
     """Loss curves of the refit and the folds' held-out errors, as in compare.json, for the page."""
-    errors = trained.selection.errors
-    folds = {
-        "stage": "residual, all members",
-        "fold": "mean of the folds",
-        "epochs": list(errors),
-        "terms": {},
-        "held_out": [round(value, 4) for value in errors.values()],
-    }
-    return [curve_of(curve, "refit") for curve in trained.curves] + [folds]
+    refit = [curve_of(curve, "refit") for curve in trained.curves]
+    folds = [
+        {
+            "stage": "residual, all members",
+            "fold": name,
+            "epochs": list(errors),
+            "terms": {},
+            "held_out": [round(value, 4) for value in errors.values()],
+        }
+        for name, errors in trained.selection.by_fold.items()
+    ]
+    return refit + folds
 
 
 def facts(trained: Trained) -> list[tuple[str, str]]:

@@ -16,13 +16,23 @@ from fmucorrect.training.tasks import Task, Workshop
 
 @dataclass(frozen=True)
 class Selection:
-    """What the folds said. errors: mean held-out NRMSE (%) by number of epochs. epochs: the best. held_out: NRMSE of each
-    condition when its speed was left out, at that choice. band: calibrated on these errors."""
+    """What the folds said. by_fold: NRMSE (%) of each condition when its speed was left out, by number of epochs. epochs: the
+    number with the best mean. band: calibrated on the errors there."""
 
-    errors: Mapping[int, float]
+    by_fold: Mapping[str, Mapping[int, float]]
     epochs: int
-    held_out: Mapping[str, float]
     band: Band
+
+    @property
+    def errors(self) -> dict[int, float]:
+        """Mean held-out NRMSE (%) by number of epochs."""
+        folds = list(self.by_fold.values())
+        return {n: float(np.mean([fold[n] for fold in folds])) for n in folds[0]}
+
+    @property
+    def held_out(self) -> dict[str, float]:
+        """NRMSE (%) of each condition when its speed was left out, at the chosen number of epochs."""
+        return {name: fold[self.epochs] for name, fold in self.by_fold.items()}
 
 
 def folds(development: Sequence[Samples]) -> list[tuple[list[Samples], list[Samples]]]:
@@ -60,5 +70,5 @@ def select(development: Sequence[Samples], training: Training, workshop: Worksho
     found = leave_out(development, training, workshop)
     errors = errors_of(found)
     best = min(errors, key=lambda n: errors[n])
-    held_out = {item.name: item.nrmse for item in found[best]}
-    return Selection(errors, best, held_out, calibrate(found[best]))
+    by_fold = {item.name: {n: found[n][i].nrmse for n in found} for i, item in enumerate(found[best])}
+    return Selection(by_fold, best, calibrate(found[best]))
