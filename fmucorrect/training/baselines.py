@@ -50,19 +50,19 @@ class Nearest:
     """The measurement at the nearest development speed, replayed on the excitation's clock; of several there, that whose
     excitation is nearest."""
 
-    development: tuple[Samples, ...]
+    records: tuple[tuple[np.ndarray, np.ndarray, np.ndarray], ...]
     parameters: int = 0
 
     def predict(self, item: Samples, stride: int = 1) -> np.ndarray:
-        """(N, J) in the channels' units."""
-        near = min(self.development, key=lambda other: tuple(np.abs(other.condition - item.condition)))
-        at = np.interp(item.seconds[::stride], near.seconds, np.arange(len(near.seconds)))
-        return near.measured[np.rint(at).astype(int)]
+        """(N, J) in the channels' units. records: condition, seconds and measurement of each."""
+        _, seconds, measured = min(self.records, key=lambda record: tuple(np.abs(record[0] - item.condition)))
+        at = np.interp(item.seconds[::stride], seconds, np.arange(len(seconds)))
+        return measured[np.rint(at).astype(int)]
 
 
 def fit_nearest(development: Sequence[Samples], training: Training, run: Run, held: Sequence[Samples] = ()) -> Nearest:
     """Nothing is fitted."""
-    return Nearest(tuple(development))
+    return Nearest(tuple((item.condition, item.seconds, item.measured) for item in development))
 
 
 @dataclass(frozen=True)

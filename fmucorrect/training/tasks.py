@@ -14,7 +14,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Generator, Mapping, Sequence
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, is_dataclass
 from multiprocessing import get_context
@@ -123,7 +123,13 @@ class Workshop:
                 finished, waiting = wait(waiting, timeout=1.0, return_when="FIRST_COMPLETED")
                 for future in finished:
                     key = futures[future]
-                    results[key] = future.result()
+                    try:
+                        results[key] = future.result()
+                    except BrokenExecutor as error:
+                        raise TrainingError(
+                            f"a process that did {todo[key].name!r} ended by itself, perhaps for want of memory",
+                            remedy="Run the same command again: what was finished is kept.",
+                        ) from error
                     self._keep(key, todo[key], results[key])
                 for future in waiting:
                     self._tell(futures[future], _progress(folder / f"{futures[future]}.progress"))

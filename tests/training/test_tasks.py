@@ -146,6 +146,15 @@ def test_a_cluster_that_loses_a_worker_gives_the_same(
     assert all(same(a, b, development[0]) for a, b in zip(here, there, strict=False))
 
 
+def dies(context: Context) -> None:
+    os._exit(3)
+
+
+def test_a_process_that_dies_is_said_and_nothing_is_lost(development: list[Samples], tmp_path: Path) -> None:
+    with pytest.raises(TrainingError, match=r"ended by itself.*Run the same command again"):
+        Workshop(tmp_path, 2).run([Task("the bad one", dies, ())])
+
+
 def test_a_gpu_that_is_not_there_is_said(development: list[Samples]) -> None:
     if torch.cuda.is_available():
         pytest.skip("there is one")
