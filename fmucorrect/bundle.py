@@ -42,7 +42,8 @@ class Info:
     rows: W. step_ns: sample time. uncorrected: (J,) rms of measurement minus simulation in development, in the channels'
     units: sigma while there is no correction. envelope: for `speed`, `amplitude`, `frequency` and `response <channel>` the
     four corners outer low, inner low, inner high, outer high: inside the inner ones the correction is whole, beyond the
-    outer ones it is nothing. conditions: those trained on. evaluation: figures, for people.
+    outer ones it is nothing. conditions: those trained on, with the FMU start values of each. parameters: FMU start values
+    of all of them, in the FMU's own units. evaluation: figures, for people.
     """
 
     name: str
@@ -55,6 +56,7 @@ class Info:
     study_hash: str
     versions: Mapping[str, str]
     evaluation: Mapping[str, Any] = field(default_factory=dict)
+    parameters: Mapping[str, float] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
         return {"format": FORMAT, **asdict(self)}
@@ -76,6 +78,7 @@ class Info:
                 study_hash=data["study_hash"],
                 versions=data["versions"],
                 evaluation=data["evaluation"],
+                parameters=data.get("parameters", {}),
             )
         except (KeyError, TypeError) as error:
             raise BundleError(f"the metadata is incomplete: {error}", where=where) from error

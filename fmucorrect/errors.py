@@ -7,6 +7,7 @@
     ├── BundleError     an ONNX corrector is not what its contract says
     ├── SignalError     values that must not enter a computation: NaN, Inf, wrong unit, wrong shape, wrong time step
     ├── TrainingError   a training cannot be done as it was asked for
+    ├── WrapError       a corrected FMU cannot be made as it was asked for
     └── MissingExtra    an optional package is not installed; carries the pip command
 
 All of them are the user's to mend: the command line prints the message alone and exits with 2.
@@ -63,6 +64,10 @@ class SignalError(FmucorrectError):
 
 class TrainingError(FmucorrectError):
     """A training cannot be done as it was asked for."""
+
+
+class WrapError(FmucorrectError):
+    """A corrected FMU cannot be made as it was asked for."""
 
 
 class MissingExtra(FmucorrectError, ImportError):

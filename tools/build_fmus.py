@@ -9,47 +9,17 @@ import argparse
 import hashlib
 import re
 import shutil
-import struct
-import subprocess
 import sys
-import zipfile
 from pathlib import Path
 
 from fmu_description import build_description, description_fmi2, description_fmi3
 from fmu_variables import Model, read_model, variables_header
 
+from fmucorrect.errors import WrapError
+from fmucorrect.wrap.compiler import TARGETS, fmi_headers, libraries, write_fmu
+
 ROOT = Path(__file__).resolve().parent.parent
 COMMON = ROOT / "fmus" / "common"
-# No fused multiply-add, so that the platforms round alike; no symbols or debug information, so no paths either.
-FLAGS = [
-    "-std=c11",
-    "-O2",
-    "-ffp-contract=off",
-    "-fvisibility=hidden",
-    "-fPIC",
-    "-shared",
-    "-s",
-    "-Wall",
-    "-Wextra",
-    "-Wno-unused-parameter",
-]
-# platform -> zig target, folder in FMI 3.0, suffix of the library
-TARGETS = {
-    "linux64": [("x86_64-linux-gnu.2.17", "x86_64-linux", ".so")],
-    "win64": [("x86_64-windows-gnu", "x86_64-windows", ".dll")],
-    "darwin64": [("x86_64-macos.11.0", "x86_64-darwin", ".dylib"), ("aarch64-macos.11.0", "aarch64-darwin", ".dylib")],
-}
-
-
-def fmi_headers(version: int) -> list[Path]:
-    """The standard's C headers for FMI version 2 or 3, as fmpy carries them."""
-    import fmpy
-
-    names = {
-        2: ("fmi2Functions", "fmi2FunctionTypes", "fmi2TypesPlatform"),
-        3: ("fmi3Functions", "fmi3FunctionTypes", "fmi3PlatformTypes"),
-    }
-    return [Path(fmpy.__file__).parent / "c-code" / f"{name}.h" for name in names[version]]
 
 
 def own_sources(folder: Path, version: int) -> list[Path]:
@@ -87,47 +57,6 @@ def stage_sources(folder: Path, model: Model, version: int, place: Path) -> list
     return sorted(path.name for path in place.glob("*.c"))
 
 
-def compile_library(sources: Path, names: list[str], target: str, output: Path) -> None:
-    """Compiles a shared library with zig, which caches what has not changed. RuntimeError carries its words."""
-    output.parent.mkdir(parents=True, exist_ok=True)
-    extra = []
-    if "macos" in target:
-        extra = [f"-Wl,-install_name,@rpath/{output.name}"]
-    elif "linux" in target:
-        extra = ["-lm", "-Wl,--build-id=none"]
-    command = [sys.executable, "-m", "ziglang", "cc", "-target", target, *FLAGS, *extra, "-o", str(output), *names]
-    result = subprocess.run(command, cwd=sources, capture_output=True, text=True)
-    if result.returncode:
-        raise RuntimeError(f"{' '.join(command[1:])}\nin {sources} failed:\n{result.stderr}")
-    if result.stderr:
-        print(result.stderr, file=sys.stderr)
-
-
-def fat_library(slices: list[bytes]) -> bytes:
-    """One universal Mach-O file of several (fat_header and fat_arch of <mach-o/fat.h>, big endian, 16 KiB pages)."""
-    page = 1 << 14
-    header, body = struct.pack(">II", 0xCAFEBABE, len(slices)), b""
-    for code in slices:
-        body += bytes(-len(body) % page)
-        cpu, subtype = struct.unpack_from("<ii", code, 4)
-        header += struct.pack(">iiIII", cpu, subtype, page + len(body), len(code), 14)
-        body += code
-    return header + bytes(page - len(header)) + body
-
-
-def write_fmu(path: Path, files: dict[str, bytes]) -> None:
-    """A zip file whose bytes depend on its content alone. It replaces an old one at once, never leaving half a file."""
-    partial = path.with_suffix(".partial")
-    with zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
-        for name in sorted(files):
-            entry = zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0))
-            entry.create_system = 3
-            entry.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
-            entry.compress_type = zipfile.ZIP_DEFLATED
-            archive.writestr(entry, files[name])
-    partial.replace(path)
-
-
 def build(folder: Path, platforms: list[str], work: Path, destination: Path) -> list[Path]:
     """Builds both FMUs of one model folder into destination; work keeps what lies between. Returns the two paths."""
     model = read_model(folder / "variables.toml")
@@ -144,18 +73,7 @@ def build(folder: Path, platforms: list[str], work: Path, destination: Path) -> 
         else:
             files["modelDescription.xml"] = description_fmi3(model, token)
             files["sources/buildDescription.xml"] = build_description(model, names)
-        for platform in platforms:
-            slices = []
-            for target, tuple_name, suffix in TARGETS[platform]:
-                library = (work / f"fmi{version}" / tuple_name / f"{model.name}{suffix}").resolve()
-                compile_library(place, names, target, library)
-                slices.append(library.read_bytes())
-                if version == 3:
-                    files[f"binaries/{tuple_name}/{library.name}"] = slices[-1]
-            if version == 2:
-                files[f"binaries/{platform}/{model.name}{suffix}"] = (
-                    slices[0] if len(slices) == 1 else fat_library(slices)
-                )
+        files |= libraries(place, names, model.name, version, platforms, (work / f"fmi{version}").resolve())
         built.append(destination / f"{model.name}{'' if version == 2 else '_fmi3'}.fmu")
         write_fmu(built[-1], files)
     return built
@@ -181,7 +99,7 @@ def main() -> None:
         for name in arguments.models or models:
             for path in build(ROOT / "fmus" / name, platforms, ROOT / "build" / "fmus" / name, ROOT / "fmus" / name):
                 print(f"{path.relative_to(ROOT)}  {path.stat().st_size / 1024:.0f} KiB  {', '.join(platforms)}")
-    except (ValueError, RuntimeError) as error:
+    except (ValueError, WrapError) as error:
         sys.exit(f"build_fmus: {error}")
 
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from fmucorrect.cli import running, training
+from fmucorrect.cli import running, training, wrapping
 from fmucorrect.cli.group import UserError, main
 
 __all__ = ["UserError", "main"]
 
 for command in (running.demo, running.run, running.replay, running.inspect):
     main.add_command(command)
+main.add_command(wrapping.wrap)
 for command in (training.train, training.compare, training.diagnose):
     main.add_command(command)

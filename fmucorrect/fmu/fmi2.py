@@ -28,6 +28,7 @@ class Instance2(Instance):
     }
     COUNTED: ClassVar[bool] = False
     STATE: ClassVar[str] = "FMUstate"
+    DESERIALISE: ClassVar[str] = "DeSerializeFMUstate"
 
     def _bind_step(self) -> Callable[[], int]:
         return partial(self.function("DoStep"), self._component, self.time, self.size, _TRUE)

@@ -37,6 +37,7 @@ class Instance3(Instance):
     }
     COUNTED: ClassVar[bool] = True
     STATE: ClassVar[str] = "FMUState"
+    DESERIALISE: ClassVar[str] = "DeserializeFMUState"
 
     def _bind_step(self) -> Callable[[], int]:
         self._reached = c_double()

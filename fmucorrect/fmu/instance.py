@@ -38,6 +38,7 @@ class Instance(ABC):
     COUNTED: ClassVar[bool]
     """Whether getters and setters take the number of values beside that of references."""
     STATE: ClassVar[str]
+    DESERIALISE: ClassVar[str]
 
     def __init__(self, description: FmuDescription, folder: Path, log: SolverLog) -> None:
         self.time, self.size, self.flags = c_double(), c_double(), c_uint32()
@@ -129,6 +130,22 @@ class Instance(ABC):
     def free_state(self, state: c_void_p) -> None:
         """Release a state."""
         self.call(f"Free{self.STATE}", byref(state))
+
+    def serialise(self, state: c_void_p) -> bytes:
+        """A state as bytes, for another instance of the same FMU, now or later."""
+        size = c_size_t()
+        self.call(f"Serialized{self.STATE}Size", state, byref(size))
+        buffer = ctypes.create_string_buffer(size.value)
+        self.call(f"Serialize{self.STATE}", state, buffer, size)
+        return buffer.raw
+
+    def deserialise(self, content: bytes) -> c_void_p:
+        """A state of these bytes, to be given to set_state() and free_state()."""
+        state = c_void_p()
+        self.call(
+            self.DESERIALISE, ctypes.create_string_buffer(content, len(content)), c_size_t(len(content)), byref(state)
+        )
+        return state
 
     def function(self, name: str) -> Any:
         """A function of the library by its name without prefix."""

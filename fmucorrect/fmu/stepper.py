@@ -205,6 +205,16 @@ class FmuStepper:
         """Release a state."""
         self._running().free_state(state.handle)
 
+    def save_state(self, state: SolverState) -> bytes:
+        """A state as bytes, for load_state() of any stepper of the same FMU, in another process too."""
+        if "serialise state" not in self._description.capabilities:
+            raise FmuError("it cannot serialise its state", where=str(self._description.path))
+        return self._running().serialise(state.handle)
+
+    def load_state(self, content: bytes, t_ns: int) -> SolverState:
+        """What save_state() gave, of a state taken at t_ns; set_state() goes there. Needs a first step() after reset()."""
+        return SolverState(self._running().deserialise(content), t_ns)
+
     def close(self) -> None:
         instance, log, folder = self._instance, self._log, self._folder
         self._instance = self._log = self._folder = None

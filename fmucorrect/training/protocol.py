@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from fmucorrect.bundle import Bundle, Info
 from fmucorrect.comparison import Comparison, compare
 from fmucorrect.errors import StudyError
 from fmucorrect.experiment import Pair, pair
-from fmucorrect.signals import Channel
+from fmucorrect.signals import Channel, Condition
 from fmucorrect.stepper import CorrectedStepper, ReplayStepper
 from fmucorrect.study import Study
 from fmucorrect.study_training import Training
@@ -64,10 +65,8 @@ def train(study: Study, training: Training | None = None, workshop: Workshop | N
         step_ns=study.simulation.step_ns,
         uncorrected=tuple(float(value) for value in scales.uncorrected),
         envelope=_named(corners, study.channels),
-        conditions=tuple(
-            {"name": c.name, "speed": c.speed, "amplitude": c.amplitude, "frequency": c.frequency}
-            for c in study.development
-        ),
+        conditions=tuple(map(_trained_on, study.development)),
+        parameters=dict(study.parameters),
         study_hash=study.hash,
         versions=_versions(),
         evaluation={
@@ -163,6 +162,18 @@ def _for_bundle(channel: Channel) -> Channel:
         frame=channel.frame,
         simulation=channel.simulation,
     )
+
+
+def _trained_on(condition: Condition) -> dict[str, Any]:
+    """A condition as a bundle names it, with the FMU start values by which a wrapped FMU knows it again."""
+    return {
+        "name": condition.name,
+        "speed": condition.speed,
+        "amplitude": condition.amplitude,
+        "frequency": condition.frequency,
+        "start": condition.start,
+        "parameters": dict(condition.parameters),
+    }
 
 
 def _versions() -> dict[str, str]:

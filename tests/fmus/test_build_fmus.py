@@ -132,6 +132,8 @@ def test_the_compilers_words_come_through(tmp_path):
     pytest.importorskip("ziglang")
     from build_fmus import build
 
+    from fmucorrect.errors import WrapError
+
     folder = write_model(tmp_path / "tiny", source=SOURCE.replace("V_limit", "V_limmit"))
-    with pytest.raises(RuntimeError, match="V_limmit"):
+    with pytest.raises(WrapError, match="V_limmit"):
         build(folder, ["linux64"], tmp_path / "work", tmp_path)

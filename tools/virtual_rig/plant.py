@@ -11,8 +11,10 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
-from build_fmus import ROOT, compile_library, model_token
+from build_fmus import ROOT, model_token
 from fmu_variables import read_model, variables_header
+
+from fmucorrect.wrap.compiler import compile_library
 
 LAWS = (
     "linear_stiffness", "viscous_damping", "added_mass", "cubic_stiffness", "quadratic_damping", "coulomb_friction",

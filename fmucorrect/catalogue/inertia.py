@@ -1,0 +1,25 @@
+"""Inertia that the model lacks."""
+
+from __future__ import annotations
+
+from fmucorrect.catalogue.law import Formula, Law, Parameter, Symbols
+
+
+def _added_mass(s: Symbols) -> Formula:
+    return Formula(s["mass"] * s.a)
+
+
+LAWS = (
+    Law(
+        name="added_mass",
+        family="mass",
+        equation="F = m a",
+        parameters=(Parameter("mass", "m", "F.s2/D", "a moment of inertia at a rotational joint", neutral=0.0),),
+        inputs=("acceleration",),
+        write=_added_mass,
+        note=(
+            "a is positive where the displacement grows. Exact at a joint to the ground; between two bodies the other one"
+            " takes the reaction. In a loop that reads a from the last step, |m| must be below the mass that is there."
+        ),
+    ),
+)

@@ -1,0 +1,203 @@
+"""Law: one effect that a model may lack, as an equation between what a joint shows and the force that is missing there.
+
+Nothing here imports sympy until a law's expressions are asked for, so that files of effects can be read without it.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+import re
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Any
+
+from fmucorrect.errors import MissingExtra, WrapError
+
+Expr = Any
+"""A sympy expression."""
+
+PORTS = ("displacement", "velocity", "acceleration", "nominal_force")
+"""What a joint shows, in the order of the C interface."""
+
+INPUTS: Mapping[str, str] = {
+    "displacement": "d",
+    "velocity": "v",
+    "acceleration": "a",
+    "nominal_force": "F0",
+    "time": "t",
+    "speed": "V",
+}
+"""All that a law may depend on -> its letter in equations. time: s since the simulation began. speed: of the vehicle, m/s.
+
+acceleration: of the body that an added mass sits on, positive like the displacement. nominal_force: what the model's own
+element gives. Displacement to nominal force are in the joint's own sense: a positive force opposes a positive displacement.
+"""
+
+_PLAIN = {"N.s2/m": "kg", "N.m.s2/rad": "kg.m2", "1": "1"}
+
+
+def unit(template: str, force: str = "N", displacement: str = "m") -> str:
+    """The unit that `template` means at a joint: F stands for its unit of force, D for that of displacement."""
+    text = re.sub(r"\b([FD])(\d*)\b", lambda m: (force if m[1] == "F" else displacement) + m[2], template)
+    return _PLAIN.get(text, text)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number of a law. symbol: its letter in the equation. unit: with F and D as in `unit`, SI. meaning: in words.
+
+    default: where it may be left out. minimum, maximum: what is allowed, the minimum itself only when not `above`.
+    neutral: the value at which the law gives no force; None where no value does that.
+    """
+
+    name: str
+    symbol: str
+    unit: str
+    meaning: str
+    default: float | None = None
+    minimum: float = -math.inf
+    maximum: float = math.inf
+    above: bool = False
+    neutral: float | None = None
+
+    def problem(self, value: float) -> str | None:
+        """What is wrong with a value, in words."""
+        if not math.isfinite(value):
+            return f"must be a finite number, got {value!r}"
+        if value < self.minimum or (self.above and value == self.minimum):
+            return f"must be {'above' if self.above else 'at least'} {self.minimum:g}, got {value!r}"
+        if value > self.maximum:
+            return f"must be at most {self.maximum:g}, got {value!r}"
+        return None
+
+
+@dataclass(frozen=True)
+class State:
+    """What a law remembers. It begins at `start`; its rate is in the law's formula."""
+
+    name: str
+    symbol: str
+    unit: str
+    start: float = 0.0
+
+
+class Symbols:
+    """The sympy symbols that a formula is written in: d, v, a, F0, t, V, the states z, and parameters by name."""
+
+    def __init__(self, parameters: Iterable[str], states: Iterable[str]) -> None:
+        sympy = load_sympy()
+        self.inputs: dict[str, Expr] = {name: sympy.Symbol(letter, real=True) for name, letter in INPUTS.items()}
+        self.d, self.v, self.a, self.F0, self.t, self.V = self.inputs.values()
+        self.z: list[Expr] = [sympy.Symbol(name, real=True) for name in states]
+        self.parameters: dict[str, Expr] = {name: sympy.Symbol(name, real=True) for name in parameters}
+
+    def __getitem__(self, name: str) -> Expr:
+        return self.parameters[name]
+
+
+@dataclass(frozen=True)
+class Formula:
+    """force: as the joint's own force, N or N.m. rates: dz/dt of each state. bounds: none, or one a state, beyond which its
+    size never grows on its way."""
+
+    force: Expr
+    rates: tuple[Expr, ...] = ()
+    bounds: tuple[Expr, ...] = ()
+
+
+@dataclass(frozen=True)
+class Law:
+    """One law, or one of the forms that an effect may be written in (by ratio or by difference, say).
+
+    name: the effect's, as reports and files write it. form: tells the forms of one effect apart, "" where there is one.
+    family: what `kinds` of a study's joint may name. equation: for people, in the letters of INPUTS, parameters and
+    states. inputs: names of INPUTS that it depends on. write: the formula, from the symbols. note: assumptions and
+    limits. check: what does not fit between values that are each allowed.
+    """
+
+    name: str
+    family: str
+    equation: str
+    parameters: tuple[Parameter, ...]
+    inputs: tuple[str, ...]
+    write: Callable[[Symbols], Formula]
+    states: tuple[State, ...] = ()
+    form: str = ""
+    note: str = ""
+    check: Callable[[Mapping[str, float]], str | None] = field(default=lambda values: None)
+
+    @property
+    def label(self) -> str:
+        """Name and form, a C identifier."""
+        return f"{self.name}_{self.form}" if self.form else self.name
+
+    @property
+    def required(self) -> tuple[str, ...]:
+        """The parameters that have no default."""
+        return tuple(parameter.name for parameter in self.parameters if parameter.default is None)
+
+    def complete(self, values: Mapping[str, float]) -> dict[str, float]:
+        """`values` with the defaults of what they leave out, in the order of `parameters`.
+
+        Raises WrapError that names everything missing, unknown or out of bounds.
+        """
+        known = {parameter.name: parameter for parameter in self.parameters}
+        problems = [f"{name} is missing" for name in self.required if name not in values]
+        problems += [f"there is no parameter {name!r}" for name in values if name not in known]
+        problems += [f"{n} {text}" for n, v in values.items() if n in known and (text := known[n].problem(v))]
+        if problems:
+            raise WrapError("; ".join(problems), where=self.name)
+        full = {p.name: float(values.get(p.name, p.default or 0.0)) for p in self.parameters}
+        if text := self.check(full):
+            raise WrapError(text, where=self.name)
+        return full
+
+    @property
+    def symbols(self) -> Symbols:
+        """What the formula is written in; the same every time."""
+        return _symbols(self)
+
+    @property
+    def formula(self) -> Formula:
+        """The law as sympy expressions in `symbols`."""
+        return _formula(self)
+
+    @property
+    def slopes(self) -> tuple[Expr, ...]:
+        """d(rate)/dz of each state, away from corners. Each state's rate depends on no other state."""
+        return _slopes(self)
+
+
+@cache
+def _symbols(law: Law) -> Symbols:
+    return Symbols([p.name for p in law.parameters], [state.name for state in law.states])
+
+
+@cache
+def _formula(law: Law) -> Formula:
+    return law.write(_symbols(law))
+
+
+@cache
+def _slopes(law: Law) -> tuple[Expr, ...]:
+    sympy = load_sympy()
+    slopes: list[Expr] = []
+    for z, rate in zip(law.symbols.z, law.formula.rates, strict=True):
+        assert not rate.free_symbols & (set(law.symbols.z) - {z}), f"{law.label}: its states must not couple"
+        signs = {sign: sympy.Dummy(real=True) for sign in rate.atoms(sympy.sign)}  # flat but where they jump
+        slope = sympy.diff(rate.xreplace(signs), z).xreplace(signs)
+        for sign, flat in signs.items():
+            slope = sympy.expand(slope).subs(flat**2, 1).xreplace({flat: sign})
+        slopes.append(sympy.powsimp(sympy.factor_terms(slope)))  # |z|^n / |z| is |z|^(n-1), also where z = 0
+    return tuple(slopes)
+
+
+def load_sympy() -> Any:
+    """The module sympy. Raises MissingExtra."""
+    if importlib.util.find_spec("sympy") is None:
+        raise MissingExtra("sympy", "wrap")
+    import sympy
+
+    return sympy

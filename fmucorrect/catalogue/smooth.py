@@ -1,0 +1,29 @@
+"""Corners rounded: expressions that are smooth and, beyond a stated width, what their sharp originals are.
+
+The widths are relative or parameters of the law, so that a law means the same in any units.
+"""
+
+from __future__ import annotations
+
+from fmucorrect.catalogue.law import Expr, load_sympy
+
+
+def share(x: Expr, limit: Expr, smoothing: Expr) -> Expr:
+    """min(1, limit / |x|): the share of x that stays within +-limit; rounded over smoothing * limit about the corners.
+
+    Exactly 1 at x = 0 and nowhere more, sqrt(1 + smoothing^2) limit / |x| far outside. Even, without a division by x, for a
+    limit above 0.
+    """
+    sqrt, width = load_sympy().sqrt, smoothing * limit
+    # ((x + g)^2 - (x - g)^2) = 4 x g: no difference of large numbers
+    return 2 * limit * sqrt(1 + smoothing**2) / (sqrt((x + limit) ** 2 + width**2) + sqrt((x - limit) ** 2 + width**2))
+
+
+def saturate(x: Expr, limit: Expr, smoothing: Expr) -> Expr:
+    """x between -limit and limit, the nearer of them outside; see `share`."""
+    return x * share(x, limit, smoothing)
+
+
+def sign(x: Expr, width: Expr) -> Expr:
+    """-1 or 1 beyond a few widths, 0 at 0. tanh, whose tails leave no rest."""
+    return load_sympy().tanh(x / width)

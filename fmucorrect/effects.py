@@ -1,0 +1,208 @@
+"""effects.toml: what a model was found to lack, at which of its joints, with which numbers.
+
+format = 1
+coupling_step = 0.0005            # s, optional: sub-step of the coupling; else the corrector's sample time
+
+[[effects]]
+effect = "coulomb_friction"       # a name of fmucorrect.catalogue
+joint = "secondary, lateral"      # or a group: the law acts at each of its joints, with states of its own
+parameters = { friction_force = 512.0 }   # SI; what is left out has the law's default
+rotation = "wheel"                # where the parameter `order` counts its revolutions
+std = { friction_force = 9.0 }    # std, unit, equation, probability: for people, kept as they are
+
+[[effects]]
+effect = "parameter_offset"
+joint = "equivalent_conicity"     # the FMU parameter
+parameters = { value = 0.02 }     # added to its start value, in its own unit
+
+[[joints]]                        # and [[groups]], [[rotations]]: as in the study, so that the file stands on its own
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from fmucorrect.catalogue import Law, find
+from fmucorrect.effects_schema import OFFSET, parse
+from fmucorrect.errors import WrapError
+from fmucorrect.study import Group, Joint, Rotation
+
+
+@dataclass(frozen=True)
+class Remarks:
+    """What discovery adds for people. std, unit: by parameter. probability: 0 to 1."""
+
+    std: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    unit: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    equation: str = ""
+    probability: float | None = None
+
+
+@dataclass(frozen=True)
+class ForceEffect:
+    """One law at a joint or at each joint of a group. parameters: SI, as the file gives them. rotation: "" for none."""
+
+    effect: str
+    joint: str
+    parameters: Mapping[str, float]
+    rotation: str = ""
+    remarks: Remarks = field(default_factory=Remarks)
+
+
+@dataclass(frozen=True)
+class ParameterOffset:
+    """An FMU parameter whose start value is off by `value`, in its own unit."""
+
+    parameter: str
+    value: float
+    remarks: Remarks = field(default_factory=Remarks)
+
+
+@dataclass(frozen=True)
+class Instance:
+    """One law at one joint. values: all parameters of the law, defaults included, in its order."""
+
+    law: Law
+    joint: Joint
+    values: Mapping[str, float]
+    effect: ForceEffect
+
+    @property
+    def differentiated(self) -> bool:
+        """Whether the law wants a velocity that the joint does not give: the coupling differentiates its displacement."""
+        return "velocity" in self.law.inputs and not self.joint.velocity
+
+
+@dataclass(frozen=True)
+class Effects:
+    """The content of effects.toml. coupling_step: s, None for the corrector's sample time."""
+
+    forces: tuple[ForceEffect, ...] = ()
+    offsets: tuple[ParameterOffset, ...] = ()
+    joints: tuple[Joint, ...] = ()
+    groups: tuple[Group, ...] = ()
+    rotations: tuple[Rotation, ...] = ()
+    coupling_step: float | None = None
+
+    @property
+    def instances(self) -> tuple[Instance, ...]:
+        """Every law at every joint that it acts at: effects in their order, joints in the order of their group.
+
+        Raises WrapError when parameters do not fit; KeyError for names that `read` would have refused.
+        """
+        joints = {joint.name: joint for joint in self.joints}
+        members = {name: (name,) for name in joints} | {group.name: group.joints for group in self.groups}
+        radii = {rotation.name: rotation.radius for rotation in self.rotations}
+        found: list[Instance] = []
+        for row in self.forces:
+            given = dict(row.parameters) | ({"radius": radii[row.rotation]} if row.rotation else {})
+            law = find(row.effect, given)
+            values = MappingProxyType(law.complete(given))
+            found += [Instance(law, joints[name], values, row) for name in members[row.joint]]
+        return tuple(found)
+
+
+def read(path: str | Path) -> Effects:
+    """The effects of a file. Raises WrapError with everything that is wrong with it, each with its line."""
+    try:
+        data = Path(path).read_bytes()
+    except OSError as error:
+        raise WrapError(f"cannot be read: {error.strerror}", where=str(path)) from None
+    document = _checked(data, str(path))
+    rows = document.get("effects", ())
+    step = document.get("coupling_step")
+    return Effects(
+        tuple(
+            ForceEffect(
+                row["effect"], row["joint"], _numbers(row["parameters"]), row.get("rotation", ""), _remarks(row)
+            )
+            for row in rows
+            if row["effect"] != OFFSET
+        ),
+        tuple(
+            ParameterOffset(row["joint"], float(row["parameters"]["value"]), _remarks(row))
+            for row in rows
+            if row["effect"] == OFFSET
+        ),
+        tuple(Joint(**row | {"kinds": tuple(row.get("kinds", ()))}) for row in document.get("joints", ())),
+        tuple(Group(row["name"], tuple(row["joints"])) for row in document.get("groups", ())),
+        tuple(Rotation(row["name"], float(row["radius"])) for row in document.get("rotations", ())),
+        None if step is None else float(step),
+    )
+
+
+def write(effects: Effects, path: str | Path) -> None:
+    """Writes a file from which `read` makes the same. Raises WrapError, and writes nothing, where `read` would refuse it."""
+    data = "\n".join(_lines(effects)).encode()
+    _checked(data, str(path))
+    Path(path).write_bytes(data)
+
+
+def _checked(data: bytes, where: str) -> dict[str, Any]:
+    document, problems = parse(data)
+    if problems:
+        lines = "\n".join(f"  - {problem}" for problem in problems)
+        raise WrapError(f"{len(problems)} problem{'s' if len(problems) > 1 else ''}\n{lines}", where=where)
+    return document
+
+
+def _numbers(table: Mapping[str, Any]) -> Mapping[str, float]:
+    return MappingProxyType({name: float(value) for name, value in table.items()})
+
+
+def _remarks(row: Mapping[str, Any]) -> Remarks:
+    return Remarks(
+        _numbers(row.get("std", {})),
+        MappingProxyType(dict(row.get("unit", {}))),
+        row.get("equation", ""),
+        None if "probability" not in row else float(row["probability"]),
+    )
+
+
+def _lines(effects: Effects) -> Iterator[str]:
+    yield "format = 1"
+    if effects.coupling_step is not None:
+        yield f"coupling_step = {_toml(effects.coupling_step)}"
+    for row in effects.forces:
+        table = {"effect": row.effect, "joint": row.joint, "parameters": row.parameters, "rotation": row.rotation}
+        yield from _rows("effects", table | _fields(row.remarks))
+    for row in effects.offsets:
+        table = {"effect": OFFSET, "joint": row.parameter, "parameters": {"value": row.value}}
+        yield from _rows("effects", table | _fields(row.remarks))
+    for name, rows in (("joints", effects.joints), ("groups", effects.groups), ("rotations", effects.rotations)):
+        for row in rows:
+            yield from _rows(name, _fields(row))
+    yield ""
+
+
+def _fields(row: Remarks | Joint | Group | Rotation) -> dict[str, Any]:
+    return {field.name: getattr(row, field.name) for field in fields(row)}
+
+
+def _rows(table: str, row: Mapping[str, Any]) -> Iterator[str]:
+    """One row of an array of tables; what is empty is left out, but for parameters."""
+    yield f"\n[[{table}]]"
+    for key, value in row.items():
+        empty = value is None or (isinstance(value, str | tuple | Mapping) and not value)
+        if key == "parameters" or not empty:
+            yield f"{key} = {_toml(value)}"
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{_key(key)} = {_toml(entry)}" for key, entry in value.items()) + " }"
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(_toml, value))}]"
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    return repr(value)
+
+
+def _key(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _toml(name)

@@ -1,0 +1,57 @@
+/* One way of computing the network: NETWORK_WAY is the function's name, NETWORK_LANES the values in a vector,
+ * NETWORK_TARGET the instruction sets, so that no compiler flags are needed. */
+#include <float.h>
+#include <math.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include "network.h"
+
+#ifdef NETWORK_TARGET
+#if defined(__clang__)
+#pragma clang attribute push(__attribute__((target(NETWORK_TARGET))), apply_to = function)
+#else
+#define NETWORK_PRAGMA(text) _Pragma(#text)
+#define NETWORK_GCC_TARGET(text) NETWORK_PRAGMA(GCC target(text))
+#pragma GCC push_options
+NETWORK_GCC_TARGET(NETWORK_TARGET)
+#endif
+#endif
+
+#if defined(__clang__)
+#pragma STDC FP_CONTRACT ON /* a b + c may be rounded once, within one expression */
+#endif
+
+#include "network_lanes.h"
+
+#if defined(__GNUC__)
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wpedantic" /* arrays of several dimensions become const on their way to a node */
+#pragma GCC diagnostic ignored "-Wunused-parameter" /* time, where the network has no phase */
+#endif
+#define tanhf network_tanh
+#include "network_graph.h"
+#undef tanhf
+#if defined(__GNUC__)
+#pragma GCC diagnostic pop
+#endif
+
+network_function NETWORK_WAY;
+
+void NETWORK_WAY(const float window[], const float condition[], double seconds, float corrected[], float baseline[],
+                 float sigma[], float *in_envelope)
+{
+    const double time[1][1] = {{seconds}};
+    network_graph((const float(*)[NETWORK_ROWS][NETWORK_CHANNELS])window, (const float(*)[3])condition, time,
+                  (float(*)[NETWORK_CHANNELS])corrected, (float(*)[NETWORK_CHANNELS])baseline,
+                  (float(*)[NETWORK_CHANNELS])sigma, (float(*)[1])in_envelope);
+}
+
+#ifdef NETWORK_TARGET
+#if defined(__clang__)
+#pragma clang attribute pop
+#else
+#pragma GCC pop_options
+#endif
+#endif

@@ -1,0 +1,254 @@
+/* See platform.h. */
+#if defined(__linux__) && !defined(_GNU_SOURCE)
+#define _GNU_SOURCE /* dladdr, RTLD_DEEPBIND */
+#endif
+#include "platform.h"
+
+#include <ctype.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#if defined(_WIN32)
+#include <windows.h>
+#else
+#include <dlfcn.h>
+#include <unistd.h>
+#endif
+
+#if defined(__has_feature)
+#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer) || __has_feature(memory_sanitizer)
+#define SANITIZED
+#endif
+#endif
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#define SANITIZED
+#endif
+
+#if defined(_WIN32)
+#define PLATFORM_2 "win64"
+#define PLATFORM_3 "x86_64-windows"
+#define SUFFIX ".dll"
+#elif defined(__APPLE__)
+#define PLATFORM_2 "darwin64"
+#if defined(__aarch64__)
+#define PLATFORM_3 "aarch64-darwin"
+#else
+#define PLATFORM_3 "x86_64-darwin"
+#endif
+#define SUFFIX ".dylib"
+#else
+#if defined(__aarch64__)
+#define PLATFORM_2 "aarch64-linux"
+#define PLATFORM_3 "aarch64-linux"
+#elif defined(__x86_64__)
+#define PLATFORM_2 "linux64"
+#define PLATFORM_3 "x86_64-linux"
+#else
+#define PLATFORM_2 ""
+#define PLATFORM_3 ""
+#endif
+#define SUFFIX ".so"
+#endif
+
+const char *platform_folder(int fmi) { return fmi == 2 ? PLATFORM_2 : PLATFORM_3; }
+
+const char *platform_suffix(void) { return SUFFIX; }
+
+static char *copy_of(const char *text)
+{
+    char *copy = malloc(strlen(text) + 1);
+    return copy ? strcpy(copy, text) : NULL;
+}
+
+#if defined(_WIN32)
+
+static wchar_t *wide(const char *text)
+{
+    const int size = MultiByteToWideChar(CP_UTF8, 0, text, -1, NULL, 0);
+    wchar_t *result = size > 0 ? malloc((size_t)size * sizeof *result) : NULL;
+    if (result)
+        MultiByteToWideChar(CP_UTF8, 0, text, -1, result, size);
+    return result;
+}
+
+static char *narrow(const wchar_t *text)
+{
+    const int size = WideCharToMultiByte(CP_UTF8, 0, text, -1, NULL, 0, NULL, NULL);
+    char *result = size > 0 ? malloc((size_t)size) : NULL;
+    if (result)
+        WideCharToMultiByte(CP_UTF8, 0, text, -1, result, size, NULL, NULL);
+    return result;
+}
+
+void *library_open(const char *path, char *error, size_t size)
+{
+    wchar_t *name = wide(path);
+    for (wchar_t *c = name; c && *c; c++)
+        if (*c == L'/')
+            *c = L'\\'; /* an altered search path wants backslashes */
+    HMODULE library = name ? LoadLibraryExW(name, NULL, LOAD_WITH_ALTERED_SEARCH_PATH) : NULL;
+    if (!library)
+        snprintf(error, size, "Windows error %lu", (unsigned long)GetLastError());
+    free(name);
+    return (void *)library;
+}
+
+void library_close(void *library) { FreeLibrary((HMODULE)library); }
+
+Function library_function(void *library, const char *name) { return (Function)GetProcAddress((HMODULE)library, name); }
+
+static char *own_path(void)
+{
+    HMODULE self = NULL;
+    wchar_t name[32768];
+    const DWORD flags = GET_MODULE_HANDLE_EX_FLAG_FROM_ADDRESS | GET_MODULE_HANDLE_EX_FLAG_UNCHANGED_REFCOUNT;
+    if (!GetModuleHandleExW(flags, (LPCWSTR)(void *)&own_path, &self))
+        return NULL;
+    const DWORD length = GetModuleFileNameW(self, name, 32768);
+    char *path = length && length < 32768 ? narrow(name) : NULL;
+    for (char *c = path; c && *c; c++)
+        if (*c == '\\')
+            *c = '/';
+    return path;
+}
+
+bool file_exists(const char *path)
+{
+    wchar_t *name = wide(path);
+    const bool there = name && GetFileAttributesW(name) != INVALID_FILE_ATTRIBUTES;
+    free(name);
+    return there;
+}
+
+#else
+
+void *library_open(const char *path, char *error, size_t size)
+{
+    int flags = RTLD_NOW | RTLD_LOCAL;
+#if defined(RTLD_DEEPBIND) && !defined(SANITIZED)
+    flags |= RTLD_DEEPBIND;
+#endif
+#if defined(__APPLE__)
+    flags |= RTLD_FIRST;
+#endif
+    void *library = dlopen(path, flags);
+    if (!library) {
+        const char *words = dlerror();
+        snprintf(error, size, "%s", words ? words : "unknown error");
+    }
+    return library;
+}
+
+void library_close(void *library) { dlclose(library); }
+
+Function library_function(void *library, const char *name)
+{
+    void *address = dlsym(library, name);
+    Function function;
+    memcpy(&function, &address, sizeof function); /* POSIX promises that these are the same */
+    return function;
+}
+
+static char *own_path(void)
+{
+    Dl_info info;
+    static const char inside = 0;
+    return dladdr((const void *)&inside, &info) && info.dli_fname ? copy_of(info.dli_fname) : NULL;
+}
+
+bool file_exists(const char *path) { return access(path, R_OK) == 0; }
+
+#endif
+
+char *own_resources(void)
+{
+    char *path = own_path(), *result = NULL;
+    for (int level = 0; path && level < 3; level++) { /* the file, its platform, binaries */
+        char *slash = strrchr(path, '/');
+        if (!slash) {
+            free(path);
+            return NULL;
+        }
+        *slash = 0;
+    }
+    if (path)
+        result = path_join(path, "resources", NULL);
+    free(path);
+    return result;
+}
+
+static int hex(char c) { return isdigit((unsigned char)c) ? c - '0' : isxdigit((unsigned char)c) ? tolower((unsigned char)c) - 'a' + 10 : -1; }
+
+char *path_of_uri(const char *uri)
+{
+    if (strncmp(uri, "file:", 5) != 0)
+        return copy_of(uri);
+    const char *from = uri + 5;
+    if (from[0] == '/' && from[1] == '/') { /* an authority: empty or localhost */
+        from += 2;
+        if (strncmp(from, "localhost/", 10) == 0)
+            from += 9;
+    }
+    if (from[0] == '/' && isalpha((unsigned char)from[1]) && (from[2] == ':' || from[2] == '|'))
+        from++; /* /C:/ of Windows */
+    char *path = malloc(strlen(from) + 1), *to = path;
+    while (path && *from && *from != '?' && *from != '#') {
+        if (*from == '%' && hex(from[1]) >= 0 && hex(from[2]) >= 0) {
+            *to++ = (char)(hex(from[1]) * 16 + hex(from[2]));
+            from += 3;
+        } else {
+            *to++ = *from++;
+        }
+    }
+    if (path) {
+        while (to > path + 1 && to[-1] == '/')
+            to--;
+        *to = 0;
+    }
+    return path;
+}
+
+char *uri_of_path(const char *path)
+{
+    static const char digits[] = "0123456789ABCDEF";
+    char *uri = malloc(3 * strlen(path) + 9), *to = uri;
+    if (!uri)
+        return NULL;
+    to += sprintf(to, "file://%s", path[0] == '/' ? "" : "/");
+    for (const unsigned char *c = (const unsigned char *)path; *c; c++) {
+        if ((*c < 128 && isalnum(*c)) || strchr("/-_.~:", *c)) {
+            *to++ = (char)*c;
+        } else if (*c == '\\') {
+            *to++ = '/';
+        } else {
+            *to++ = '%';
+            *to++ = digits[*c >> 4];
+            *to++ = digits[*c & 15];
+        }
+    }
+    *to = 0;
+    return uri;
+}
+
+char *path_join(const char *first, ...)
+{
+    va_list parts;
+    size_t size = strlen(first) + 1;
+    va_start(parts, first);
+    for (const char *part; (part = va_arg(parts, const char *));)
+        size += strlen(part) + 1;
+    va_end(parts);
+    char *path = malloc(size);
+    if (!path)
+        return NULL;
+    strcpy(path, first);
+    va_start(parts, first);
+    for (const char *part; (part = va_arg(parts, const char *));) {
+        strcat(path, "/");
+        strcat(path, part);
+    }
+    va_end(parts);
+    return path;
+}

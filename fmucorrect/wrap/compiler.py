@@ -1,0 +1,113 @@
+"""C to shared libraries for every platform of an FMU, by zig (PyPI: ziglang), and the zip file that they go into."""
+
+from __future__ import annotations
+
+import importlib.util
+import struct
+import subprocess
+import sys
+import zipfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from fmucorrect.errors import MissingExtra, WrapError
+
+TARGETS: Mapping[str, Sequence[tuple[str, str, str]]] = {
+    "linux64": [("x86_64-linux-gnu.2.17", "x86_64-linux", ".so")],
+    "win64": [("x86_64-windows-gnu", "x86_64-windows", ".dll")],
+    "darwin64": [("x86_64-macos.11.0", "x86_64-darwin", ".dylib"), ("aarch64-macos.11.0", "aarch64-darwin", ".dylib")],
+}
+"""Platform as FMI 2.0 names it -> zig target, folder in FMI 3.0 and suffix of the library, for each processor."""
+
+# No symbols or debug information, so no paths either.
+_FLAGS = ["-std=c11", "-fvisibility=hidden", "-fPIC", "-shared", "-s", "-Wall", "-Wextra", "-Wno-unused-parameter"]
+EXACT = ["-O2", "-ffp-contract=off"]
+"""No fused multiply-add, so that the platforms round alike."""
+
+
+def compile_library(
+    sources: Path, names: Sequence[str], target: str, output: Path, flags: Sequence[str] = EXACT
+) -> None:
+    """Compiles the files `names` of the folder `sources` to a shared library; zig caches what has not changed.
+
+    Raises WrapError with the compiler's own words, MissingExtra where there is no zig.
+    """
+    if importlib.util.find_spec("ziglang") is None:
+        raise MissingExtra("ziglang", "wrap")
+    output.parent.mkdir(parents=True, exist_ok=True)
+    extra: list[str] = []
+    if "macos" in target:
+        extra = [f"-Wl,-install_name,@rpath/{output.name}"]
+    elif "linux" in target:
+        extra = ["-lm", "-ldl", "-Wl,--build-id=none"]
+    command = [
+        *(sys.executable, "-m", "ziglang", "cc", "-target", target),
+        *(*_FLAGS, *flags, *extra, "-o", str(output.resolve()), *names),
+    ]
+    result = subprocess.run(command, cwd=sources, capture_output=True, text=True)
+    if result.returncode:
+        raise WrapError(f"the C compiler refused: {' '.join(command[1:])}\n{result.stderr}", where=str(sources))
+    if result.stderr:
+        print(result.stderr, file=sys.stderr)
+
+
+def fmi_headers(version: int) -> list[Path]:
+    """The standard's C headers for FMI version 2 or 3, as fmpy carries them."""
+    spec = importlib.util.find_spec("fmpy")
+    assert spec is not None
+    assert spec.origin is not None
+    names = {
+        2: ("fmi2Functions", "fmi2FunctionTypes", "fmi2TypesPlatform"),
+        3: ("fmi3Functions", "fmi3FunctionTypes", "fmi3PlatformTypes"),
+    }
+    return [Path(spec.origin).parent / "c-code" / f"{name}.h" for name in names[version]]
+
+
+def fat_library(slices: Sequence[bytes]) -> bytes:
+    """One universal Mach-O file of several (fat_header and fat_arch of <mach-o/fat.h>, big endian, 16 KiB pages)."""
+    page = 1 << 14
+    header, body = struct.pack(">II", 0xCAFEBABE, len(slices)), b""
+    for code in slices:
+        body += bytes(-len(body) % page)
+        cpu, subtype = struct.unpack_from("<ii", code, 4)
+        header += struct.pack(">iiIII", cpu, subtype, page + len(body), len(code), 14)
+        body += code
+    return header + bytes(page - len(header)) + body
+
+
+def libraries(
+    sources: Path,
+    names: Sequence[str],
+    identifier: str,
+    fmi: int,
+    platforms: Sequence[str],
+    work: Path,
+    flags: Sequence[str] = EXACT,
+) -> dict[str, bytes]:
+    """The libraries of one FMU by their place in it (`binaries/...`), compiled for `platforms` (keys of TARGETS)."""
+    files: dict[str, bytes] = {}
+    for platform in platforms:
+        slices: list[bytes] = []
+        suffix = ""
+        for target, folder, suffix in TARGETS[platform]:
+            library = work / folder / f"{identifier}{suffix}"
+            compile_library(sources, names, target, library, flags)
+            slices.append(library.read_bytes())
+            if fmi == 3:
+                files[f"binaries/{folder}/{library.name}"] = slices[-1]
+        if fmi == 2:
+            files[f"binaries/{platform}/{identifier}{suffix}"] = slices[0] if len(slices) == 1 else fat_library(slices)
+    return files
+
+
+def write_fmu(path: Path, files: Mapping[str, bytes]) -> None:
+    """A zip file whose bytes depend on its content alone. It replaces an old one at once, never leaving half a file."""
+    partial = path.with_suffix(".partial")
+    with zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
+        for name in sorted(files):
+            entry = zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0))
+            entry.create_system = 3
+            entry.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            archive.writestr(entry, files[name])
+    partial.replace(path)

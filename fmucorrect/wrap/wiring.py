@@ -1,0 +1,183 @@
+"""Which variables of the solver the corrector reads, and in which unit: from a mapping file, or from what the bundle says.
+
+A mapping file (TOML), every table and key of it optional:
+
+    [channels]                # channel = solver output; without it the bundle's own dictionary holds
+    FW = "Bogie.y_front"
+    [conditions]              # speed (km/h), amplitude (deg), frequency (Hz), start (s): a solver variable, from whose unit it
+    speed = "v_train"         # is converted, or a number, with which a tunable parameter of the wrapped FMU begins
+    frequency = 2.0
+    [parameters]              # start values of the solver's parameters, in its own units; instead of those of the study
+    conicity = 0.1
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from fmucorrect.bundle import Info
+from fmucorrect.errors import FmuError, SignalError, WrapError
+from fmucorrect.fmu import FmuDescription, Variable, matching
+from fmucorrect.fmu.startvalues import start_values
+from fmucorrect.units import conversion
+
+CONDITIONS: Mapping[str, str] = {"speed": "km/h", "amplitude": "deg", "frequency": "Hz", "start": "s"}
+"""What a corrector is conditioned on besides the window, and in which unit (DESIGN section 6)."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """A solver variable and the factor from its unit to the one wanted."""
+
+    variable: Variable
+    factor: float
+
+
+@dataclass(frozen=True)
+class Wiring:
+    """channels: J sources. conditions: the keys of CONDITIONS that the solver itself knows. tunables: start values of the
+    others. parameters: start values that the solver gets, in its own units."""
+
+    channels: tuple[Source, ...]
+    conditions: Mapping[str, Source]
+    tunables: Mapping[str, float]
+    parameters: Mapping[Variable, float]
+
+
+@dataclass(frozen=True)
+class MappingFile:
+    """What a mapping file says; see the module's text."""
+
+    path: Path | None = None
+    channels: Mapping[str, str] = field(default_factory=dict)
+    conditions: Mapping[str, str | float] = field(default_factory=dict)
+    parameters: Mapping[str, float] | None = None
+
+
+def read_mapping(path: Path) -> MappingFile:
+    """Raises WrapError that names everything wrong with the file at once."""
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise WrapError(f"this is no TOML file ({error})", where=str(path)) from error
+    problems = [f"unknown table {name!r}" for name in data if name not in ("channels", "conditions", "parameters")]
+    tables: dict[str, dict[str, Any]] = {}
+    for name in ("channels", "conditions", "parameters"):
+        table = data.get(name, {})
+        tables[name] = table if isinstance(table, dict) else {}
+        if not isinstance(table, dict):
+            problems.append(f"{name}: expected a table, got {table!r}")
+    problems += [f"channels.{k}: expected an output's name" for k, v in tables["channels"].items() if not _text(v)]
+    for key, value in tables["conditions"].items():
+        if key not in CONDITIONS:
+            problems.append(f"conditions.{key}: expected one of {', '.join(CONDITIONS)}")
+        elif not _text(value) and not _number(value):
+            problems.append(f"conditions.{key}: expected a variable's name or a number, got {value!r}")
+    problems += [f"parameters.{k}: expected a number" for k, v in tables["parameters"].items() if not _number(v)]
+    if problems:
+        raise WrapError("; ".join(problems), where=str(path))
+    return MappingFile(
+        path, tables["channels"], tables["conditions"], tables["parameters"] if "parameters" in data else None
+    )
+
+
+def wire(fmu: FmuDescription, info: Info, mapping: MappingFile) -> Wiring:
+    """Joins a corrector to a solver. Raises WrapError, FmuError or SignalError that says what does not fit."""
+    unknown = sorted(set(mapping.channels) - {channel.name for channel in info.channels})
+    if unknown:
+        raise WrapError(
+            f"the corrector has no channel {', '.join(unknown)}",
+            where=str(mapping.path),
+            expected=", ".join(channel.name for channel in info.channels),
+        )
+    remedy = "Say which solver outputs are meant in a mapping file (--mapping)."
+    names = [mapping.channels.get(c.name) or c.simulation or c.name for c in info.channels]
+    problems = fmu.unknown(names, "output")
+    found = [fmu.variables[name] for name in names if name in fmu.variables]
+    problems += [f"{v.name!r} is of type {v.type}, expected one real number" for v in found if not _real(v)]
+    if problems:
+        raise WrapError("; ".join(problems), where=str(fmu.path), remedy=remedy)
+    channels: list[Source] = []
+    for variable, channel in zip(found, info.channels, strict=True):
+        channels.append(Source(variable, _factor(variable, channel.unit, f"channel {channel.name!r}")))
+    conditions, tunables = _conditions(fmu, info, mapping)
+    return Wiring(tuple(channels), conditions, tunables, _parameters(fmu, info, mapping))
+
+
+def _conditions(fmu: FmuDescription, info: Info, mapping: MappingFile) -> tuple[dict[str, Source], dict[str, float]]:
+    sources: dict[str, Source] = {}
+    tunables: dict[str, float] = {}
+    for key, unit in CONDITIONS.items():
+        said = mapping.conditions.get(key)
+        trained = [float(condition.get(key, 0.0)) for condition in info.conditions]
+        if isinstance(said, str):
+            variable = fmu.variables.get(said)
+            if variable is None or not variable.number:
+                raise WrapError(
+                    "; ".join(fmu.unknown([said], "variable")) or f"{said!r} is no single number",
+                    where=f"{mapping.path}: conditions.{key}",
+                )
+            sources[key] = Source(variable, _factor(variable, unit, f"conditions.{key}"))
+        elif said is not None:
+            tunables[key] = float(said)
+        elif (known := _known_by_solver(fmu, info, key, unit)) is not None:
+            sources[key] = known
+        else:
+            tunables[key] = sorted(trained)[len(trained) // 2] if trained else 0.0
+    return sources, tunables
+
+
+def _known_by_solver(fmu: FmuDescription, info: Info, key: str, unit: str) -> Source | None:
+    """The one parameter that the study set in every condition so that it says the same as `key`, unit apart."""
+    rows: list[Mapping[str, float]] = [condition.get("parameters", {}) for condition in info.conditions]
+    found: list[Source] = []
+    common = set(rows[0]).intersection(*rows[1:]) if rows else set[str]()
+    for name in sorted(common):
+        variable = fmu.variables.get(name)
+        if variable is None or not variable.number or not variable.unit:
+            continue
+        try:
+            factor = conversion(variable.unit, unit, name)
+        except SignalError:
+            continue
+        pairs = [(factor * row[name], float(c[key])) for row, c in zip(rows, info.conditions, strict=True)]
+        if all(math.isclose(a, b, rel_tol=1e-6) for a, b in pairs):
+            found.append(Source(variable, factor))
+    return found[0] if len(found) == 1 else None
+
+
+def _parameters(fmu: FmuDescription, info: Info, mapping: MappingFile) -> Mapping[Variable, float]:
+    values = info.parameters if mapping.parameters is None else mapping.parameters
+    try:
+        return start_values(fmu, values)
+    except FmuError as error:
+        raise WrapError(
+            f"the start values that the corrector was trained with do not fit this solver: {error}",
+            remedy="Wrap the solver that the study names, or give [parameters] in a mapping file.",
+        ) from error
+
+
+def _factor(variable: Variable, unit: str, where: str) -> float:
+    return matching.input_factor(variable.unit, unit, where)
+
+
+def _real(variable: Variable) -> bool:
+    return variable.number and variable.type in ("Real", "Float64", "Float32")
+
+
+def _text(value: object) -> bool:
+    return isinstance(value, str) and bool(value)
+
+
+def _number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def names(sources: Sequence[Source]) -> list[str]:
+    """The solver's names of these."""
+    return [source.variable.name for source in sources]

@@ -1,0 +1,264 @@
+/* A co-simulation host of one FMU, with nothing but the standard's headers: compiled with -DFMI=2 or -DFMI=3.
+ *
+ *   host LIBRARY RESOURCES TOKEN run      STEP COUNT REFERENCE...   prints a line of values after every step, as %a
+ *   host LIBRARY RESOURCES TOKEN rollback STEP COUNT REFERENCE...   two instances; state, serialised state, reset: all to the bit
+ *   host LIBRARY RESOURCES TOKEN time     STEP COUNT REFERENCE...   prints microseconds a step (doStep and reading), best of five */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#if FMI == 2
+#include "fmi2FunctionTypes.h"
+#define F(name) fmi2##name##TYPE *name
+#define NAME(name) "fmi2" #name
+typedef fmi2Component Component;
+typedef fmi2ValueReference Reference;
+typedef fmi2FMUstate StateHandle;
+#else
+#include "fmi3FunctionTypes.h"
+#define F(name) fmi3##name##TYPE *name
+#define NAME(name) "fmi3" #name
+typedef fmi3Instance Component;
+typedef fmi3ValueReference Reference;
+typedef fmi3FMUState StateHandle;
+#endif
+
+#ifdef _WIN32
+#include <windows.h>
+#define LOAD(path) (void *)LoadLibraryA(path)
+#define SYMBOL(library, name) (void *)GetProcAddress((HMODULE)(library), name)
+#else
+#include <dlfcn.h>
+#define LOAD(path) dlopen(path, RTLD_NOW | RTLD_LOCAL)
+#define SYMBOL(library, name) dlsym(library, name)
+#endif
+
+#define LARGEST 64
+static struct {
+#if FMI == 2
+    F(Instantiate);
+    F(SetupExperiment);
+    F(GetReal);
+    F(GetFMUstate);
+    F(SetFMUstate);
+    F(FreeFMUstate);
+    F(SerializedFMUstateSize);
+    F(SerializeFMUstate);
+    F(DeSerializeFMUstate);
+#else
+    F(InstantiateCoSimulation);
+    F(GetFloat64);
+    F(GetFMUState);
+    F(SetFMUState);
+    F(FreeFMUState);
+    F(SerializedFMUStateSize);
+    F(SerializeFMUState);
+    F(DeserializeFMUState);
+#endif
+    F(EnterInitializationMode);
+    F(ExitInitializationMode);
+    F(DoStep);
+    F(Reset);
+    F(Terminate);
+    F(FreeInstance);
+} fmu;
+
+static Reference references[LARGEST];
+static size_t count;
+static const char *token, *resources;
+
+static void die(const char *what)
+{
+    fprintf(stderr, "host: %s\n", what);
+    exit(1);
+}
+
+static void check(int status, const char *what)
+{
+    if (status > 1)
+        die(what);
+}
+
+static void find(void *library)
+{
+#define GET(name)                                                                                                        \
+    {                                                                                                                    \
+        void *address = SYMBOL(library, NAME(name));                                                                     \
+        if (!address)                                                                                                    \
+            die("no function " NAME(name));                                                                              \
+        memcpy(&fmu.name, &address, sizeof address);                                                                     \
+    }
+#if FMI == 2
+    GET(Instantiate) GET(SetupExperiment) GET(GetReal) GET(GetFMUstate) GET(SetFMUstate) GET(FreeFMUstate)
+    GET(SerializedFMUstateSize) GET(SerializeFMUstate) GET(DeSerializeFMUstate)
+#else
+    GET(InstantiateCoSimulation) GET(GetFloat64) GET(GetFMUState) GET(SetFMUState) GET(FreeFMUState)
+    GET(SerializedFMUStateSize) GET(SerializeFMUState) GET(DeserializeFMUState)
+#endif
+    GET(EnterInitializationMode) GET(ExitInitializationMode) GET(DoStep) GET(Reset) GET(Terminate) GET(FreeInstance)
+}
+
+#if FMI == 2
+static void logger(void *environment, fmi2String name, fmi2Status status, fmi2String category, fmi2String message, ...)
+{
+    fprintf(stderr, "%s: status %d, %s: %s\n", name, (int)status, category, message);
+}
+static const fmi2CallbackFunctions callbacks = {logger, calloc, free, NULL, NULL};
+#else
+static void logger(fmi3InstanceEnvironment environment, fmi3Status status, fmi3String category, fmi3String message)
+{
+    fprintf(stderr, "status %d, %s: %s\n", (int)status, category, message);
+}
+#endif
+
+static void start(Component c)
+{
+#if FMI == 2
+    check(fmu.SetupExperiment(c, 0, 0.0, 0.0, 0, 0.0), "SetupExperiment");
+    check(fmu.EnterInitializationMode(c), "EnterInitializationMode");
+#else
+    check(fmu.EnterInitializationMode(c, 0, 0.0, 0.0, 0, 0.0), "EnterInitializationMode");
+#endif
+    check(fmu.ExitInitializationMode(c), "ExitInitializationMode");
+}
+
+static Component begin(void)
+{
+#if FMI == 2
+    Component c = fmu.Instantiate("host", fmi2CoSimulation, token, resources, &callbacks, 0, 0);
+#else
+    Component c = fmu.InstantiateCoSimulation("host", token, resources, 0, 0, 0, 0, NULL, 0, NULL, logger, NULL);
+#endif
+    if (!c)
+        die("the FMU refused to be instantiated");
+    start(c);
+    return c;
+}
+
+static void step(Component c, long k, double size, double values[])
+{
+#if FMI == 2
+    check(fmu.DoStep(c, (double)k * size, size, 1), "DoStep");
+    check(fmu.GetReal(c, references, count, values), "GetReal");
+#else
+    fmi3Boolean event, terminate, early;
+    fmi3Float64 last;
+    check(fmu.DoStep(c, (double)k * size, size, 1, &event, &terminate, &early, &last), "DoStep");
+    check(fmu.GetFloat64(c, references, count, values, count), "GetFloat64");
+#endif
+}
+
+/* Steps `from` to `to`, all values one after another. */
+static double *walk(Component c, long from, long to, double size)
+{
+    double *values = malloc(((size_t)(to - from) * count + 1) * sizeof *values);
+    for (long k = from; k < to; k++)
+        step(c, k, size, values + (size_t)(k - from) * count);
+    return values;
+}
+
+static void same(double *a, double *b, long rows, const char *what)
+{
+    if (memcmp(a, b, (size_t)rows * count * sizeof *a) != 0)
+        die(what);
+    free(b);
+}
+
+#if FMI == 2
+#define GET_STATE fmu.GetFMUstate
+#define SET_STATE fmu.SetFMUstate
+#define FREE_STATE fmu.FreeFMUstate
+#define SIZE fmu.SerializedFMUstateSize
+#define WRITE fmu.SerializeFMUstate
+#define READ fmu.DeSerializeFMUstate
+#else
+#define GET_STATE fmu.GetFMUState
+#define SET_STATE fmu.SetFMUState
+#define FREE_STATE fmu.FreeFMUState
+#define SIZE fmu.SerializedFMUStateSize
+#define WRITE fmu.SerializeFMUState
+#define READ fmu.DeserializeFMUState
+#endif
+
+static void rollback(double size, long steps)
+{
+    const long half = steps / 2;
+    Component c = begin(), other = begin();
+    StateHandle state = NULL, read = NULL;
+    size_t bytes = 0;
+    double *whole = walk(c, 0, half, size);
+    check(GET_STATE(c, &state), "get state");
+    double *rest = walk(c, half, steps, size);
+    check(SET_STATE(c, state), "set state");
+    same(rest, walk(c, half, steps, size), steps - half, "rolled back, it went another way");
+    check(SIZE(c, state, &bytes), "size of the state");
+    void *content = malloc(bytes);
+    check(WRITE(c, state, content, bytes), "serialise");
+    same(whole, walk(other, 0, half, size), half, "a second instance went another way");
+    check(READ(other, content, bytes, &read), "deserialise");
+    check(SET_STATE(other, read), "set the deserialised state");
+    same(rest, walk(other, half, steps, size), steps - half, "from the serialised state it went another way");
+    check(GET_STATE(c, &state), "get state into an old one");
+    check(FREE_STATE(c, &state), "free state");
+    check(FREE_STATE(other, &read), "free the deserialised state");
+    check(fmu.Terminate(c), "terminate");
+    check(fmu.Reset(c), "reset");
+    start(c);
+    same(whole, walk(c, 0, half, size), half, "after reset it went another way");
+    free(content);
+    free(whole);
+    free(rest);
+    fmu.FreeInstance(c);
+    fmu.FreeInstance(other);
+    puts("same");
+}
+
+static double seconds(void)
+{
+    struct timespec now;
+    timespec_get(&now, TIME_UTC);
+    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+}
+
+int main(int argc, char **argv)
+{
+    if (argc < 7)
+        die("too few arguments");
+    void *library = LOAD(argv[1]);
+    if (!library)
+        die("the library cannot be loaded");
+    find(library);
+    resources = argv[2];
+    token = argv[3];
+    const double size = atof(argv[5]);
+    const long steps = atol(argv[6]);
+    for (int i = 7; i < argc && count < LARGEST; i++)
+        references[count++] = (Reference)strtoul(argv[i], NULL, 10);
+    if (strcmp(argv[4], "rollback") == 0) {
+        rollback(size, steps);
+    } else if (strcmp(argv[4], "time") == 0) {
+        double best = 1e9, values[LARGEST];
+        for (int round = 0; round < 5; round++) {
+            Component c = begin();
+            const double before = seconds();
+            for (long k = 0; k < steps; k++)
+                step(c, k, size, values);
+            const double took = (seconds() - before) / (double)steps;
+            best = took < best ? took : best;
+            fmu.FreeInstance(c);
+        }
+        printf("%.6f\n", 1e6 * best);
+    } else {
+        Component c = begin();
+        double values[LARGEST];
+        for (long k = 0; k < steps; k++) {
+            step(c, k, size, values);
+            for (size_t i = 0; i < count; i++)
+                printf(i + 1 < count ? "%a " : "%a\n", values[i]);
+        }
+        check(fmu.Terminate(c), "terminate");
+        fmu.FreeInstance(c);
+    }
+    return 0;
+}
