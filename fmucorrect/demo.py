@@ -118,6 +118,8 @@ def run_demo(folder: Path, data: Data | None = None, progress: Callable[[str], o
     comparison_page.write(page, comparison, context(comparison, online, study, model, len(corrected)))
     corrector = folder / "corrector.onnx"
     corrector.write_bytes(data.corrector.read_bytes())
+    if study.simulation.fmu is not None:
+        (folder / study.simulation.fmu.name).write_bytes(study.simulation.fmu.read_bytes())
     tell(STEPS[5])
     return Result(comparison, online, study, model, time.perf_counter() - begun, record, page, corrector)
 
@@ -203,7 +205,9 @@ def next_steps(result: Result) -> str:
         "  what is in these files, and whether they fit\n"
         f"    fmucorrect inspect {result.record} {model}\n"
         "  the FMU online at another speed, or with a study of yours\n"
-        f"    fmucorrect run {result.study.path} --condition 360 --corrector {model} -o run.mcap"
+        f"    fmucorrect run {result.study.path} --condition 360 --corrector {model} -o run.mcap\n"
+        '  one FMU of solver and corrector, for the tool that you have (pip install "fmucorrect[wrap]")\n'
+        f"    fmucorrect wrap {model.with_name('roller_rig.fmu')} --corrector {model} -o bogie_corrected.fmu"
     )
 
 
@@ -231,6 +235,7 @@ def to_json(result: Result) -> dict[str, Any]:
 
 NEXT = """# and then: the logged simulation, corrected again; what is in the files; your own study
 fmucorrect replay demo.mcap --corrector corrector.onnx -o again.mcap
+fmucorrect wrap roller_rig.fmu --corrector corrector.onnx -o bogie_corrected.fmu
 fmucorrect inspect demo.mcap corrector.onnx
 fmucorrect run study.toml --condition 385 --corrector corrector.onnx -o run.mcap"""
 

@@ -75,7 +75,7 @@ class Instance:
 
     @property
     def differentiated(self) -> bool:
-        """Whether the law wants a velocity that the joint does not give: the coupling differentiates its displacement."""
+        """Whether the law wants a velocity that the joint lacks: the coupling differentiates the displacement."""
         return "velocity" in self.law.inputs and not self.joint.velocity
 
 
@@ -138,7 +138,7 @@ def read(path: str | Path) -> Effects:
 
 
 def write(effects: Effects, path: str | Path) -> None:
-    """Writes a file from which `read` makes the same. Raises WrapError, and writes nothing, where `read` would refuse it."""
+    """Writes a file that `read` makes the same of. Raises WrapError, and writes nothing, where it would refuse it."""
     data = "\n".join(_lines(effects)).encode()
     _checked(data, str(path))
     Path(path).write_bytes(data)

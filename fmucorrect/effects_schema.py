@@ -1,4 +1,4 @@
-"""What effects.toml may say: its keys, the catalogue's parameters and what must fit between them, reported all at once."""
+"""What effects.toml may say: keys, the catalogue's parameters and what must fit between them, reported all at once."""
 
 from __future__ import annotations
 
@@ -190,8 +190,8 @@ def _effects(document: Mapping[str, Any]) -> Found:
                     ("effects", i, "joint"),
                     f"there is no joint or group {joint!r}{_those(joint, [*joints, *groups])}",
                 )
-            members = groups[joint].get("joints") if joint in groups else [joint]
-            for member in [] if _texts(members) else members or []:
+            members = [joint] if joint in joints else groups.get(joint, {}).get("joints", [])
+            for member in [] if _texts(members) else members:
                 yield from (
                     (("effects", i, "joint"), f"{name} needs the {port} of joint {member!r}, which gives none")
                     for port in PORTS
@@ -241,11 +241,11 @@ def _parameters(law: Law, given: Mapping[str, Any], values: Mapping[str, Any]) -
             wrong = True
             yield ("parameters",), f"{name} is missing; {law.name} takes {', or '.join(forms)}"
     for name, value in given.items():
-        text = _number(value) or known[name].problem(value) if name in known else _unknown(name, known)
+        text = _number(value) or known[name].problem(float(value)) if name in known else _unknown(name, known)
         if text:
             wrong = True
             yield ("parameters", name), text
     if not wrong and all(name in values for name in law.required):
-        full = {p.name: values.get(p.name, p.default) for p in law.parameters}
+        full = {p.name: float(values.get(p.name, p.default)) for p in law.parameters}
         if text := law.check(full):
             yield ("parameters",), text

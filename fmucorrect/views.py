@@ -43,7 +43,25 @@ def _fmu(fmu: FmuDescription) -> dict[str, Any]:
         "sources": fmu.has_sources,
         "capabilities": list(fmu.capabilities),
         **{f"{kind}s": {v.name: v.unit for v in fmu.of(kind)} for kind in ("output", "input", "parameter")},
+        **_wrapped(fmu.wrapped),
     }
+
+
+def _wrapped(facts: Mapping[str, Any]) -> dict[str, Any]:
+    """What `fmucorrect wrap` put into it: a line for each part."""
+    if not facts:
+        return {}
+    corrector = dict(facts.get("corrector") or {})
+    within = {key: corrector.pop(key, {}) for key in ("channels", "conditions from the solver", "tunables", "envelope")}
+    parts: dict[str, Mapping[str, Any]] = {"solver": facts.get("solver") or {}, "corrector": corrector, **within}
+    for number, effect in enumerate(facts.get("effects", ()), start=1):
+        parts[f"effect {number}"] = {"": f"{effect['effect']} at {effect['joint']}", **effect["parameters"]}
+    parts["start values"] = facts.get("start values", {})
+    parts["network in C against ONNX Runtime"] = {
+        key: value for key, value in (facts.get("network in C against ONNX Runtime") or {}).items() if key != "errors"
+    }
+    parts["state, tried out"] = {key: value for key, value in facts.get("state", {}).items() if value != ""}
+    return {"wrapped by fmucorrect": {name: part for name, part in parts.items() if part}}
 
 
 def _bundle(model: Bundle) -> dict[str, Any]:

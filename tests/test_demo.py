@@ -89,12 +89,13 @@ def test_the_command_from_an_empty_folder(data: Data, tmp_path: Path, monkeypatc
     ran = CliRunner().invoke(cli.main, ["demo"])
     assert ran.exit_code == 0, ran.output
     assert ran.output.startswith("At 385 km/h, which the corrector never saw, the error ")
-    for text in ("paper: proposed method", "0.8197", "virtual rig", "Try next", "fmucorrect replay"):
+    for text in ("paper: proposed method", "0.8197", "virtual rig", "Try next", "fmucorrect replay", "fmucorrect wrap"):
         assert text in ran.output
     assert {file.name for file in (tmp_path / "fmucorrect-demo").iterdir()} == {
         "demo.mcap",
         "demo.html",
         "corrector.onnx",
+        "roller_rig.fmu",
     }
     replay = next(line for line in ran.output.splitlines() if "fmucorrect replay" in line)
     words = replay.split()[1:]

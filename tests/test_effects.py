@@ -137,7 +137,9 @@ names = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=1
 
 
 @settings(deadline=None, max_examples=60)
-@given(name=names, variable=names, value=finite, words=st.text(max_size=20), std=st.dictionaries(names, finite, max_size=3))
+@given(
+    name=names, variable=names, value=finite, words=st.text(max_size=20), std=st.dictionaries(names, finite, max_size=3)
+)
 def test_any_name_and_number_survives_writing(tmp_path_factory, name, variable, value, words, std):
     effects = Effects(
         (ForceEffect("preload", name, {"force": value}, remarks=Remarks(std, {}, words, 0.0)),),
@@ -227,7 +229,7 @@ name = "bare"
         (18, "there is no joint or group 'bar'; did you mean 'bare'?"),
         (19, "parameters.gap: must be above 0, got -1.0"),
         (19, "parameters.stiffness: must be a finite number, got 'a'"),
-        (22, "damper_saturation needs the nominal_force of joint 'bare'"),
+        (23, "damper_saturation needs the nominal_force of joint 'bare'"),
         (24, "force is missing; damper_saturation takes force, or velocity"),
         (25, "must be between 0 and 1, got 2"),
         (30, "gamma must be between -beta and beta"),
@@ -256,12 +258,12 @@ def test_a_missing_velocity_is_no_problem_but_other_ports_are(tmp_path):
     file = tmp_path / "effects.toml"
     file.write_text("format = 1\n" + row.format("viscous_damping", "damping = 1.0") + JOINTS)
     assert read(file).instances[0].differentiated
-    for name, given, port in (
+    for name, values, port in (
         ("damper_saturation", "force = 1.0", "nominal_force"),
         ("series_stiffness", "stiffness = 1.0", "nominal_force"),
         ("added_mass", "mass = 1.0", "acceleration"),
     ):
-        message = refused(tmp_path, "format = 1\n" + row.format(name, given) + JOINTS)
+        message = refused(tmp_path, "format = 1\n" + row.format(name, values) + JOINTS)
         assert "1 problem\n" in message
         assert f"{name} needs the {port} of joint 'bare'" in message
 
@@ -275,8 +277,14 @@ def test_a_missing_velocity_is_no_problem_but_other_ports_are(tmp_path):
         ("", "line 1, key format: is missing: write format = 1"),
         (b"format = 1\n# \xff\n", "line 2: is not UTF-8 text"),
         ("format = 1\n[[effects]]\njoint = 3\n", "key effect: is missing"),
-        ('format = 1\n[[effects]]\neffect = "preload"\njoint = "a"\nparameters = 3\n', "key parameters: must be a table"),
-        ('format = 1\n[[effects]]\neffect = ["x"]\njoint = {}\nparameters = {}\nrotation = []\n', "key effect: must be a name"),
+        (
+            'format = 1\n[[effects]]\neffect = "preload"\njoint = "a"\nparameters = 3\n',
+            "key parameters: must be a table",
+        ),
+        (
+            'format = 1\n[[effects]]\neffect = ["x"]\njoint = {}\nparameters = {}\nrotation = []\n',
+            "key effect: must be a name",
+        ),
         ('format = 1\n[[groups]]\nname = "g"\njoints = []\n', "must name at least one joint"),
         ('format = 1\n[[rotations]]\nname = "g"\nradius = -1\n', "must be above 0, got -1"),
     ],

@@ -87,7 +87,7 @@ LAWS = (
         ),
         inputs=("nominal_force",),
         write=_by_ratio,
-        note="The joint's own element is a damper: the sign of its force tells its direction, also behind a series spring.",
+        note="The joint's own element is a damper. The sign of F0 tells its direction, also behind a series spring.",
     ),
     Law(
         name="damper_asymmetry",
@@ -148,10 +148,10 @@ LAWS = (
         write=_series_nominal,
         states=(_RELAXED,),
         note=(
-            "The spring takes up z / k and the damper sees v - dz/dt / k; the damper's own damping is its secant F0 / v."
-            " Exact for a linear damper, near for one with knees. The joint's own element must be a damper without a spring"
-            " beside or behind it: where it has a series spring already, its deflection (the mount) is the joint, and a"
-            " softer one is a negative linear_stiffness there."
+            "The spring takes up z / k and the damper sees v - dz/dt / k; the damper's damping is its secant F0 / v."
+            " Exact for a linear damper, near for one with knees. The joint's own element must be a damper without a"
+            " spring beside or behind it: where it has a series spring already, the joint is that spring's deflection"
+            " (the mount), and a softer one is a negative linear_stiffness there."
         ),
     ),
     Law(
@@ -166,6 +166,6 @@ LAWS = (
         inputs=("velocity",),
         write=_series_linear,
         states=(_RELAXED,),
-        note="A Maxwell element (k and c in series) in place of a damper c; with viscous_damping c beside it, one added.",
+        note="A Maxwell element (k and c in series) in place of a damper c; beside viscous_damping c, one more.",
     ),
 )

@@ -41,8 +41,9 @@ LAWS = (
         write=_bouc_wen,
         states=(State("yielding", "z", "D"),),
         note=(
-            "z goes to z_y = (beta + gamma)^(-1/n), the hysteretic force to (1 - alpha) k z_y: 1 mm with the defaults, which"
-            " are meant for n = 1. A Dahl friction F_c of contact stiffness k: alpha = 0, n = 1, beta = k / F_c, gamma = 0."
+            "z goes to z_y = (beta + gamma)^(-1/n), which is 1 mm (or mrad) with the defaults, meant for n = 1; the"
+            " hysteretic force goes to (1 - alpha) k z_y. Dahl's friction F_c with a contact stiffness k: alpha = 0,"
+            " n = 1, beta = k / F_c, gamma = 0."
         ),
         check=_passive,
     ),

@@ -18,8 +18,9 @@ LAWS = (
         inputs=("acceleration",),
         write=_added_mass,
         note=(
-            "a is positive where the displacement grows. Exact at a joint to the ground; between two bodies the other one"
-            " takes the reaction. In a loop that reads a from the last step, |m| must be below the mass that is there."
+            "a is positive in the direction in which d grows. Exact at a joint to the ground; between two bodies the"
+            " other one takes the reaction. In a loop that reads a from the last step, |m| must be below the mass that"
+            " is there."
         ),
     ),
 )

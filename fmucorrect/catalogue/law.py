@@ -29,10 +29,11 @@ INPUTS: Mapping[str, str] = {
     "time": "t",
     "speed": "V",
 }
-"""All that a law may depend on -> its letter in equations. time: s since the simulation began. speed: of the vehicle, m/s.
+"""All that a law may depend on -> its letter in equations.
 
-acceleration: of the body that an added mass sits on, positive like the displacement. nominal_force: what the model's own
-element gives. Displacement to nominal force are in the joint's own sense: a positive force opposes a positive displacement.
+acceleration: of the body that an added mass sits on, positive like the displacement. nominal_force: what the model's
+own element gives; positive where it opposes a positive displacement. time: s since the simulation began. speed: of the
+vehicle, m/s.
 """
 
 _PLAIN = {"N.s2/m": "kg", "N.m.s2/rad": "kg.m2", "1": "1"}
@@ -99,8 +100,8 @@ class Symbols:
 
 @dataclass(frozen=True)
 class Formula:
-    """force: as the joint's own force, N or N.m. rates: dz/dt of each state. bounds: none, or one a state, beyond which its
-    size never grows on its way."""
+    """force: N or N.m, opposing a positive displacement. rates: dz/dt of each state. bounds: none, or one a state,
+    beyond which its size never grows."""
 
     force: Expr
     rates: tuple[Expr, ...] = ()

@@ -34,7 +34,7 @@ def rates(law: Law, inputs: Values, states: States, parameters: Values) -> State
 
 
 def step(law: Law, inputs: Values, states: States, parameters: Values, size: float) -> tuple[Batch, States]:
-    """The force in the middle of a step of `size` s, and the states at its end, with the inputs held: what the C code does.
+    """The force in the middle of a step of `size` s and the states at its end, inputs held: what the C code does.
 
     Two half steps of the exponential Rosenbrock-Euler method (Hochbruck, Ostermann, Exponential integrators, 2010):
     exact where a rate is linear in its state, of second order elsewhere, stable however stiff. size may be 0.

@@ -11,8 +11,8 @@ from fmucorrect.catalogue.law import Expr, load_sympy
 def share(x: Expr, limit: Expr, smoothing: Expr) -> Expr:
     """min(1, limit / |x|): the share of x that stays within +-limit; rounded over smoothing * limit about the corners.
 
-    Exactly 1 at x = 0 and nowhere more, sqrt(1 + smoothing^2) limit / |x| far outside. Even, without a division by x, for a
-    limit above 0.
+    Exactly 1 at x = 0 and nowhere more, sqrt(1 + smoothing^2) limit / |x| far outside. Even, without a division by x,
+    for a limit above 0.
     """
     sqrt, width = load_sympy().sqrt, smoothing * limit
     # ((x + g)^2 - (x - g)^2) = 4 x g: no difference of large numbers

@@ -87,7 +87,7 @@ LAWS = (
         ),
         inputs=("displacement", "nominal_force"),
         write=_by_ratio,
-        note="The joint's own element is a spring without preload: where F0 does not vanish at d = 0 the force jumps there.",
+        note="The joint's own element is a spring without preload: where F0 does not vanish at d = 0, F jumps there.",
     ),
     Law(
         name="backlash",
@@ -101,9 +101,9 @@ LAWS = (
         inputs=("displacement",),
         write=_backlash,
         note=(
-            "Added to a spring of stiffness k it makes the spring with play, k deadzone(d, g). Where the play is in series"
-            " with other elements, d is the deflection at the play: the mount is the joint. The rounding makes the gap seem"
-            " larger by the share w^2 / 2."
+            "Added to a spring of stiffness k it makes the spring with play, k deadzone(d, g). Where the play is in"
+            " series with other elements, d is the deflection at the play: the mount is the joint. The rounding makes"
+            " the gap seem larger by the share w^2 / 2."
         ),
     ),
     Law(

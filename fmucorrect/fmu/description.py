@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import difflib
+import json
 import logging
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import cast
+from types import MappingProxyType
+from typing import Any, cast
 
 import fmpy
 from fmpy import model_description as fmpy_description
@@ -64,7 +66,8 @@ class FmuDescription:
 
     fmi: "2.0" or "3.0". identifier: name of its library. token: what the library checks it by. platforms: folders in
     binaries/ that hold the library. start_time, stop_time, step_size: s, of the default experiment, None where it says
-    nothing. capabilities: what it can, in words. log_categories: names of its log categories.
+    nothing. capabilities: what it can, in words. log_categories: names of its log categories. wrapped: what `fmucorrect
+    wrap` wrote of the solver and the corrector inside; empty for any other FMU.
     """
 
     path: Path
@@ -82,6 +85,7 @@ class FmuDescription:
     start_time: float | None
     stop_time: float | None
     step_size: float | None
+    wrapped: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}), repr=False)
 
     def of(self, causality: str) -> tuple[Variable, ...]:
         """All variables of one causality: input, output, parameter, ..."""
@@ -136,6 +140,7 @@ def open_fmu(path: str | Path) -> FmuDescription:
     with archive.opened(path) as file:
         version = archive.fmi_version(file, path)
         names = file.namelist()
+        wrapped = _facts(archive.read(file, archive.FACTS, path)) if archive.FACTS in names else {}
     if not version.startswith(("2.", "3.")):
         raise FmuError(
             f"FMI version {version!r} is not supported",
@@ -176,7 +181,15 @@ def open_fmu(path: str | Path) -> FmuDescription:
         start_time=_float(experiment.startTime, None),
         stop_time=_float(experiment.stopTime, None),
         step_size=_float(experiment.stepSize, None),
+        wrapped=wrapped,
     )
+
+
+def _facts(content: bytes) -> Mapping[str, Any]:
+    try:
+        return json.loads(content)
+    except ValueError:  # somebody else's file of the same name
+        return {}
 
 
 def _parse(path: Path) -> fmpy_description.ModelDescription:

@@ -1,10 +1,13 @@
-"""What a variable of the solver is to the C core (wrap/c/wrapper.h), and what both directions of conversion share."""
+"""What a variable of the solver is to the C core (wrap/c/wrapper.h), and what both directions of conversion between FMI 2.0
+and 3.0 share."""
 
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+
+from fmucorrect.wrap.description_xml import add, true
 
 TIME = 255
 """Kind of a row that no variable of the solver stands behind: the communication time."""
@@ -28,6 +31,25 @@ KINDS: Mapping[int, Mapping[str, int]] = {
     },
 }
 """The C core's number of each type, by FMI version of the solver."""
+
+REAL = (
+    "declaredType",
+    "quantity",
+    "unit",
+    "displayUnit",
+    "relativeQuantity",
+    "min",
+    "max",
+    "nominal",
+    "unbounded",
+    "reinit",
+)
+"""Attributes that Real and Float64 have in common, but for those that are written differently."""
+INTEGER = ("declaredType", "quantity", "min", "max")
+
+_HEAD = ("modelName", "description", "author", "version", "copyright", "license", "variableNamingConvention")
+_FLAGS = ("needsExecutionTool", "canBeInstantiatedOnlyOncePerProcess", "canHandleVariableCommunicationStepSize")
+_STATE_FLAGS = {"canGetAndSetFMUstate": "canGetAndSetFMUState", "canSerializeFMUstate": "canSerializeFMUState"}
 
 
 @dataclass(frozen=True)
@@ -53,16 +75,24 @@ class Converted:
     left_out: tuple[str, ...]
 
 
-@dataclass
-class Rows:
-    """Wired rows as they are found; the same variable (or element of one) has one row."""
+def begin(root: ET.Element, fmi: int) -> ET.Element:
+    """The new root of version `fmi`, with its CoSimulation, log categories and default experiment."""
+    new = ET.Element("fmiModelDescription", {"fmiVersion": f"{fmi}.0", **taken(root, _HEAD)})
+    old = root.find("CoSimulation")
+    interface = add(new, "CoSimulation", taken(old, _FLAGS) if old is not None else {})
+    for pair in _STATE_FLAGS.items():
+        interface.set(pair[fmi - 2], "true" if true(old, pair[3 - fmi]) else "false")
+    if fmi == 2:
+        interface.set("canNotUseMemoryManagementFunctions", "true")  # FMI 3 has none
+    for tag in ("LogCategories", "DefaultExperiment"):
+        section = root.find(tag)
+        if section is not None:
+            copy = add(new, tag, section.attrib)
+            for child in section.findall("Category"):
+                add(copy, "Category", taken(child, ("name", "description")))
+    return new
 
-    rows: list[Wired] = field(default_factory=list)
-    _places: dict[Wired, int] = field(default_factory=dict)
 
-    def place(self, row: Wired) -> int:
-        """The outer value reference of `row`."""
-        if row not in self._places:
-            self._places[row] = len(self.rows)
-            self.rows.append(row)
-        return self._places[row]
+def taken(element: ET.Element, keys: tuple[str, ...]) -> dict[str, str]:
+    """Those of the attributes `keys` that are there."""
+    return {key: element.attrib[key] for key in keys if key in element.attrib}

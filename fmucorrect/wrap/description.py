@@ -13,9 +13,10 @@ import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from fmucorrect.errors import WrapError
 from fmucorrect.wrap.added import Added, variables
 from fmucorrect.wrap.conversion import Converted, Wired
+from fmucorrect.wrap.description_fmi2 import to_fmi2
+from fmucorrect.wrap.description_fmi3 import to_fmi3
 from fmucorrect.wrap.description_structure import append, free_base, names
 from fmucorrect.wrap.description_units import define_log_category
 from fmucorrect.wrap.description_xml import add, read, section, true, value_element, version, write
@@ -90,7 +91,8 @@ def describe(inner: bytes, added: Added, outer: Outer) -> Description:
     _set_starts(root, added.starts)
     if version(root) == outer.fmi:
         return _finish(Converted(root, (), ()), added, outer, free_base(root, added.size))
-    raise WrapError("another FMI version than the solver's is not supported yet")
+    converted = to_fmi2(root) if outer.fmi == 2 else to_fmi3(root)
+    return _finish(converted, added, outer, len(converted.wired))
 
 
 def _finish(converted: Converted, added: Added, outer: Outer, base: int) -> Description:

@@ -30,9 +30,9 @@ UNITS: Mapping[str, tuple[str, str]] = {
 class Wire:
     """The solver's variables of one law, "" where it needs none. force: the input that its force goes to.
 
-    displacement and velocity are there whenever the law needs either, as far as the joint has them: without a velocity the
-    coupling differentiates the displacement (`differentiated` where the law itself needs it). sign: of the force input and of
-    the nominal force; the other ports have the joint's own sense.
+    displacement and velocity are there whenever the law needs either, as far as the joint has them: without a velocity
+    the coupling differentiates the displacement (`differentiated` where the law itself needs it). sign: of the force
+    input and of the nominal force; the other ports have the joint's own sense.
     """
 
     effect: str
@@ -58,7 +58,8 @@ class Wire:
 
 @dataclass(frozen=True)
 class EffectSources:
-    """files: content by name, all for one folder. wiring: a row a law instance, in the order of effects_step's arrays."""
+    """files: content by name, all for one folder. wiring: one row a law and joint, in the order of effects_step's
+    arrays. states: EFFECT_STATES."""
 
     files: Mapping[str, bytes]
     wiring: tuple[Wire, ...]
@@ -123,9 +124,10 @@ def _header(count: int, states: int) -> str:
 
 void effects_start(double states[]);
 
-/* forces: N or N m, law by law, positive where they oppose a positive displacement; those of the middle of a step of h s that
- * begins with `states`, which advance to its end. ports: displacement, velocity, acceleration, nominal force, SI, held over the
- * step; those that a law has no use for are not read. t: s since the simulation began. h may be 0: forces now, states stay. */
+/* forces: N or N m, law by law, positive where they oppose a positive displacement. Over a step of h s the ports are
+ * held and the states advance; the forces are those of the middle of the step. h may be 0: forces now, states stay.
+ * ports: displacement, velocity, acceleration, nominal force, SI; what a law has no use for is not read.
+ * t: s since the simulation began, in the middle of the step. */
 void effects_step(double t, double h, const double ports[][4], double states[], double forces[]);
 
 #endif

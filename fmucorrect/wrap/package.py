@@ -16,7 +16,7 @@ from fmucorrect import bundle, effects
 from fmucorrect.bundle import Bundle
 from fmucorrect.effects import Effects
 from fmucorrect.errors import FmuError, WrapError
-from fmucorrect.fmu import FmuDescription, open_fmu, state_check
+from fmucorrect.fmu import FmuDescription, archive, open_fmu, state_check
 from fmucorrect.fmu.state_check import StateCheck
 from fmucorrect.wrap import alone, compiler, generated, laws, network, places, proof, solver
 from fmucorrect.wrap.added import Added
@@ -25,8 +25,6 @@ from fmucorrect.wrap.generated import Facts
 from fmucorrect.wrap.proof import Proof
 from fmucorrect.wrap.wiring import MappingFile, Wiring, read_mapping, wire
 
-FACTS = "resources/fmucorrect.json"
-"""What is inside, for `fmucorrect inspect`."""
 STEPS = ("generate", "compile", "prove", "check state", "write")
 _C = Path(__file__).parent / "c"
 _ALWAYS = ("wrapper", "sampling", "coupling", "variables", "state", "platform")
@@ -136,7 +134,7 @@ def wrap(
         notes += untried
         progress("write")
         files |= _described(parts, outer, state.copy, state.serialise)
-        files[FACTS] = json.dumps(_facts(parts, proved, state), indent=1).encode()
+        files[archive.FACTS] = json.dumps(_facts(parts, proved, state), indent=1).encode()
         out.parent.mkdir(parents=True, exist_ok=True)
         compiler.write_fmu(out, files)
     return Wrapped(out, parts.fmi, tuple(parts.platforms), proved, state, tuple(notes), out.stat().st_size)

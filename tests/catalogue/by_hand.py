@@ -1,0 +1,107 @@
+"""Every law as a formula written by hand, values for its parameters, and motions that reach its branches."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fmucorrect.catalogue import CATALOGUE, Law
+
+LAWS = {law.label: law for forms in CATALOGUE.values() for law in forms}
+VALUES = {
+    "linear_stiffness": {"stiffness": -2e5},
+    "cubic_stiffness": {"cubic_stiffness": 4e10},
+    "bilinear_stiffness_difference": {"difference": 3e5},
+    "bilinear_stiffness_ratio": {"ratio": 1.4},
+    "backlash": {"gap": 1e-4, "stiffness": 8e6},
+    "bump_stop": {"gap": 4e-4, "stiffness": 8e6},
+    "viscous_damping": {"damping": 2e4},
+    "quadratic_damping": {"quadratic_damping": 5e5},
+    "damper_asymmetry_ratio": {"ratio": 0.7},
+    "damper_asymmetry_difference": {"difference": 2e4},
+    "damper_saturation_force": {"force": 800.0},
+    "damper_saturation_velocity": {"velocity": 0.008},
+    "series_stiffness_nominal": {"stiffness": 5e6},
+    "series_stiffness_damping": {"stiffness": 5e6, "damping": 4e4},
+    "added_mass": {"mass": 250.0},
+    "coulomb_friction": {"friction_force": 500.0},
+    "stribeck_friction": {"friction_force": 500.0, "breakaway_force": 800.0},
+    "bouc_wen_hysteresis": {"stiffness": 1e6, "alpha": 0.2, "beta": 900.0, "gamma": -300.0, "exponent": 1.5},
+    "preload": {"force": -300.0},
+    "periodic_force_frequency": {"amplitude": 200.0, "frequency": 2.5, "phase": 0.4},
+    "periodic_force_order": {"amplitude": 200.0, "order": 3.0, "radius": 0.43, "phase": 0.4},
+}
+# force (d, v, a, F0, t, V, z, p), and dz/dt
+BY_HAND = {
+    "linear_stiffness": lambda d, v, a, f, t, s, z, p: p["stiffness"] * d,
+    "cubic_stiffness": lambda d, v, a, f, t, s, z, p: p["cubic_stiffness"] * d * d * d,
+    "bilinear_stiffness_difference": lambda d, v, a, f, t, s, z, p: np.where(d > 0, 0.5, -0.5) * p["difference"] * d,
+    # own stiffness K as seen in F0 = K d; K+ / K- = r with (K+ + K-) / 2 = K
+    "bilinear_stiffness_ratio": lambda d, v, a, f, t, s, z, p: (
+        f * np.where(d > 0, 2 * p["ratio"] / (1 + p["ratio"]) - 1, 2 / (1 + p["ratio"]) - 1) * np.abs(np.tanh(d / 1e-5))
+    ),
+    "backlash": lambda d, v, a, f, t, s, z, p: -p["stiffness"] * (d - rounded_deadzone(d, p["gap"])),
+    "bump_stop": lambda d, v, a, f, t, s, z, p: p["stiffness"] * rounded_deadzone(d, p["gap"]),
+    "viscous_damping": lambda d, v, a, f, t, s, z, p: p["damping"] * v,
+    "quadratic_damping": lambda d, v, a, f, t, s, z, p: p["quadratic_damping"] * np.sign(v) * v**2,
+    "damper_asymmetry_ratio": lambda d, v, a, f, t, s, z, p: (
+        f * np.where(f > 0, 2 * p["ratio"] / (1 + p["ratio"]), 2 / (1 + p["ratio"])) - f
+    ),
+    "damper_asymmetry_difference": lambda d, v, a, f, t, s, z, p: np.where(v > 0, 0.5, -0.5) * p["difference"] * v,
+    "damper_saturation_force": lambda d, v, a, f, t, s, z, p: -rounded_deadzone(f, p["force"]),
+    "damper_saturation_velocity": lambda d, v, a, f, t, s, z, p: -f / v * rounded_deadzone(v, p["velocity"]),
+    "series_stiffness_nominal": lambda d, v, a, f, t, s, z, p: z - f,
+    "series_stiffness_damping": lambda d, v, a, f, t, s, z, p: z - p["damping"] * v,
+    "added_mass": lambda d, v, a, f, t, s, z, p: p["mass"] * a,
+    "coulomb_friction": lambda d, v, a, f, t, s, z, p: p["friction_force"] * (1 - 2 / (np.exp(2 * v / 1e-3) + 1)),
+    "stribeck_friction": lambda d, v, a, f, t, s, z, p: (
+        (p["friction_force"] * (1 - np.exp(-((v / 0.01) ** 2))) + p["breakaway_force"] * np.exp(-((v / 0.01) ** 2)))
+        * (1 - 2 / (np.exp(2 * v / 1e-3) + 1))
+    ),
+    "bouc_wen_hysteresis": lambda d, v, a, f, t, s, z, p: (
+        p["alpha"] * p["stiffness"] * d + (1 - p["alpha"]) * p["stiffness"] * z
+    ),
+    "preload": lambda d, v, a, f, t, s, z, p: p["force"] + 0 * d,
+    "periodic_force_frequency": lambda d, v, a, f, t, s, z, p: (
+        p["amplitude"] * np.imag(np.exp(1j * (2 * np.pi * p["frequency"] * t + p["phase"])))
+    ),
+    "periodic_force_order": lambda d, v, a, f, t, s, z, p: (
+        p["amplitude"] * np.imag(np.exp(1j * (p["order"] * s / p["radius"] * t + p["phase"])))
+    ),
+}
+RATES_BY_HAND = {
+    "series_stiffness_nominal": lambda v, f, z, p: p["stiffness"] * np.abs(v) / (np.abs(f) + 1e-3) * (f - z),
+    "series_stiffness_damping": lambda v, f, z, p: p["stiffness"] / p["damping"] * (p["damping"] * v - z),
+    "bouc_wen_hysteresis": lambda v, f, z, p: (
+        v - p["beta"] * np.abs(v) * np.abs(z) ** (p["exponent"] - 1) * z - p["gamma"] * v * np.abs(z) ** p["exponent"]
+    ),
+}
+
+
+def rounded_deadzone(x, gap):
+    width = 0.01 * gap
+    inside = (np.sqrt((x + gap) ** 2 + width**2) - np.sqrt((x - gap) ** 2 + width**2)) / 2
+    return x - np.sqrt(1 + 0.01**2) * inside
+
+
+def complete(law: Law) -> dict[str, float]:
+    return law.complete(VALUES[law.label])
+
+
+def motion(seed: int = 0, n: int = 200) -> dict[str, np.ndarray]:
+    """Values that reach every branch, by the names of INPUTS."""
+    scales = {
+        "displacement": 1e-3,
+        "velocity": 1e-2,
+        "acceleration": 1.0,
+        "nominal_force": 1e3,
+        "time": 10,
+        "speed": 60,
+    }
+    rng = np.random.default_rng(seed)
+    drawn = {name: scale * rng.normal(size=n) for name, scale in scales.items()}
+    return drawn | {"time": np.abs(drawn["time"]), "speed": np.abs(drawn["speed"])}
+
+
+def states(law: Law, n: int = 200, seed: int = 1) -> np.ndarray:
+    scale = {"F": 1e3, "D": 1e-3}
+    return np.random.default_rng(seed).normal(size=(n, len(law.states))) * [scale[s.unit] for s in law.states]
