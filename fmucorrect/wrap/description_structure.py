@@ -67,7 +67,11 @@ def append(root: ET.Element, added: Added, base: int) -> None:
 
 
 def _append_unknowns(root: ET.Element, added: Added, new: Iterable[AddedVariable], places: dict[str, int]) -> None:
-    parameters = [places[variable.name] for variable in new if variable.causality == "parameter"]
+    parameters = [
+        places[variable.name]
+        for variable in new
+        if variable.causality == "parameter" and variable.name != "effects_enabled"
+    ]
     outputs = [places[variable.name] for variable in new if variable.causality == "output"]
     at_points = _dependencies(root, added.sources, False)
     at_start = _dependencies(root, added.sources, True)

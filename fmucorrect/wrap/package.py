@@ -191,7 +191,10 @@ def _generate(parts: _Parts, net: Mapping[str, bytes]) -> tuple[dict[str, bytes]
         tool=f"fmucorrect {fmucorrect.__version__}",
         files=tuple(sorted([*(name for name in sources if name.endswith(".c")), "wrapped.c"])),
     )
-    first = describe(parts.xml, parts.added, outer)
+    try:
+        first = describe(parts.xml, parts.added, outer)
+    except WrapError as error:
+        raise WrapError(str(error), where=str(parts.inner.path) if parts.inner else None) from error
     facts = Facts(
         inner=parts.inner,
         outer=parts.fmi,

@@ -83,13 +83,15 @@ AWKWARD_3 = """<?xml version="1.0" encoding="UTF-8"?>
 <Float64 name="t" valueReference="8" causality="independent" variability="continuous" unit="s"/>
 <Float64 name="u" valueReference="5" causality="input" start="1 2 3 4 5 6" unit="m" intermediateUpdate="true">
   <Dimension start="2"/><Dimension valueReference="4294967290"/><Alias name="u_also" displayUnit="mm"/></Float64>
-<Float32 name="y" valueReference="6" causality="output" declaredType="Short"><Annotations><Annotation type="v"><v:p/></Annotation>
-  <Annotation type="w">text</Annotation></Annotations><Alias name="y_also" description="again" displayUnit="1/m"/></Float32>
+<Float32 name="y" valueReference="6" causality="output" declaredType="Short"><Annotations><Annotation type="v"><v:p/>
+  </Annotation><Annotation type="w">text</Annotation></Annotations>
+  <Alias name="y_also" description="again" displayUnit="1/m"/></Float32>
 <Float64 name="x" valueReference="10" initial="exact" start="7" reinit="true"><Dimension start="2"/></Float64>
 <Float64 name="der(x)" valueReference="11" derivative="10"><Dimension start="2"/></Float64>
 <Int64 name="long" valueReference="12" causality="parameter" variability="tunable" start="-5" declaredType="Long"/>
 <UInt8 name="small" valueReference="13" causality="input" initial="exact" start="255" max="255"/>
-<Boolean name="on" valueReference="14" causality="parameter" start="true false" declaredType="B"><Dimension start="2"/></Boolean>
+<Boolean name="on" valueReference="14" causality="parameter" start="true false" declaredType="B"><Dimension start="2"/>
+  </Boolean>
 <String name="words" valueReference="15" causality="parameter"><Dimension start="2"/><Start value="a b"/><Start value=""/>
   </String>
 <Enumeration name="gear" valueReference="16" causality="output" declaredType="Gear"/>

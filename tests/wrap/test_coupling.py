@@ -89,7 +89,9 @@ def test_an_effect_with_a_state_follows_its_differential_equation(tmp_path):
         pull = STIFFNESS * x + DAMPING * v + missing
         return [v, -pull / MASS, float(rate(x, v, z, *values.values()))]
 
-    exact = solve_ivp(motion, (0.0, DURATION), [MODEL["x1"], 0.0, 0.0], "Radau", rtol=1e-8, atol=1e-11, dense_output=True)
+    exact = solve_ivp(
+        motion, (0.0, DURATION), [MODEL["x1"], 0.0, 0.0], "Radau", rtol=1e-8, atol=1e-11, dense_output=True
+    )
     errors = [error(fmu, step, lambda t: exact.sol(t)[0]) for step in (2_000_000, 1_000_000, 500_000)]
     assert errors[0] / errors[1] > 1.7, errors
     assert errors[1] / errors[2] > 1.7, errors

@@ -139,7 +139,10 @@ def _measure(work: Path, steps: int, repeats: int) -> list[Row]:
             own = sum(i.compress_size for i in solver.infolist() if not i.filename.startswith("binaries/win64"))
         more = max(more, made.size - own)
     pairs = {
-        "oscillator": (Unpacked(oscillator, work / "o", masses), Unpacked(work / "oscillator.fmu", work / "ow", corrected)),
+        "oscillator": (
+            Unpacked(oscillator, work / "o", masses),
+            Unpacked(work / "oscillator.fmu", work / "ow", corrected),
+        ),
         "rig": (Unpacked(rig, work / "r", channels), Unpacked(work / "rig.fmu", work / "rw", corrected)),
     }
     ratios: dict[str, list[float]] = {}

@@ -3,6 +3,7 @@
 #if NETWORK_X86
 #define NETWORK_WAY network_avx2
 #define NETWORK_LANES 8
+#define NETWORK_DOUBLE 0
 #define NETWORK_TARGET "avx2,fma"
 #include "network_way.h"
 #else

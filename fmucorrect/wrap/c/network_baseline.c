@@ -6,4 +6,5 @@
 #else
 #define NETWORK_LANES 1
 #endif
+#define NETWORK_DOUBLE NETWORK_X86 /* no fused multiply-add */
 #include "network_way.h"

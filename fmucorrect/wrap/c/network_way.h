@@ -1,5 +1,6 @@
 /* One way of computing the network: NETWORK_WAY is the function's name, NETWORK_LANES the values in a vector,
- * NETWORK_TARGET the instruction sets, so that no compiler flags are needed. */
+ * NETWORK_TARGET the instruction sets, so that no compiler flags are needed, NETWORK_DOUBLE whether they lack a multiplication
+ * and addition that is rounded once. */
 #include <float.h>
 #include <math.h>
 #include <stddef.h>
@@ -15,6 +16,7 @@
 #define NETWORK_PRAGMA(text) _Pragma(#text)
 #define NETWORK_GCC_TARGET(text) NETWORK_PRAGMA(GCC target(text))
 #pragma GCC push_options
+#pragma GCC optimize("fp-contract=fast") /* gcc does not know the standard's FP_CONTRACT */
 NETWORK_GCC_TARGET(NETWORK_TARGET)
 #endif
 #endif

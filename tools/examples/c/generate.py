@@ -37,7 +37,7 @@ def _header(corrector: Bundle) -> str:
 def _columns(channels: tuple[Channel, ...]) -> str:
     """The header of a CSV file of these channels, as fmucorrect writes it, as a C string."""
     line = io.StringIO()
-    names = [f"{channel.name} [{channel.unit}]" if channel.unit else channel.name for channel in channels]
+    names = [channel.name if channel.unit == "1" else f"{channel.name} [{channel.unit}]" for channel in channels]
     csv.writer(line, lineterminator="").writerow(["time", *names])
     return json.dumps(line.getvalue(), ensure_ascii=False)
 

@@ -92,11 +92,13 @@ class Corrector {
     const { rows: length, channels } = this.info;
     const size = length * channels.length;
     const values = Float32Array.from(all.flatMap(([, row]) => row));
-    const [window, condition, time] = [new Float32Array(count * size), new Float32Array(count * 3), new Float64Array(count)];
+    const window = new Float32Array(count * size);
+    const condition = new Float32Array(count * 3);
+    const time = new Float64Array(count); // s since the excitation began
     for (let n = 0; n < count; n++) {
       window.set(values.subarray(n * channels.length, n * channels.length + size), n * size);
       condition.set([this.condition.speed, this.condition.amplitude, this.condition.frequency], n * 3);
-      time[n] = Number(all[n + length - 1][0] - this.start) / 1e9; // s since the excitation began
+      time[n] = Number(all[n + length - 1][0] - this.start) / 1e9;
     }
     return this.session.run({
       window: new ort.Tensor("float32", window, [count, length, channels.length]),
