@@ -233,7 +233,7 @@ def to_json(result: Result) -> dict[str, Any]:
     }
 
 
-NEXT = """# and then: the logged simulation, corrected again; one FMU of model and corrector; what is in the files; your own study
+NEXT = """# and then: the log, corrected again; one FMU of model and corrector; what is in the files; your own study
 fmucorrect replay demo.mcap --corrector corrector.onnx -o again.mcap
 fmucorrect wrap roller_rig.fmu --corrector corrector.onnx -o bogie_corrected.fmu
 fmucorrect inspect demo.mcap corrector.onnx

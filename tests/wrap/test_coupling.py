@@ -1,5 +1,6 @@
 """Effects inside a wrapped FMU: forces fed back between the solver's steps, against models that have the effect built in."""
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -68,7 +69,7 @@ def free(k: float, c: float):
 def test_the_coupling_error_halves_with_the_step(effect, exact, tmp_path):
     fmu = augmented(tmp_path, effect)
     errors = [error(fmu, step, exact) for step in (4_000_000, 2_000_000, 1_000_000, 500_000)]
-    ratios = [coarse / fine for coarse, fine in zip(errors, errors[1:], strict=False)]
+    ratios = [coarse / fine for coarse, fine in pairwise(errors)]
     assert min(ratios) > 1.8, errors
     assert errors[-1] < 2e-3, errors
     # without the effect the model is far from it: what is measured is the effect
