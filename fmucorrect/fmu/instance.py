@@ -158,6 +158,15 @@ class Instance(ABC):
                 remedy="Export it again.",
             ) from None
 
+    def address(self, name: str) -> int:
+        """Where a function of the library is, for C."""
+        return ctypes.cast(self.function(name), c_void_p).value or 0
+
+    @property
+    def component(self) -> int:
+        """The instance's own pointer, for C."""
+        return self._component.value or 0
+
     def call(self, name: str, *arguments: Any) -> None:
         """Call a function on the instance and check its status."""
         self.check(self.function(name)(self._component, *arguments), f"{self.PREFIX}{name}")

@@ -40,6 +40,18 @@ class SolverState:
     t_ns: int
 
 
+@dataclass(frozen=True)
+class Native:
+    """A running instance for loops in C: addresses of the instance and of its functions DoStep, GetReal or GetFloat64, SetReal
+    or SetFloat64. fmi: 2 or 3. Valid until the stepper is reset or closed."""
+
+    component: int
+    step: int
+    get: int
+    set: int
+    fmi: int
+
+
 @final
 class FmuStepper:
     """An FMU for co-simulation, streamed sample by sample.
@@ -88,6 +100,16 @@ class FmuStepper:
     def description(self) -> FmuDescription:
         """What the FMU says of itself."""
         return self._description
+
+    @property
+    def references(self) -> tuple[int, ...]:
+        """Value references of the channels."""
+        return tuple(variable.reference for variable in self._outputs)
+
+    @property
+    def factors(self) -> Float64[np.ndarray, " J"]:
+        """From the solver's units to the channels'."""
+        return np.ones(len(self._channels)) if self._factors is None else self._factors
 
     def reset(self, condition: Condition) -> None:
         """Start the solver with the start values of `parameters` and `condition.parameters`, the latter going first."""
@@ -214,6 +236,13 @@ class FmuStepper:
     def load_state(self, content: bytes, t_ns: int) -> SolverState:
         """What save_state() gave, of a state taken at t_ns; set_state() goes there. Needs a first step() after reset()."""
         return SolverState(self._running().deserialise(content), t_ns)
+
+    def native(self) -> Native:
+        """The running instance for a loop in C, after the first step(); this stepper does not know how far that one went."""
+        instance = self._running()
+        number = "Real" if instance.PREFIX == "fmi2" else "Float64"
+        step, get, put = (instance.address(name) for name in ("DoStep", f"Get{number}", f"Set{number}"))
+        return Native(instance.component, step, get, put, int(instance.PREFIX[-1]))
 
     def close(self) -> None:
         instance, log, folder = self._instance, self._log, self._folder

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import platform
 import struct
 import subprocess
 import sys
@@ -19,10 +20,26 @@ TARGETS: Mapping[str, Sequence[tuple[str, str, str]]] = {
 }
 """Platform as FMI 2.0 names it -> zig target, folder in FMI 3.0 and suffix of the library, for each processor."""
 
+_HOSTS = {
+    ("linux", "x86_64"): TARGETS["linux64"][0],
+    ("linux", "aarch64"): ("aarch64-linux-gnu.2.17", "aarch64-linux", ".so"),
+    ("win32", "AMD64"): TARGETS["win64"][0],
+    ("darwin", "x86_64"): TARGETS["darwin64"][0],
+    ("darwin", "arm64"): TARGETS["darwin64"][1],
+}
+
 # No symbols or debug information, so no paths either.
 _FLAGS = ["-std=c11", "-fvisibility=hidden", "-fPIC", "-shared", "-s", "-Wall", "-Wextra", "-Wno-unused-parameter"]
 EXACT = ["-O2", "-ffp-contract=off"]
 """No fused multiply-add, so that the platforms round alike."""
+
+
+def host() -> tuple[str, str, str]:
+    """Target, folder and suffix, as in TARGETS, of the machine that this runs on. Raises WrapError where there is none."""
+    machine = (sys.platform, platform.machine())
+    if machine not in _HOSTS:
+        raise WrapError("nothing can be compiled for this machine", got=" on ".join(machine))
+    return _HOSTS[machine]
 
 
 def compile_library(
@@ -86,17 +103,17 @@ def libraries(
 ) -> dict[str, bytes]:
     """The libraries of one FMU by their place in it (`binaries/...`), compiled for `platforms` (keys of TARGETS)."""
     files: dict[str, bytes] = {}
-    for platform in platforms:
+    for name in platforms:
         slices: list[bytes] = []
         suffix = ""
-        for target, folder, suffix in TARGETS[platform]:
+        for target, folder, suffix in TARGETS[name]:
             library = work / folder / f"{identifier}{suffix}"
             compile_library(sources, names, target, library, flags)
             slices.append(library.read_bytes())
             if fmi == 3:
                 files[f"binaries/{folder}/{library.name}"] = slices[-1]
         if fmi == 2:
-            files[f"binaries/{platform}/{identifier}{suffix}"] = slices[0] if len(slices) == 1 else fat_library(slices)
+            files[f"binaries/{name}/{identifier}{suffix}"] = slices[0] if len(slices) == 1 else fat_library(slices)
     return files
 
 

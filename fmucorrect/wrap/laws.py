@@ -134,14 +134,14 @@ void effects_step(double t, double h, const double ports[][4], double states[], 
 """
 
 
-_PHI1 = """\
+PHI1 = """\
 /* (exp(x) - 1) / x */
 static double phi1(double x)
 {
     return fabs(x) < 1e-8 ? 1.0 + 0.5 * x : expm1(x) / x;
 }
 """
-_WITHIN = """\
+WITHIN = """\
 /* x between -limit and limit; not a number stays what it is */
 static double within(double x, double limit)
 {
@@ -156,11 +156,11 @@ def _source(effects: Effects, instances: Sequence[Instance]) -> str:
         '/* The laws, from the catalogue of fmucorrect. Generated. */\n#include <math.h>\n\n#include "effects.h"\n'
     ]
     if any(law.states for law in laws):
-        parts.append(_PHI1)
+        parts.append(PHI1)
     if any(law.formula.bounds for law in laws):
-        parts.append(_WITHIN)
+        parts.append(WITHIN)
     for law in laws:
-        parts += _functions(law)
+        parts += functions(law)
     tables: dict[int, str] = {}
     for instance in instances:
         if id(instance.effect) not in tables:
@@ -200,19 +200,20 @@ def _step(tables: Sequence[str], instances: Sequence[Instance]) -> str:
     offset = 0
     for i, (table, instance) in enumerate(zip(tables, instances, strict=True)):
         law = instance.law
-        names = list(_arguments(law, [law.formula.force, *law.formula.rates]))
-        names += ["h", "states"] if law.states else []
-        words = {"p": table, "port": f"ports[{i}]", "states": f"states + {offset}"}
+        names = needs(law)
+        words = {"p": table, "port": f"ports[{i}]", "z": f"states + {offset}"}
         lines.append(f"    forces[{i}] = {law.label}({', '.join(words.get(name, name) for name in names)});")
-        read |= {*names, "forces", *(["ports"] if "port" in names else [])}
+        said = {"port": "ports", "z": "states"}
+        read |= {"forces", *(said.get(name, name) for name in names)}
         offset += len(law.states)
     idle = [f"    (void){name};" for name in ("t", "h", "ports", "states", "forces") if name not in read]
     head = "void effects_step(double t, double h, const double ports[][4], double states[], double forces[])"
     return "\n".join([head, "{", *idle, *lines, "}", ""])
 
 
-def _functions(law: Law) -> list[str]:
-    """C functions of a law: its force, and with states the force in the middle of a step that advances them."""
+def functions(law: Law) -> list[str]:
+    """C functions of a law: its force, and with states the force in the middle of a step that advances them. That of its
+    label comes last, with the arguments of `needs`; PHI1 and WITHIN stand before them."""
     formula, label, head = law.formula, law.label, f"/* {law.name}: {law.equation} */\n"
     arguments = _arguments(law, [formula.force])
     if not law.states:
@@ -238,6 +239,11 @@ def _functions(law: Law) -> list[str]:
         f"{{\n{advance}    const double force = {label}_force({', '.join([*arguments, 'z'])});\n{advance}"
         "    return force;\n}\n",
     ]
+
+
+def needs(law: Law) -> list[str]:
+    """Names of the arguments of a law's C function: of p, port, t, h, z those that it has, in this order."""
+    return [*_arguments(law, [law.formula.force, *law.formula.rates]), *(["h", "z"] if law.states else [])]
 
 
 def _arguments(law: Law, expressions: Sequence[Any]) -> dict[str, str]:

@@ -10,7 +10,6 @@ import base64
 import contextlib
 import ctypes
 import json
-import platform
 import sys
 from collections.abc import Generator, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -23,7 +22,7 @@ from jaxtyping import Float32, Float64
 from fmucorrect import units
 from fmucorrect.bundle import Bundle
 from fmucorrect.errors import WrapError
-from fmucorrect.wrap.compiler import TARGETS, compile_library
+from fmucorrect.wrap.compiler import compile_library, host
 from fmucorrect.wrap.network import NetworkSources
 
 TOLERANCE = 1e-5
@@ -35,14 +34,6 @@ _BATCHES, _BATCH = 50, 20
 _USUAL = {"speed": (0.0, 400.0), "amplitude": (0.0, 0.1), "frequency": (0.0, 10.0)}
 _ENDLESS = 1e6
 """A corner of the envelope that far out is none."""
-
-_HOSTS = {
-    ("linux", "x86_64"): TARGETS["linux64"][0],
-    ("linux", "aarch64"): ("aarch64-linux-gnu.2.17", "aarch64-linux", ".so"),
-    ("win32", "AMD64"): TARGETS["win64"][0],
-    ("darwin", "x86_64"): TARGETS["darwin64"][0],
-    ("darwin", "arm64"): TARGETS["darwin64"][1],
-}
 
 
 class Answers(NamedTuple):
@@ -82,15 +73,12 @@ class Proof:
 def prove(bundle: Bundle, sources: NetworkSources, work: Path) -> Proof:
     """Compiles `sources` in the folder `work` and compares. Raises WrapError where an answer differs by more than
     TOLERANCE (see there), and on machines for which there is no compiler."""
-    host = _HOSTS.get((sys.platform, platform.machine()))
+    target, _, suffix = host()
     where = str(bundle.path)
-    if host is None:
-        machine = f"{sys.platform} on {platform.machine()}"
-        raise WrapError("the C network cannot be proved on this machine", where=where, got=machine)
     names = sources.write(work)
     (work / "network_probe.c").write_bytes((Path(__file__).parent / "c" / "network_probe.c").read_bytes())
-    library = work / f"network_probe{host[2]}"
-    compile_library(work, [*names, "network_probe.c"], host[0], library)
+    library = work / f"network_probe{suffix}"
+    compile_library(work, [*names, "network_probe.c"], target, library)
     asked = _questions(bundle)
     scale, limits = _limits(bundle)
     scales, allowed = (scale, scale, np.ones(1)), (limits, limits, np.full(1, TOLERANCE))

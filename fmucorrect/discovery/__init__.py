@@ -1,0 +1,1 @@
+"""Discovery: where simulation and measurement disagree, which effect is missing, and the model with it."""

@@ -1,0 +1,96 @@
+/* Steps an FMU along a condition with laws at its joints, as the wrapped FMU would do it, at the speed of C.
+ *
+ * The instance belongs to the caller, who has opened and initialised it; its functions come as pointers. Laws see the displacement
+ * half a step ahead (d + v h / 2), their force is held over the step (fmucorrect/wrap: coupling.c). */
+#include "march.h"
+
+#include <stdbool.h>
+#include <stddef.h>
+
+typedef int Step2(void *, double, double, int);
+typedef int Access2(void *, const unsigned[], size_t, double[]);
+typedef int Step3(void *, double, double, bool, bool *, bool *, bool *, double *);
+typedef int Access3(void *, const unsigned[], size_t, double[], size_t);
+
+/* An opened instance. fmi: 2 or 3. */
+typedef struct {
+    void *component, *step, *get, *set;
+    int fmi;
+} Solver;
+
+/* One law at one joint. port: places among the values that are read, -1 where the joint has none; factor: to SI. force: place
+ * among the force inputs; force_factor: from the law's force to the input. */
+typedef struct {
+    int law, port[4], force;
+    double factor[4], force_factor;
+    const double *p;
+    double *z;
+} Placed;
+
+/* Where and what is stepped: `steps` steps of `size` s from `start`. inputs: (steps + 1, n_inputs) rows. reads: references of what
+ * is read after every step, responses first; out: (steps + 1, n_responses). forces: references of the force inputs. */
+typedef struct {
+    double start, size;
+    long steps;
+    const unsigned *input_references;
+    long n_inputs;
+    const double *inputs;
+    const unsigned *read_references;
+    long n_reads, n_responses;
+    double *reads, *out;
+    const unsigned *force_references;
+    long n_forces;
+    double *force_values;
+} Road;
+
+static int get(const Solver *s, const unsigned r[], size_t n, double v[])
+{
+    return s->fmi == 2 ? ((Access2 *)s->get)(s->component, r, n, v) : ((Access3 *)s->get)(s->component, r, n, v, n);
+}
+
+static int set(const Solver *s, const unsigned r[], size_t n, double v[])
+{
+    return s->fmi == 2 ? ((Access2 *)s->set)(s->component, r, n, v) : ((Access3 *)s->set)(s->component, r, n, v, n);
+}
+
+static int step(const Solver *s, double t, double h)
+{
+    if (s->fmi == 2)
+        return ((Step2 *)s->step)(s->component, t, h, 1);
+    bool event, terminate, early;
+    double last;
+    const int status = ((Step3 *)s->step)(s->component, t, h, true, &event, &terminate, &early, &last);
+    return terminate || early ? 3 : status;
+}
+
+/* Number of the first step that failed, or `steps` when all went well; rows up to it are filled. */
+__attribute__((visibility("default"))) long march(const Solver *s, const Road *road, const Placed laws[], long n_laws)
+{
+    for (long k = 0; k <= road->steps; k++) {
+        if (road->n_inputs && set(s, road->input_references, (size_t)road->n_inputs, (double *)road->inputs + k * road->n_inputs) > 1)
+            return k;
+        if (get(s, road->read_references, (size_t)road->n_reads, road->reads) > 1)
+            return k;
+        for (long j = 0; j < road->n_responses; j++)
+            road->out[k * road->n_responses + j] = road->reads[j];
+        if (k == road->steps)
+            break;
+        const double t = road->start + (double)k * road->size;
+        for (long f = 0; f < road->n_forces; f++)
+            road->force_values[f] = 0.0;
+        for (long i = 0; i < n_laws; i++) {
+            const Placed *law = &laws[i];
+            double port[4];
+            for (int p = 0; p < 4; p++)
+                port[p] = law->port[p] < 0 ? 0.0 : law->factor[p] * road->reads[law->port[p]];
+            port[0] += 0.5 * road->size * port[1];
+            road->force_values[law->force] +=
+                law->force_factor * LAWS[law->law](law->p, port, t + 0.5 * road->size, road->size, law->z);
+        }
+        if (road->n_forces && set(s, road->force_references, (size_t)road->n_forces, road->force_values) > 1)
+            return k;
+        if (step(s, t, road->size) > 1)
+            return k;
+    }
+    return road->steps;
+}

@@ -1,0 +1,189 @@
+"""One condition of a study, simulated with laws at its joints and other parameters, at the speed of C."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Mapping, Sequence
+from ctypes import POINTER, Structure, c_double, c_int, c_long, c_uint, c_void_p
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+from jaxtyping import Float64
+
+from fmucorrect import sources
+from fmucorrect.catalogue import Law
+from fmucorrect.discovery.native import LAWS
+from fmucorrect.errors import FmuError
+from fmucorrect.fmu import FmuStepper
+from fmucorrect.signals import NANOSECONDS, Condition, join
+from fmucorrect.study import Joint, Study
+from fmucorrect.wrap.laws import Wire
+from fmucorrect.wrap.places import places
+
+_NONE: Mapping[str, float] = MappingProxyType({})
+
+
+@dataclass(frozen=True)
+class LawAt:
+    """A law at a joint. values: all its parameters, SI, in the law's order (Law.complete)."""
+
+    law: Law
+    joint: Joint
+    values: Mapping[str, float]
+
+
+class _Solver(Structure):
+    _fields_ = [("component", c_void_p), ("step", c_void_p), ("get", c_void_p), ("set", c_void_p), ("fmi", c_int)]
+
+
+class _Placed(Structure):
+    _fields_ = [
+        ("law", c_int),
+        ("port", c_int * 4),
+        ("force", c_int),
+        ("factor", c_double * 4),
+        ("force_factor", c_double),
+        ("p", POINTER(c_double)),
+        ("z", POINTER(c_double)),
+    ]
+
+
+class _Road(Structure):
+    _fields_ = [
+        ("start", c_double),
+        ("size", c_double),
+        ("steps", c_long),
+        ("input_references", POINTER(c_uint)),
+        ("n_inputs", c_long),
+        ("inputs", c_void_p),
+        ("read_references", POINTER(c_uint)),
+        ("n_reads", c_long),
+        ("n_responses", c_long),
+        ("reads", c_void_p),
+        ("out", c_void_p),
+        ("force_references", POINTER(c_uint)),
+        ("n_forces", c_long),
+        ("force_values", c_void_p),
+    ]
+
+
+class Simulator:
+    """A condition of a study, opened once and run many times; not shared between threads.
+
+    library: what native.build made. times: (T,) s, of every row that run() gives.
+    """
+
+    def __init__(self, study: Study, condition: Condition, library: Path, duration: float | None = None) -> None:
+        fmu = _fmu(study)
+        chunk = join(list(sources.inputs(study, condition, duration)))
+        self._condition, self._step_ns = condition, study.simulation.step_ns
+        self._stepper = FmuStepper(fmu, study.channels, inputs=chunk.names, parameters=study.simulation.parameters)
+        self._description = self._stepper.description
+        self._inputs = np.ascontiguousarray(chunk.values)
+        self._t_ns = chunk.t_ns
+        self._march = ctypes.CDLL(str(library)).march
+        self._march.restype = c_long
+        self._input_references = self._references([self._description.variables[name].reference for name in chunk.names])
+        self._responses = self._stepper.references
+        self._factors = self._stepper.factors
+        self._speed = condition.speed / 3.6
+
+    @property
+    def times(self) -> Float64[np.ndarray, " T"]:
+        """Of all rows, s."""
+        return self._t_ns / NANOSECONDS
+
+    def run(self, laws: Sequence[LawAt] = (), parameters: Mapping[str, float] = _NONE) -> Float64[np.ndarray, "T J"]:
+        """The response in the channels' units. parameters: start values, over those of study and condition.
+
+        Raises FmuError where the solver gives up: with these laws the model is not stable, say.
+        """
+        condition = replace(self._condition, parameters={**self._condition.parameters, **parameters})
+        self._stepper.reset(condition)
+        self._stepper.step(int(self._t_ns[0]), self._inputs[0])
+        native = self._stepper.native()
+        solver = _Solver(native.component, native.step, native.get, native.set, native.fmi)
+        reads = list(self._responses)
+        forces: list[int] = []
+        placed, kept = self._placed(laws, reads, forces)
+        steps, count = len(self._t_ns) - 1, len(self._responses)
+        values, out, pushed = np.zeros(len(reads)), np.zeros((steps + 1, count)), np.zeros(max(len(forces), 1))
+        road = _Road(
+            self._t_ns[0] / NANOSECONDS,
+            self._step_ns / NANOSECONDS,
+            steps,
+            self._input_references,
+            self._inputs.shape[1],
+            self._inputs.ctypes.data,
+            self._references(reads),
+            len(reads),
+            count,
+            values.ctypes.data,
+            out.ctypes.data,
+            self._references(forces),
+            len(forces),
+            pushed.ctypes.data,
+        )
+        reached = self._march(ctypes.byref(solver), ctypes.byref(road), placed, c_long(len(laws)))
+        del kept
+        if reached != steps or not np.isfinite(out).all():
+            raise FmuError(
+                f"the solver gave up at t = {self._t_ns[max(reached, 0)] / NANOSECONDS:.6g} s",
+                where=f"{self._description.path}, condition {self._condition.name!r}",
+            )
+        return out * self._factors
+
+    def _placed(
+        self, laws: Sequence[LawAt], reads: list[int], forces: list[int]
+    ) -> tuple[ctypes.Array[_Placed], list[object]]:
+        """The laws for C; what they read is appended to `reads`, what they push to `forces`."""
+        rows = (_Placed * max(len(laws), 1))()
+        kept: list[object] = []
+        for row, item in zip(rows, laws, strict=False):
+            wire = Wire(item.law.name, item.joint.name, item.joint.force, *_ports(item.joint), item.joint.sign, False)
+            (place,) = places(self._description, [wire])
+            for p, port in enumerate(place.ports):
+                row.port[p], row.factor[p] = -1, 1.0
+                if port is not None:
+                    if port.variable.reference not in reads:
+                        reads.append(port.variable.reference)
+                    row.port[p], row.factor[p] = reads.index(port.variable.reference), port.factor
+            if place.force.reference not in forces:
+                forces.append(place.force.reference)
+            row.force, row.force_factor = forces.index(place.force.reference), place.factor
+            law, values = self._at_this_speed(item)
+            row.law = LAWS.index(law)
+            numbers = (c_double * max(len(values), 1))(*values)
+            states = (c_double * max(len(law.states), 1))(*(state.start for state in law.states))
+            row.p, row.z = numbers, states
+            kept += [numbers, states]
+        return rows, kept
+
+    def _at_this_speed(self, item: LawAt) -> tuple[Law, list[float]]:
+        """A law that follows the speed, as one of fixed frequency."""
+        if "speed" not in item.law.inputs:
+            return item.law, list(item.values.values())
+        plain = next(law for law in LAWS if law.name == item.law.name)
+        given = dict(item.values)
+        frequency = given.pop("order") * self._speed / (2.0 * np.pi * given.pop("radius"))
+        return plain, list(plain.complete(given | {"frequency": frequency}).values())
+
+    @staticmethod
+    def _references(numbers: Sequence[int]) -> ctypes.Array[c_uint]:
+        return (c_uint * max(len(numbers), 1))(*numbers)
+
+    def close(self) -> None:
+        """Release the solver."""
+        self._stepper.close()
+
+
+def _ports(joint: Joint) -> tuple[str, str, str, str]:
+    return joint.displacement, joint.velocity, joint.acceleration, joint.nominal_force
+
+
+def _fmu(study: Study) -> Path:
+    if study.simulation.fmu is None:
+        raise FmuError("the study names no FMU", where=str(study.path))
+    return study.simulation.fmu

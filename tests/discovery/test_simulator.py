@@ -1,0 +1,137 @@
+"""A model with laws in the loop, at the speed of C: the same numbers as the solver alone, and as the wrapped FMU."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("ziglang")
+pytest.importorskip("sympy")
+
+from fmucorrect import experiment
+from fmucorrect.catalogue import CATALOGUE, find
+from fmucorrect.discovery import native
+from fmucorrect.discovery.candidates import candidates
+from fmucorrect.discovery.motion import motions
+from fmucorrect.discovery.simulator import LawAt, Simulator
+from fmucorrect.effects import Effects, ForceEffect, write
+from fmucorrect.errors import FmuError
+from fmucorrect.fmu import FmuStepper
+from fmucorrect.signals import Condition
+from fmucorrect.stepper import grid, run
+from fmucorrect.study import load_study
+from fmucorrect.wrap.package import wrap
+
+FMUS = Path(__file__).resolve().parent.parent.parent / "fmus"
+STUDY = FMUS / "roller_rig" / "A" / "study.toml"
+DURATION = 13.0
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory):
+    return native.build(tmp_path_factory.mktemp("march"))
+
+
+@pytest.fixture(params=[2, 3], ids=["FMI 2", "FMI 3"])
+def study(request):
+    loaded = load_study(STUDY)
+    if request.param == 2:
+        return loaded
+    return replace(loaded, simulation=replace(loaded.simulation, fmu=FMUS / "roller_rig" / "roller_rig_fmi3.fmu"))
+
+
+def joint(study, name: str):
+    return next(joint for joint in study.joints if joint.name == name)
+
+
+def law_at(study, effect: str, where: str, **parameters: float) -> LawAt:
+    law = find(effect, parameters)
+    return LawAt(law, joint(study, where), law.complete(parameters))
+
+
+def test_without_laws_it_is_the_solver_to_the_bit(study, library):
+    condition = study.condition("340")
+    simulator = Simulator(study, condition, library)
+    whole = experiment.simulate(study, condition)
+    assert (simulator.run() == whole.values[:, : len(study.channels)]).all()
+    assert (simulator.run() == whole.values[:, : len(study.channels)]).all()
+    assert (simulator.times == whole.seconds()).all()
+    simulator.close()
+
+
+def test_with_laws_it_is_the_wrapped_fmu(study, library, tmp_path):
+    """Two laws, one with a state, at one joint and another: the same coupling in both."""
+    where = ("secondary, lateral", "yaw damper mount, left")
+    friction, hysteresis = {"friction_force": 300.0}, {"stiffness": 2e5, "beta": 5e3, "gamma": 5e3}
+    rows = (
+        ForceEffect("coulomb_friction", where[0], friction),
+        ForceEffect("bouc_wen_hysteresis", where[0], hysteresis),
+        ForceEffect("backlash", where[1], {"gap": 5e-5, "stiffness": 8.82e6}),
+    )
+    write(Effects(rows, (), tuple(joint(study, name) for name in where)), tmp_path / "effects.toml")
+    assert study.fmu is not None
+    wrap(study.fmu, None, tmp_path / "augmented.fmu", effects_file=tmp_path / "effects.toml", platforms=["linux64"])
+    condition = replace(study.condition("340"), inputs=None)
+    parameters = {**study.parameters, "platform_amplitude": 0.03}
+    with FmuStepper(tmp_path / "augmented.fmu", study.channels, parameters=parameters) as stepper:
+        wrapped = run(stepper, condition, list(grid(DURATION, study.simulation.step_ns)))
+    assert wrapped is not None
+    simulator = Simulator(study, condition, library, DURATION)
+    laws = [law_at(study, row.effect, row.joint, **row.parameters) for row in rows]
+    ours = simulator.run(laws, {"platform_amplitude": 0.03})
+    bare = simulator.run((), {"platform_amplitude": 0.03})
+    simulator.close()
+    np.testing.assert_allclose(ours, wrapped.values, rtol=0.0, atol=1e-9 * np.abs(ours).max())
+    assert np.abs(ours - bare).max() > 0.03 * np.abs(bare).max()
+
+
+def test_an_order_of_a_rotation_is_a_frequency_at_each_speed(library):
+    study = load_study(STUDY)
+    condition = replace(study.condition("340"), inputs=None)
+    simulator = Simulator(study, condition, library, 3.0)
+    by_order = law_at(study, "periodic_force", "secondary, lateral", amplitude=100.0, order=1.0, radius=0.43)
+    hertz = 340.0 / 3.6 / (2.0 * np.pi * 0.43)
+    by_hertz = law_at(study, "periodic_force", "secondary, lateral", amplitude=100.0, frequency=hertz)
+    assert np.allclose(simulator.run([by_order]), simulator.run([by_hertz]), rtol=1e-9, atol=1e-12)
+    simulator.close()
+
+
+def test_a_model_that_blows_up_is_an_error_and_the_next_run_is_sound(library):
+    study = load_study(STUDY)
+    simulator = Simulator(study, study.condition("340"), library, 12.0)
+    first = simulator.run()
+    with pytest.raises(FmuError, match="gave up at t ="):
+        simulator.run([law_at(study, "linear_stiffness", "secondary, lateral", stiffness=-1e9)])
+    assert (simulator.run() == first).all()
+    simulator.close()
+
+
+def test_candidates_cover_the_catalogue_within_what_a_joint_shows():
+    study = load_study(STUDY)
+    moved = motions(study, [replace(study.development[0], name="moved")])
+    found = candidates(study, moved, {name: 0.1 * motion.f for name, motion in moved.items()})
+    assert {c.effect for c in found} <= set(CATALOGUE)
+    assert {c.where for c in found} == {j.name for j in study.joints} | {g.name for g in study.groups}
+    for candidate in found:
+        strengths = [laws[0].values for laws in candidate.curve]
+        assert len({tuple(values.values()) for values in strengths}) == len(strengths), candidate.name
+        kinds = [set(laws.joint.kinds) for laws in candidate.curve[0]]
+        assert all(not kind or candidate.curve[0][0].law.family in kind for kind in kinds), candidate.name
+    assert not any(c.effect == "added_mass" and c.where == "yaw damper, left" for c in found)  # shows no acceleration
+
+
+def test_the_motion_of_a_joint_has_its_elements_stiffness():
+    """The series spring in the yaw damper's mount is the model's own: 8.82 MN/m (fmus/roller_rig/variables.toml)."""
+    study = load_study(STUDY)
+    moved = motions(study, [study.development[0]])
+    assert moved["yaw damper mount, left"].stiffness == pytest.approx(8.82e6, rel=1e-6)
+    assert moved["yaw damper, left"].d > moved["yaw damper mount, left"].d > 0.0
+
+
+def test_a_study_without_fmu_says_so(library):
+    study = load_study(STUDY)
+    bare = replace(study, simulation=replace(study.simulation, fmu=None))
+    condition: Condition = replace(study.condition("340"), inputs=None)
+    with pytest.raises(FmuError, match="names no FMU"):
+        Simulator(replace(bare), replace(condition, simulated=None), library, 1.0)
