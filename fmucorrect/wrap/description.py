@@ -98,7 +98,7 @@ def describe(inner: bytes, added: Added, outer: Outer) -> Description:
 def _finish(converted: Converted, added: Added, outer: Outer, base: int) -> Description:
     root, left_out = converted.root, list(converted.left_out)
     _rewrite_head(root, outer)
-    _rewrite_interface(root, outer)
+    _rewrite_interface(root, outer, early=bool(converted.wired))
     append(root, added, base)
     define_log_category(root)
     if root.get("variableNamingConvention") == "structured":
@@ -131,7 +131,7 @@ def _rewrite_head(root: ET.Element, outer: Outer) -> None:
         root.attrib.pop(gone, None)
 
 
-def _rewrite_interface(root: ET.Element, outer: Outer) -> None:
+def _rewrite_interface(root: ET.Element, outer: Outer, early: bool) -> None:
     for other in ("ModelExchange", "ScheduledExecution"):
         for element in root.findall(other):
             root.remove(element)
@@ -140,6 +140,10 @@ def _rewrite_interface(root: ET.Element, outer: Outer) -> None:
     offered = {state: outer.capabilities.state and true(interface, state)}
     offered[serialise] = offered[state] and outer.capabilities.serialise and true(interface, serialise)
     kept = {key: value for key, value in interface.attrib.items() if key in _INHERITED[outer.fmi] or key[0] == "{"}
+    if outer.fmi == 3 and (kept.get("hasEventMode") == "true" or early):
+        kept["mightReturnEarlyFromDoStep"] = (
+            "true"  # between pieces of a step, or where the solver discards the rest of it
+        )
     annotations = interface.findall("Annotations")
     interface.clear()
     interface.set("modelIdentifier", outer.identifier)

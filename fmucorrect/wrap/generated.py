@@ -11,7 +11,7 @@ from fmucorrect.fmu import FmuDescription, Variable
 from fmucorrect.wrap.conversion import KINDS, Wired
 from fmucorrect.wrap.wiring import CONDITIONS, Source, Wiring
 
-_STRUCTURES = ("Wired", "Start", "ArraySize", "Place")
+_NOTHING = {"Wired": "{0}", "ArraySize": "{0}", "Start": "{{0}}", "Place": "{{{0}}}"}
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ def tables(facts: Facts) -> str:
 
 
 def _array(kind: str, name: str, size: str, entries: Iterable[str]) -> str:
-    body = ",\n    ".join(entries) or ("{0}" if kind in _STRUCTURES else "0")
+    body = ",\n    ".join(entries) or _NOTHING.get(kind, "0")
     return f"const {kind} {name}[{size}] = {{\n    {body},\n}};\n"
 
 

@@ -18,7 +18,7 @@ from fmucorrect.effects import Effects
 from fmucorrect.errors import FmuError, WrapError
 from fmucorrect.fmu import FmuDescription, archive, open_fmu, state_check
 from fmucorrect.fmu.state_check import StateCheck
-from fmucorrect.wrap import alone, compiler, generated, laws, network, places, proof, solver
+from fmucorrect.wrap import alone, compiler, description_xml, generated, laws, network, places, proof, solver
 from fmucorrect.wrap.added import Added
 from fmucorrect.wrap.description import Capabilities, Description, Outer, describe
 from fmucorrect.wrap.generated import Facts
@@ -109,13 +109,15 @@ def wrap(
     Raises WrapError, FmuError, BundleError, SignalError; what is at `out` stays until the new file is complete.
     """
     out = Path(out)
+    if out.is_dir():
+        raise WrapError("this is a folder", where=str(out), expected="the name of the FMU to write")
     parts = _read(fmu, corrector, effects_file, mapping, fmi, platforms)
     with tempfile.TemporaryDirectory(prefix="fmucorrect-", ignore_cleanup_errors=True) as folder:
         work = Path(folder)
         progress("generate")
         net = network.sources(parts.model.path) if parts.model else None
         sources, outer, first = _generate(parts, net.files if net else {})
-        notes = list(first.left_out)
+        notes = [*first.left_out, *_step_notes(parts)]
         (work / "sources").mkdir()
         for name, content in sources.items():
             (work / "sources" / name).write_bytes(content)
@@ -149,6 +151,8 @@ def _read(
     wanted: Sequence[str],
 ) -> _Parts:
     """Opens everything and holds it against each other."""
+    if fmi not in (None, 2, 3):
+        raise WrapError("there is no such FMI version", expected="2 or 3", got=fmi)
     if corrector is None and (effects_file is None or fmu is None):
         raise WrapError(
             "there is nothing to wrap", expected="a solver's FMU with a corrector or effects, or a corrector"
@@ -224,6 +228,18 @@ def _described(parts: _Parts, outer: Outer, copy: bool, serialise: bool) -> dict
     """The descriptions with what may be offered of the state."""
     made = describe(parts.xml, parts.added, replace(outer, capabilities=Capabilities(copy, serialise)))
     return {"modelDescription.xml": made.xml} | ({"sources/buildDescription.xml": made.build} if made.build else {})
+
+
+def _step_notes(parts: _Parts) -> list[str]:
+    """What a solver of fixed internal step (FMI 3.0) will make of steps that end on the samples."""
+    interface = description_xml.read(parts.xml).find("CoSimulation")
+    internal = float(interface.get("fixedInternalStepSize", "0")) if interface is not None else 0.0
+    sample = parts.step_ns / 1e9
+    if internal <= 0.0 or abs(sample / internal - round(sample / internal)) < 1e-6:
+        return []
+    return [
+        f"the sample time {sample:g} s is no multiple of the solver's internal step {internal:g} s: it may refuse steps"
+    ]
 
 
 def _check_state(trial: Path, step_ns: int) -> tuple[StateCheck, list[str]]:

@@ -63,6 +63,8 @@ def read_mapping(path: Path) -> MappingFile:
     """Raises WrapError that names everything wrong with the file at once."""
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise WrapError(f"cannot be read: {error.strerror}", where=str(path)) from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise WrapError(f"this is no TOML file ({error})", where=str(path)) from error
     problems = [f"unknown table {name!r}" for name in data if name not in ("channels", "conditions", "parameters")]

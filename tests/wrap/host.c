@@ -26,11 +26,11 @@ typedef fmi3FMUState StateHandle;
 
 #ifdef _WIN32
 #include <windows.h>
-#define LOAD(path) (void *)LoadLibraryA(path)
+
+#include <shellapi.h>
 #define SYMBOL(library, name) (void *)GetProcAddress((HMODULE)(library), name)
 #else
 #include <dlfcn.h>
-#define LOAD(path) dlopen(path, RTLD_NOW | RTLD_LOCAL)
 #define SYMBOL(library, name) dlsym(library, name)
 #endif
 
@@ -214,6 +214,29 @@ static void rollback(double size, long steps)
     puts("same");
 }
 
+#ifdef _WIN32
+/* Arguments in UTF-8, whatever the code page. */
+static char **utf8(int *argc)
+{
+    wchar_t **wide = CommandLineToArgvW(GetCommandLineW(), argc);
+    char **narrow = calloc((size_t)*argc + 1, sizeof *narrow);
+    for (int i = 0; i < *argc; i++) {
+        const int size = WideCharToMultiByte(CP_UTF8, 0, wide[i], -1, NULL, 0, NULL, NULL);
+        narrow[i] = malloc((size_t)size);
+        WideCharToMultiByte(CP_UTF8, 0, wide[i], -1, narrow[i], size, NULL, NULL);
+    }
+    return narrow;
+}
+
+static void *load(const char *path)
+{
+    wchar_t wide[4096];
+    return MultiByteToWideChar(CP_UTF8, 0, path, -1, wide, 4096) ? (void *)LoadLibraryW(wide) : NULL;
+}
+#else
+static void *load(const char *path) { return dlopen(path, RTLD_NOW | RTLD_LOCAL); }
+#endif
+
 static double seconds(void)
 {
     struct timespec now;
@@ -225,7 +248,10 @@ int main(int argc, char **argv)
 {
     if (argc < 7)
         die("too few arguments");
-    void *library = LOAD(argv[1]);
+#ifdef _WIN32
+    argv = utf8(&argc);
+#endif
+    void *library = load(argv[1]);
     if (!library)
         die("the library cannot be loaded");
     find(library);

@@ -184,7 +184,8 @@ def test_the_interface_in_the_other_version() -> None:
         assert interface is not None
         if fmi == 3:
             expected = {"canHandleVariableCommunicationStepSize": "true", "canSerializeFMUState": "false"}
-            expected["canGetAndSetFMUState"] = "true"
+            # a solver of FMI 2 that discards the rest of a step makes it end early
+            expected |= {"canGetAndSetFMUState": "true", "mightReturnEarlyFromDoStep": "true"}
         else:
             expected = {"canNotUseMemoryManagementFunctions": "true", "canSerializeFMUstate": "true"}
             expected["canGetAndSetFMUstate"] = "true"

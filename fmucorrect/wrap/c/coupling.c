@@ -23,17 +23,18 @@ static Status apply_forces(Wrapper *self, double time, double size)
                 return status;
             ports[i][p] *= place->factors[p];
         }
-        if (!place->ports[1].size && s->moved) /* no velocity: the last sub-step's mean one */
-            ports[i][1] = (ports[i][0] - s->displacement[i]) / size;
+        if (!place->ports[1].size && s->moved && time > s->moved_at) /* no velocity: the last sub-step's mean one */
+            ports[i][1] = (ports[i][0] - s->displacement[i]) / (time - s->moved_at);
         s->displacement[i] = ports[i][0];
         ports[i][0] += 0.5 * size * ports[i][1];
     }
     s->moved = true;
+    s->moved_at = time;
     if (s->effects_enabled)
         effects_step(time + 0.5 * size, size, ports, s->states, forces);
     for (size_t i = 0; i < EFFECTS; i++)
         total[PLACES[i].force] += PLACES[i].factor * forces[i];
-    for (size_t f = 0; f < FORCES; f++) {
+    for (size_t f = 0; f != FORCES; f++) {
         s->force[f] = total[f];
         const Value value = {NUMBER, s->host_force[f] + total[f], 0, NULL};
         const Status status = inner_set(self, &FORCE_INPUTS[f], &value);
@@ -60,6 +61,8 @@ Status coupling_advance(Wrapper *self, double begin, double size, Outcome *outco
             break;
         if (outcome->event && i + 1.0 < count && (status = inner_events(self, outcome)) > STATUS_WARNING)
             return status;
+        if (outcome->terminate) /* said while an event was handled */
+            break;
     }
     return worst;
 #else

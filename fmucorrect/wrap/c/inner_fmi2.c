@@ -94,11 +94,11 @@ Status inner_step(Wrapper *self, double time, double size, Outcome *outcome)
     if (status == STATUS_DISCARD) { /* a part of the step was done */
         fmi2Real last = time;
         fmi2Boolean terminated = fmi2False;
-        if (I.GetRealStatus)
-            I.GetRealStatus(I.component, fmi2LastSuccessfulTime, &last);
-        if (I.GetBooleanStatus)
-            I.GetBooleanStatus(I.component, fmi2Terminated, &terminated);
-        outcome->last = last;
+        if (!I.GetRealStatus || I.GetRealStatus(I.component, fmi2LastSuccessfulTime, &last) != fmi2OK || !(last > time))
+            last = time; /* it does not know, or has not moved */
+        if (!I.GetBooleanStatus || I.GetBooleanStatus(I.component, fmi2Terminated, &terminated) != fmi2OK)
+            terminated = fmi2False;
+        outcome->last = last < time + size ? last : time + size;
         outcome->terminate = terminated != fmi2False;
     } else if (status == STATUS_PENDING) {
         return wrapper_log(self, STATUS_ERROR, "the solver's FMU computes its step asynchronously, which is not supported");
@@ -130,6 +130,8 @@ Status inner_set(Wrapper *self, const Wired *variable, const Value *value)
 {
     const fmi2ValueReference reference = variable->reference;
     const fmi2Integer number = (fmi2Integer)value->integer;
+    if (value->class == INTEGER && number != value->integer)
+        return wrapper_log(self, STATUS_ERROR, "the value %lld does not fit into an Integer of the solver", (long long)value->integer);
     switch (variable->kind) {
     case REAL_2: return (Status)I.SetReal(I.component, &reference, 1, &value->number);
     case STRING_2: return I.SetString ? (Status)I.SetString(I.component, &reference, 1, &value->text) : STATUS_ERROR;

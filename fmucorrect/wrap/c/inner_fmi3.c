@@ -95,12 +95,17 @@ Status inner_debug_logging(Wrapper *self, bool on, size_t n, const char *const c
 Status inner_step(Wrapper *self, double time, double size, Outcome *outcome)
 {
     fmi3Boolean event = false, terminate = false, early = false;
-    fmi3Float64 last = time + size;
+    fmi3Float64 last = time;
     const Status status = (Status)I.DoStep(I.component, time, size, false, &event, &terminate, &early, &last);
+    if (status > STATUS_WARNING) /* what was answered is undefined then (FMI 3.0.2, 2.2.3) */
+        event = terminate = early = false;
     outcome->event = event;
     outcome->terminate = terminate;
     outcome->early = early;
-    outcome->last = early || status == STATUS_DISCARD ? last : time + size;
+    if (!early && status != STATUS_DISCARD)
+        outcome->last = time + size;
+    else
+        outcome->last = !(last > time) ? time : last < time + size ? last : time + size;
     return status;
 }
 
@@ -110,7 +115,10 @@ Status inner_events(Wrapper *self, Outcome *outcome)
     if (!I.event_mode || !I.EnterEventMode || !I.UpdateDiscreteStates || !I.EnterStepMode)
         return STATUS_OK;
     Status status = (Status)I.EnterEventMode(I.component);
-    for (fmi3Boolean again = true; again && status <= STATUS_WARNING;) {
+    fmi3Boolean again = true;
+    for (int round = 0; again && status <= STATUS_WARNING; round++) {
+        if (round == 1000)
+            return wrapper_log(self, STATUS_ERROR, "the solver's FMU still asks for event iteration after %d rounds", round);
         fmi3Boolean terminate = false, nominals = false, values = false, defined = false;
         fmi3Float64 next = 0.0;
         status = (Status)I.UpdateDiscreteStates(I.component, &again, &terminate, &nominals, &values, &defined, &next);
@@ -161,6 +169,9 @@ Status inner_set(Wrapper *self, const Wired *variable, const Value *value)
     case KIND: {                                                                                                         \
         fmi3##Name *values = (fmi3##Name *)(void *)I.scratch;                                                            \
         OPTIONAL(Set##Name);                                                                                             \
+        if (value->class == INTEGER && (int64_t)(fmi3##Name)value->integer != value->integer)                            \
+            return wrapper_log(self, STATUS_ERROR, "the value %lld does not fit into an " #Name " of the solver",        \
+                               (long long)value->integer);                                                               \
         if (variable->size > 1 && I.Get##Name) /* the other elements stay what they are */                               \
             status = (Status)I.Get##Name(I.component, &reference, 1, values, variable->size);                            \
         values[variable->index] = (fmi3##Name)value->member;                                                             \

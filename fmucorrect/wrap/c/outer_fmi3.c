@@ -99,7 +99,12 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 time, fmi3Float64 size,
 {
     REFUSE_WITHOUT_INSTANCE;
     Outcome outcome;
-    const Status status = sampling_step(self, time, size, self->early_return, &outcome);
+    Status status = sampling_step(self, time, size, self->early_return, &outcome);
+    /* After fmi3Discard the FMU is where it was before (FMI 3.0.2, 2.2.3): if it has moved, the step has ended early. */
+    if (status == STATUS_DISCARD && (outcome.terminate || (outcome.last > time && self->early_return))) {
+        status = STATUS_OK;
+        outcome.early = outcome.last < time + size;
+    }
     *event = outcome.event;
     *terminate = outcome.terminate;
     *early = outcome.early;

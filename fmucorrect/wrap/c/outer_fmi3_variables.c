@@ -85,6 +85,10 @@ ACCESS(String, TEXT, text)
     REFUSE_WITHOUT_INSTANCE;                                                                                             \
     return self->inner.function ? self->inner.function(self->inner.component, __VA_ARGS__)                               \
                                 : (fmi3Status)wrapper_log(self, STATUS_ERROR, "the solver's FMU has no fmi3" #function)
+#define PASS_SET(function, ...)                                                                                          \
+    if (instance)                                                                                                        \
+        variables_touched(instance);                                                                                     \
+    PASS(function, __VA_ARGS__)
 #else
 static fmi3Status nothing(Wrapper *self, const char *function, size_t n)
 {
@@ -93,6 +97,7 @@ static fmi3Status nothing(Wrapper *self, const char *function, size_t n)
 #define PASS(function, vr, n, ...)                                                                                       \
     REFUSE_WITHOUT_INSTANCE;                                                                                             \
     return nothing(self, "fmi3" #function, n)
+#define PASS_SET PASS
 #endif
 #define REFERENCES fmi3Instance instance, const fmi3ValueReference vr[], size_t n
 
@@ -100,11 +105,11 @@ fmi3Status fmi3GetBinary(REFERENCES, size_t sizes[], fmi3Binary values[], size_t
 
 fmi3Status fmi3SetBinary(REFERENCES, const size_t sizes[], const fmi3Binary values[], size_t n_values)
 {
-    PASS(SetBinary, vr, n, sizes, values, n_values);
+    PASS_SET(SetBinary, vr, n, sizes, values, n_values);
 }
 
 fmi3Status fmi3GetClock(REFERENCES, fmi3Clock values[]) { PASS(GetClock, vr, n, values); }
-fmi3Status fmi3SetClock(REFERENCES, const fmi3Clock values[]) { PASS(SetClock, vr, n, values); }
+fmi3Status fmi3SetClock(REFERENCES, const fmi3Clock values[]) { PASS_SET(SetClock, vr, n, values); }
 
 fmi3Status fmi3GetIntervalDecimal(REFERENCES, fmi3Float64 intervals[], fmi3IntervalQualifier qualifiers[])
 {

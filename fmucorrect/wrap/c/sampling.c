@@ -1,10 +1,13 @@
 /* The corrector's time grid under whatever steps the host takes.
  *
- * Samples lie at first + k * STEP_NS, where first is the time at which initialisation ended. A host's step that passes samples is
- * taken in pieces that end on them, so that the window always holds the solver's outputs at the corrector's sample time. Between
- * samples the correction of the last one is held: corrected = solver's output now + correction of the last sample. A solver that
- * needs a constant step gets one: the sample time if the host's step is a multiple of it, the host's step if that is a fraction of
- * it; any other step is refused. A sample is what the solver's outputs are when the next step begins, with the inputs of its time. */
+ * The first sample lies at the time at which initialisation ended, each other one STEP_NS after the one before. A host's step that
+ * passes samples is taken in pieces that end on them, so that the window always holds the solver's outputs at the corrector's sample
+ * time. A host that meets a sample within a ten-thousandth of the sample time has met it, and the grid goes on from there: times
+ * that are added up in floating point do not drift away from it. Between samples the correction of the last one is held: corrected =
+ * solver's output now + correction of the last sample. A solver that needs a constant step gets one, the same number each time: the
+ * sample time if the host's step is a multiple of it, the host's step if that is a fraction of it; any other step, and any change
+ * from one to another, is refused. A sample is what the solver's outputs are when the next step begins, with the inputs of its time. */
+#include <float.h>
 #include <math.h>
 #include <string.h>
 
@@ -14,12 +17,14 @@
 #endif
 
 #define SECOND 1e9
-#define SNAP (STEP_NS / 1000 + 1) /* hosts that add up floating-point steps miss a sample by no more than this, ns */
+#define SNAP (STEP_NS / 10000 + 1) /* ns; a sample missed by less is met */
+#define LONGEST 4e9 /* s; differences of such times still fit into nanoseconds of 64 bits */
 
 #if CHANNELS
 /* A new sample is due at the time that has been reached: one row up. */
 static void open_row(State *s)
 {
+    s->sample_ns = s->now_ns;
     memmove(s->window, s->window + CHANNELS, (ROWS - 1) * CHANNELS * sizeof *s->window);
     s->seen_before = s->seen;
     s->on_grid = s->row_stale = s->stale = true;
@@ -39,11 +44,11 @@ Status sampling_row(Wrapper *self)
     size_t bad = CHANNELS;
     for (size_t j = 0; j < CHANNELS; j++) {
         row[j] *= FACTORS[j];
-        if (!isfinite(row[j]) && bad == CHANNELS)
+        if (!(fabs(row[j]) <= FLT_MAX) && bad == CHANNELS) /* a window is of single precision */
             bad = j;
     }
     s->row_stale = false;
-    if (memcmp(row, s->row, sizeof row) != 0)
+    if (s->ill != (bad < CHANNELS) || (s->on_grid && memcmp(row, s->row, sizeof row) != 0))
         s->stale = true;
     memcpy(s->row, row, sizeof row);
     if (s->started && s->on_grid) {
@@ -70,12 +75,12 @@ Status sampling_correction(Wrapper *self)
     if (status > STATUS_WARNING || !s->stale)
         return status;
 #if CHANNELS
-    if (s->ill || !s->enabled || s->seen < ROWS) {
-        s->status = s->ill ? INVALID : !s->enabled ? OFF : WARMUP;
-        memset(s->delta, 0, sizeof s->delta);
-        memcpy(s->sigma, UNCORRECTED, sizeof s->sigma);
-    } else if (s->started) {
+    s->status = s->ill ? INVALID : !s->enabled ? OFF : WARMUP;
+    memset(s->delta, 0, sizeof s->delta);
+    memcpy(s->sigma, UNCORRECTED, sizeof s->sigma);
+    if (!s->ill && s->enabled && s->seen >= ROWS) {
         double conditions[CONDITIONS];
+        bool sound = true;
         for (size_t i = 0; i < CONDITIONS; i++) {
             conditions[i] = s->conditions[i];
             if (SOURCES[CHANNELS + i].size) {
@@ -84,100 +89,149 @@ Status sampling_correction(Wrapper *self)
                     return read;
                 conditions[i] *= FACTORS[CHANNELS + i];
             }
+            sound = sound && fabs(conditions[i]) <= (i == START ? LONGEST : FLT_MAX);
+        }
+        if (!sound) {
+            s->status = INVALID;
+            s->stale = false;
+            return status;
         }
         const float condition[3] = {(float)conditions[SPEED], (float)conditions[AMPLITUDE], (float)conditions[FREQUENCY]};
-        const int64_t at = s->first_ns + s->sample * STEP_NS;
         float corrected[CHANNELS], baseline[CHANNELS], sigma[CHANNELS], inside;
-        network(s->window, condition, (double)(at - llround(conditions[START] * SECOND)) / SECOND, corrected, baseline, sigma, &inside);
+        network(s->window, condition, (double)(s->sample_ns - llround(conditions[START] * SECOND)) / SECOND, corrected, baseline, sigma, &inside);
         const float *newest = s->window + (ROWS - 1) * CHANNELS;
         for (size_t j = 0; j < CHANNELS; j++) {
             const float delta = corrected[j] - newest[j];
+            sound = sound && isfinite(delta) && isfinite(sigma[j]);
             s->delta[j] = delta;
             s->sigma[j] = sigma[j];
         }
-        s->status = inside >= 1.0f ? CORRECTED : OUTSIDE;
+        s->status = !sound ? INVALID : inside >= 1.0f ? CORRECTED : OUTSIDE;
+        if (!sound) { /* finite, but too large for the network's arithmetic */
+            memset(s->delta, 0, sizeof s->delta);
+            memcpy(s->sigma, UNCORRECTED, sizeof s->sigma);
+        }
     }
 #endif
     s->stale = false;
     return status;
 }
 
-/* Whether a solver of constant step can be led from sample to sample by steps of `size` s. */
+/* Whether a solver of constant step can be led from sample to sample by host's steps of `size` s; it then takes steps of s->piece. */
 static Status check_constant_step(Wrapper *self, double size)
 {
-    const int64_t step = llround(size * SECOND);
-    if (step > 0 && (step % STEP_NS == 0 || STEP_NS % step == 0) && (INNER_FMI || step <= STEP_NS))
-        return STATUS_OK;
-    return wrapper_log(self, STATUS_ERROR,
-                       "a communication step of %.9g s was asked for, expected %s of the corrector's sample time %.9g s: %s", size,
-                       INNER_FMI ? "a multiple or a whole fraction" : "a whole fraction", STEP_NS / SECOND,
-                       INNER_FMI ? "the solver cannot vary its step" : "the inputs are not known in between");
+    State *s = &self->state;
+    const double sample = STEP_NS / SECOND, room = SNAP / SECOND, many = round(size / sample), parts = round(sample / size);
+    const bool multiple = many >= 1.0 && fabs(size - many * sample) <= room;
+    const bool fits = multiple ? INNER_FMI || many == 1.0 : parts >= 1.0 && fabs(size * parts - sample) <= room;
+    if (!fits)
+        return wrapper_log(self, STATUS_ERROR,
+                           "a communication step of %.9g s was asked for, expected %s of the corrector's sample time %.9g s: %s", size,
+                           INNER_FMI ? "a multiple or a whole fraction" : "a whole fraction", sample,
+                           INNER_FMI ? "the solver cannot vary its step" : "the inputs are not known in between");
+    const double piece = multiple ? sample : size;
+    if (s->piece == 0.0)
+        s->piece = piece;
+    if (INNER_FMI && fabs(piece - s->piece) > 1e-3 * s->piece)
+        return wrapper_log(self, STATUS_ERROR,
+                           "a communication step of %.9g s was asked for, with which the solver would take steps of %.9g s after steps of "
+                           "%.9g s: it cannot vary its step",
+                           size, piece, s->piece);
+    return STATUS_OK;
 }
 
-Status sampling_step(Wrapper *self, double time, double size, bool may_return_early, Outcome *outcome)
+/* Whether a step may begin at `time` at all. */
+static Status check_step(Wrapper *self, double time, double size)
 {
-    State *s = &self->state;
-    *outcome = (Outcome){.last = time};
-    Status worst = sampling_row(self); /* the row of this time, with the inputs that the host has set by now */
-    if (worst > STATUS_WARNING)
-        return worst;
-    const int64_t begin_ns = llround(time * SECOND), target_ns = llround((time + size) * SECOND);
-    if (begin_ns - s->now_ns > SNAP || s->now_ns - begin_ns > SNAP)
+    const State *s = &self->state;
+    if (!s->started)
+        return wrapper_log(self, STATUS_ERROR, "a step was asked for before initialisation has ended");
+    if (!(size > 0.0 && time + size < LONGEST && time > -LONGEST))
+        return wrapper_log(self, STATUS_ERROR, "a step from t = %.9g s of %.9g s was asked for, expected one of more than 0 s", time, size);
+    if (fabs(time - s->now) * SECOND > SNAP)
         return wrapper_log(self, STATUS_ERROR, "a step from t = %.9g s was asked for, expected from %.9g s, where the last one ended", time,
                            s->now);
-    if (!INNER_VARIABLE_STEP && (worst = check_constant_step(self, size)) > STATUS_WARNING)
-        return worst;
-    worst = STATUS_OK;
+    return INNER_VARIABLE_STEP ? STATUS_OK : check_constant_step(self, size);
+}
+
+/* One piece of a step, which ends at the next sample or before it. `last`: it is to reach `target`, s. */
+static Status step_piece(Wrapper *self, double begin, double piece, double target, bool last, Outcome *outcome)
+{
+    State *s = &self->state;
+    const int64_t before_ns = s->now_ns, next_ns = s->sample_ns + STEP_NS;
+#if INNER_FMI && !INNER_VARIABLE_STEP
+    if (fabs(piece - s->piece) * SECOND > SNAP)
+        return wrapper_log(self, STATUS_ERROR,
+                           "the solver would have to take a step of %.9g s to the corrector's next sample after steps of %.9g s: it "
+                           "cannot vary its step",
+                           piece, s->piece);
+    piece = s->piece;
+#endif
+    const Status status = coupling_advance(self, begin, piece, outcome);
+    const bool part = status == STATUS_DISCARD || outcome->early;
+    if (status > STATUS_WARNING && !part)
+        return status;
+    s->now = part ? outcome->last : last ? target : (double)next_ns / SECOND;
+    s->now_ns = part || last ? llround(s->now * SECOND) : next_ns;
+    s->on_grid = s->on_grid && s->now_ns == before_ns;
+    s->row_stale = true;
+#if CHANNELS
+    if (s->now_ns >= next_ns - SNAP)
+        open_row(s);
+#else
+    if (s->now_ns >= next_ns - SNAP)
+        s->sample_ns = s->now_ns;
+#endif
+    return status;
+}
+
+static Status step_by_pieces(Wrapper *self, double time, double size, bool may_return_early, Outcome *outcome)
+{
+    State *s = &self->state;
+    const int64_t target_ns = llround((time + size) * SECOND);
+    Status worst = STATUS_OK;
     double begin = time;
-    for (bool last = false; !last;) {
-        const int64_t next_ns = s->first_ns + (s->sample + 1) * STEP_NS;
-        const bool sample = target_ns >= next_ns - SNAP;
+    for (bool last = false; !last; begin = s->now) {
+        const int64_t next_ns = s->sample_ns + STEP_NS;
         last = target_ns <= next_ns + SNAP;
-        const double end = last ? time + size : (double)next_ns / SECOND;
         /* undivided, the solver gets the host's own numbers; divided, those of FmuStepper */
         const double piece = last && begin == time ? size : (double)((last ? target_ns : next_ns) - llround(begin * SECOND)) / SECOND;
-        const Status status = coupling_advance(self, begin, piece, outcome);
+        const Status status = step_piece(self, begin, piece, time + size, last, outcome);
         if (status > worst)
             worst = status;
-        s->on_grid = false;
-        s->row_stale = true;
-        if (status == STATUS_DISCARD || outcome->early) {
-            s->now = outcome->last;
-            s->now_ns = llround(s->now * SECOND);
-            last = true;
-        } else if (status > STATUS_WARNING) {
+        if (status > STATUS_WARNING)
             return status;
-        } else {
-            s->now = end;
-            s->now_ns = last ? target_ns : next_ns;
-        }
-#if CHANNELS
-        if (sample && s->now_ns >= next_ns - SNAP) {
-            s->sample++;
-            open_row(s);
-        }
-#else
-        if (sample)
-            s->sample++;
-#endif
         const Status read = sampling_row(self);
         if (read > worst)
             worst = read;
-        if (read > STATUS_WARNING)
-            return read;
-        begin = end;
-        if (outcome->terminate)
-            break;
-        if (outcome->event && !last) {
+        if (read > STATUS_WARNING || outcome->early)
+            return worst;
+        if (outcome->event && !last && !outcome->terminate) {
             if (may_return_early) {
                 outcome->early = true;
-                break;
+                return worst;
             }
             const Status handled = inner_events(self, outcome);
             if (handled > STATUS_WARNING)
                 return handled;
+            s->row_stale = true;
+        }
+        if (outcome->terminate) {
+            outcome->early = !last;
+            return worst;
         }
     }
-    outcome->last = s->now;
     return worst;
+}
+
+Status sampling_step(Wrapper *self, double time, double size, bool may_return_early, Outcome *outcome)
+{
+    *outcome = (Outcome){.last = time};
+    Status status = check_step(self, time, size);
+    if (status <= STATUS_WARNING)
+        status = sampling_row(self); /* the row of this time, with the inputs that the host has set by now */
+    if (status <= STATUS_WARNING)
+        status = step_by_pieces(self, time, size, may_return_early, outcome);
+    outcome->last = self->state.now;
+    return status;
 }

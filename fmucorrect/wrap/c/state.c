@@ -83,11 +83,11 @@ Status state_write(Wrapper *self, void *state, char bytes[], size_t size)
 
 Status state_read(Wrapper *self, const char bytes[], size_t size, void **state)
 {
-    Header header;
+    Header header = {0};
     if (size >= sizeof header)
         memcpy(&header, bytes, sizeof header);
-    if (size < sizeof header || memcmp(header.token, OUTER_TOKEN, sizeof header.token) != 0 || header.size != sizeof(State) ||
-        header.inner_size > size - sizeof header - sizeof(State))
+    if (size < sizeof header + sizeof(State) || memcmp(header.token, OUTER_TOKEN, sizeof header.token) != 0 ||
+        header.size != sizeof(State) || header.inner_size > size - sizeof header - sizeof(State))
         return wrapper_log(self, STATUS_ERROR, "these %zu bytes are no state of this FMU", size);
     Snapshot *snapshot = calloc(1, sizeof *snapshot);
     if (!snapshot)

@@ -1,5 +1,7 @@
 /* The variables that the wrapper adds, the force inputs that it shares with the host, and, where the host speaks another FMI
  * version than the solver, every other variable by table. */
+#include <math.h>
+
 #include "wrapper.h"
 
 static bool added(uint32_t reference) { return reference - ADDED_BASE < ADDED_COUNT && reference >= ADDED_BASE; }
@@ -7,7 +9,7 @@ static bool added(uint32_t reference) { return reference - ADDED_BASE < ADDED_CO
 #if DIRECT && FORCES
 static size_t force_input(uint32_t reference)
 {
-    for (size_t f = 0; f < FORCES; f++)
+    for (size_t f = 0; f != FORCES; f++)
         if (FORCE_INPUTS[f].reference == reference)
             return f;
     return FORCES;
@@ -32,7 +34,7 @@ size_t solver_run(const uint32_t references[], size_t n)
 
 size_t variable_size(uint32_t reference)
 {
-    for (size_t i = 0; i < ARRAY_COUNT; i++)
+    for (size_t i = 0; i != ARRAY_COUNT; i++)
         if (ARRAYS[i].reference == reference)
             return ARRAYS[i].size;
     return 1;
@@ -56,7 +58,8 @@ static Status get_added(Wrapper *self, uint32_t variable, Class class, Value *va
     if (value->class != class)
         return unknown(self, ADDED_BASE + variable, "asked for by a function of another type");
     if (variable < SIGMA_0)
-        value->number = s->row[variable - CORRECTED_0] + s->delta[variable - CORRECTED_0];
+        value->number = s->delta[variable - CORRECTED_0] != 0.0 ? s->row[variable - CORRECTED_0] + s->delta[variable - CORRECTED_0]
+                                                                : s->row[variable - CORRECTED_0]; /* to the bit: -0 + 0 is +0 */
     else if (variable < STATUS_VARIABLE)
         value->number = s->sigma[variable - SIGMA_0];
     else if (variable == STATUS_VARIABLE)
@@ -76,6 +79,8 @@ static Status set_added(Wrapper *self, uint32_t variable, const Value *value)
     const bool flag = variable == ENABLED || variable == EFFECTS_ENABLED;
     if (value->class != (flag ? TRUTH : NUMBER))
         return unknown(self, ADDED_BASE + variable, "set by a function of another type");
+    if (!flag && !isfinite(value->number))
+        return unknown(self, ADDED_BASE + variable, "expected a finite number");
     if (variable == ENABLED)
         s->enabled = value->integer != 0;
     else if (flag)
@@ -121,7 +126,7 @@ static Class class_of(const Wired *variable)
 /* The number of the force input that this variable is, FORCES if it is none. */
 static size_t shared_force(const Wired *variable)
 {
-    for (size_t f = 0; f < FORCES; f++)
+    for (size_t f = 0; f != FORCES; f++)
         if (FORCE_INPUTS[f].reference == variable->reference && FORCE_INPUTS[f].kind == variable->kind)
             return f;
     return FORCES;

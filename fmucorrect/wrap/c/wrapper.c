@@ -29,9 +29,9 @@ static Status start_over(Wrapper *self)
     s->status = WARMUP;
     memcpy(s->conditions, TUNABLES, sizeof s->conditions);
     effects_start(s->states);
-    for (size_t i = 0; i < STARTS; i++) {
+    for (size_t i = 0; i != STARTS; i++) {
         const Start *start = &START_VALUES[i];
-        const Value value = {NUMBER, start->value, (int64_t)start->value, NULL};
+        const Value value = {NUMBER, start->value, fabs(start->value) < 9e18 ? (int64_t)start->value : 0, NULL};
         const Status status = inner_set(self, &start->variable, &value);
         if (status > STATUS_WARNING)
             return wrapper_log(self, status, "the solver's FMU refuses the start value %g of its variable %u", start->value,
@@ -128,9 +128,10 @@ Status wrapper_reset(Wrapper *self)
 Status wrapper_started(Wrapper *self, double time)
 {
     State *s = &self->state;
+    if (!(fabs(time) < 4e9)) /* LONGEST of sampling.c */
+        return wrapper_log(self, STATUS_ERROR, "the start time %g s is too far from 0", time);
     s->started = s->on_grid = s->row_stale = s->stale = true;
     s->now = time;
-    s->now_ns = s->first_ns = llround(time * 1e9);
-    s->sample = 0;
+    s->now_ns = s->sample_ns = llround(time * 1e9);
     return STATUS_OK;
 }

@@ -96,8 +96,7 @@ typedef struct {
     bool stale;       /* the correction does not follow yet from window and conditions */
     bool ill;         /* the last sample was not finite, and that was said */
     int64_t now_ns;   /* time that has been reached */
-    int64_t first_ns; /* time of the first sample */
-    int64_t sample;   /* number of the newest sample */
+    int64_t sample_ns; /* time of the newest sample */
     double piece;     /* a solver of constant step: its step in s, 0 before the first */
     uint32_t seen, seen_before;
     int status;
@@ -108,7 +107,8 @@ typedef struct {
     float window[ROWS * CHANNELS + 1];
     double host_force[FORCES + 1], force[FORCES + 1];
     double states[EFFECT_STATES + 1], displacement[EFFECTS + 1];
-    bool moved; /* displacement holds values */
+    bool moved; /* displacement holds values, those of the time moved_at (s) */
+    double moved_at;
 #if INNER_FMI == 0
     double inputs[CHANNELS + 1];
 #endif
