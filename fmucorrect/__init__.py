@@ -27,6 +27,7 @@ if TYPE_CHECKING:
         RecordError,
         SignalError,
         StudyError,
+        WrapError,
     )
     from fmucorrect.experiment import Pair, pair, read_measurement, simulate
     from fmucorrect.fmu import FmuDescription, FmuStepper, open_fmu
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from fmucorrect.signals import Channel, Condition, Record, join
     from fmucorrect.stepper import CorrectedStepper, Corrector, ReplayStepper, Status, Step, Stepper, Window, grid, run
     from fmucorrect.study import Study, check_study, load_study
+    from fmucorrect.wrapping.package import Wrapped, wrap
 
 __version__ = "0.1.0"
 
@@ -50,6 +52,7 @@ _NAMES = {
         "RecordError",
         "SignalError",
         "StudyError",
+        "WrapError",
     ),
     "experiment": ("Pair", "pair", "read_measurement", "simulate"),
     "fmu": ("FmuDescription", "FmuStepper", "open_fmu"),
@@ -69,6 +72,7 @@ _NAMES = {
         "run",
     ),
     "study": ("Study", "check_study", "load_study"),
+    "wrapping.package": ("Wrapped", "wrap"),
 }
 _WHERE = {name: (module, name) for module, names in _NAMES.items() for name in names}
 _WHERE["load_bundle"] = ("bundle", "load")
@@ -113,12 +117,15 @@ __all__ = [  # noqa: RUF022 (as a reader looks for them)
     "noise_floor",
     "compare",
     "Comparison",
+    "wrap",
+    "Wrapped",
     "FmucorrectError",
     "StudyError",
     "RecordError",
     "FmuError",
     "BundleError",
     "SignalError",
+    "WrapError",
     "MissingExtra",
 ]
 

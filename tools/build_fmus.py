@@ -16,7 +16,7 @@ from fmu_description import build_description, description_fmi2, description_fmi
 from fmu_variables import Model, read_model, variables_header
 
 from fmucorrect.errors import WrapError
-from fmucorrect.wrap.compiler import TARGETS, fmi_headers, libraries, write_fmu
+from fmucorrect.wrapping.compiler import TARGETS, fmi_headers, libraries, write_fmu
 
 ROOT = Path(__file__).resolve().parent.parent
 COMMON = ROOT / "fmus" / "common"

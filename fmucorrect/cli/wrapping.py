@@ -15,7 +15,7 @@ from fmucorrect.cli.group import PATH, UserError, progress_bar
 @click.option("--corrector", type=PATH, help="The ONNX bundle.")
 @click.option("--effects", type=PATH, help="effects.toml of a discovery: forces to be fed back into the solver.")
 @click.option(
-    "--mapping", type=PATH, help="TOML file: which solver variables are meant; see fmucorrect/wrap/README.md."
+    "--mapping", type=PATH, help="TOML file: which solver variables are meant; see fmucorrect/wrapping/README.md."
 )
 @click.option("--fmi", type=click.Choice(["2", "3"]), help="FMI version of the new FMU; default: the solver's.")
 @click.option("--platforms", help="Of linux64, win64, darwin64, as 'linux64,win64'; default: all that the solver has.")
@@ -38,8 +38,8 @@ def wrap(
 
     Example: fmucorrect wrap bogie.fmu --corrector corrector.onnx -o bogie_corrected.fmu
     """
-    from fmucorrect.wrap.package import STEPS
-    from fmucorrect.wrap.package import wrap as wrap_fmu
+    from fmucorrect.wrapping.package import STEPS
+    from fmucorrect.wrapping.package import wrap as wrap_fmu
 
     if corrector is None and effects is None:
         raise UserError("there is nothing to wrap the solver with: give --corrector, --effects or both")

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fmucorrect.catalogue import CATALOGUE, Law
-from fmucorrect.wrap import laws
-from fmucorrect.wrap.compiler import compile_library, host
+from fmucorrect.wrapping import laws
+from fmucorrect.wrapping.compiler import compile_library, host
 
 _C = Path(__file__).parent / "c"
 LAWS: Sequence[Law] = tuple(law for forms in CATALOGUE.values() for law in forms if "speed" not in law.inputs)

@@ -19,8 +19,8 @@ from fmucorrect.errors import FmuError
 from fmucorrect.fmu import FmuStepper
 from fmucorrect.signals import NANOSECONDS, Condition, join
 from fmucorrect.study import Joint, Study
-from fmucorrect.wrap.laws import Wire
-from fmucorrect.wrap.places import places
+from fmucorrect.wrapping.laws import Wire
+from fmucorrect.wrapping.places import places
 
 _NONE: Mapping[str, float] = MappingProxyType({})
 

@@ -21,7 +21,7 @@ from fmucorrect.fmu import FmuStepper
 from fmucorrect.signals import Condition
 from fmucorrect.stepper import grid, run
 from fmucorrect.study import load_study
-from fmucorrect.wrap.package import wrap
+from fmucorrect.wrapping.package import wrap
 
 FMUS = Path(__file__).resolve().parent.parent.parent / "fmus"
 STUDY = FMUS / "roller_rig" / "A" / "study.toml"

@@ -205,7 +205,7 @@ def test_time_stays_exact(model, version, open_fmu):
 def test_rebuilt_from_its_own_sources(model, version, unpacked, open_fmu, tmp_path):
     """The C files inside the FMU, compiled for this machine, walk the shipped library's steps bit for bit."""
     pytest.importorskip("ziglang")
-    from fmucorrect.wrap.compiler import compile_library
+    from fmucorrect.wrapping.compiler import compile_library
 
     if not sys.platform.startswith("linux"):
         pytest.skip("rebuilds the linux64 library")

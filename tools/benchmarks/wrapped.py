@@ -21,11 +21,11 @@ from fmpy import fmi2
 from fmucorrect import bundle
 from fmucorrect.fmu import FmuStepper, open_fmu
 from fmucorrect.signals import Channel
-from fmucorrect.wrap import network
-from fmucorrect.wrap.compiler import EXACT, TARGETS, compile_library, fmi_headers
-from fmucorrect.wrap.package import wrap
+from fmucorrect.wrapping import network
+from fmucorrect.wrapping.compiler import EXACT, TARGETS, compile_library, fmi_headers
+from fmucorrect.wrapping.package import wrap
 
-HOST = Path(__file__).resolve().parent.parent.parent / "tests" / "wrap" / "host.c"
+HOST = Path(__file__).resolve().parent.parent.parent / "tests" / "wrapping" / "host.c"
 LINUX = TARGETS["linux64"][0][0]
 MAPPING = """[channels]
 FW = "mass1.x"

@@ -14,7 +14,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from build_fmus import ROOT, model_token
 from fmu_variables import read_model, variables_header
 
-from fmucorrect.wrap.compiler import compile_library
+from fmucorrect.wrapping.compiler import compile_library
 
 LAWS = (
     "linear_stiffness", "viscous_damping", "added_mass", "cubic_stiffness", "quadratic_damping", "coulomb_friction",

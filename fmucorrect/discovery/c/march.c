@@ -1,7 +1,7 @@
 /* Steps an FMU along a condition with laws at its joints, as the wrapped FMU would do it, at the speed of C.
  *
  * The instance belongs to the caller, who has opened and initialised it; its functions come as pointers. Laws see the displacement
- * half a step ahead (d + v h / 2), their force is held over the step (fmucorrect/wrap: coupling.c). */
+ * half a step ahead (d + v h / 2), their force is held over the step (fmucorrect/wrapping: coupling.c). */
 #include "march.h"
 
 #include <stdbool.h>

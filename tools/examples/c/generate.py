@@ -14,7 +14,7 @@ from pathlib import Path
 from fmucorrect.bundle import Bundle, load
 from fmucorrect.signals import Channel
 from fmucorrect.stepper import corrected_channels
-from fmucorrect.wrap import network
+from fmucorrect.wrapping import network
 
 
 def main(bundle: Path, folder: Path) -> None:

@@ -1,0 +1,225 @@
+"""Is the generated C the corrector? Compiled for this machine, it is asked what ONNX Runtime is asked.
+
+Asked are the bundle's golden pair and random windows and conditions, smooth and rough, inside and outside of the
+envelope; once for every instruction set that this machine has.
+"""
+
+from __future__ import annotations
+
+import base64
+import contextlib
+import ctypes
+import json
+import sys
+from collections.abc import Generator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float32, Float64
+
+from fmucorrect import units
+from fmucorrect.bundle import Bundle
+from fmucorrect.errors import WrapError
+from fmucorrect.wrapping.compiler import compile_library, host
+from fmucorrect.wrapping.network import NetworkSources
+
+TOLERANCE = 1e-5
+"""mm, or the channel's unit where that is no length; times a tenth of the largest response of the envelope, if that is
+more than 1: single precision has seven digits."""
+
+WAYS = ("baseline", "avx2")
+_BATCHES, _BATCH = 50, 20
+_USUAL = {"speed": (0.0, 400.0), "amplitude": (0.0, 0.1), "frequency": (0.0, 10.0)}
+_ENDLESS = 1e6
+"""A corner of the envelope that far out is none."""
+
+
+class Answers(NamedTuple):
+    """To N windows, in the channels' units; inside: (N, 1)."""
+
+    delta: Float32[np.ndarray, "N J"]
+    sigma: Float32[np.ndarray, "N J"]
+    inside: Float32[np.ndarray, "N 1"]
+
+
+class Questions(NamedTuple):
+    """right: ONNX Runtime's answers."""
+
+    windows: Float32[np.ndarray, "N W J"]
+    conditions: Float32[np.ndarray, "N 3"]
+    seconds: Float64[np.ndarray, " N"]
+    right: Answers
+
+
+@dataclass(frozen=True)
+class Proof:
+    """windows: how many were compared, inside: how many of them the corrector did not leave alone.
+
+    errors: the largest deviation for each instruction set, as a share of what is allowed. largest: in mm or the
+    channel's unit.
+    """
+
+    windows: int
+    inside: int
+    errors: Mapping[str, float]
+    largest: float
+
+    def figures(self) -> dict[str, Any]:
+        return asdict(self)
+
+
+def prove(bundle: Bundle, sources: NetworkSources, work: Path) -> Proof:
+    """Compiles `sources` in the folder `work` and compares. Raises WrapError where an answer differs by more than
+    TOLERANCE (see there), and on machines for which there is no compiler."""
+    target, _, suffix = host()
+    where = str(bundle.path)
+    names = sources.write(work)
+    (work / "network_probe.c").write_bytes((Path(__file__).parent / "c" / "network_probe.c").read_bytes())
+    library = work / f"network_probe{suffix}"
+    compile_library(work, [*names, "network_probe.c"], target, library)
+    asked = _questions(bundle)
+    scale, limits = _limits(bundle)
+    scales, allowed = (scale, scale, np.ones(1)), (limits, limits, np.full(1, TOLERANCE))
+    errors: dict[str, float] = {}
+    largest = 0.0
+    with _loaded(library) as probe:
+        for way, name in ((-1, "chosen"), *enumerate(WAYS)):
+            answers = _ask(probe, way, asked)
+            if answers is None:
+                continue
+            for i, what in enumerate(Answers._fields):
+                error = np.abs(answers[i] - asked.right[i]) * scales[i]
+                _judge(what, error, allowed[i], name, where)
+                errors[name] = max(errors.get(name, 0.0), float((error / allowed[i]).max()))
+                largest = max(largest, float(error.max()))
+    return Proof(len(asked.windows), int((asked.right.inside > 0).sum()), errors, largest)
+
+
+def _judge(
+    what: str, error: Float64[np.ndarray, "N D"], bound: Float64[np.ndarray, " D"], way: str, where: str
+) -> None:
+    wrong = ~(error <= bound)  # NaN is no agreement
+    if wrong.any():
+        row, column = np.argwhere(wrong)[0]
+        raise WrapError(
+            f"the generated C ({way}) is not the corrector: {what} {column + 1} differs from ONNX Runtime's",
+            where=where,
+            expected=f"at most {bound[column]:.3g}",
+            got=f"{error[row, column]:.3g} in {wrong.any(1).sum()} of {len(error)} windows, this one for example",
+            remedy="Please report this; the network must not be used as C.",
+        )
+
+
+def _limits(bundle: Bundle) -> tuple[Float64[np.ndarray, " J"], Float64[np.ndarray, " J"]]:
+    """What deviations are multiplied by to be in mm where they are lengths, and what they may then be."""
+    parsed = [units.parse(channel.unit) for channel in bundle.channels]
+    metre = units.parse("mm")
+    scale = np.array([unit.factor / metre.factor if unit.dimension == metre.dimension else 1.0 for unit in parsed])
+    responses = np.abs(_ranges(bundle)).max(1) * scale
+    return scale, TOLERANCE * np.maximum(1.0, responses / 10.0)
+
+
+def _ranges(bundle: Bundle) -> Float64[np.ndarray, "J 2"]:
+    """Inner corners of the responses; ten times the uncorrected deviation where there are none."""
+    pairs = zip(bundle.channels, bundle.uncorrected.tolist(), strict=True)
+    return np.array([_inner(bundle, f"response {c.name}", (-10.0 * rms, 10.0 * rms)) for c, rms in pairs])
+
+
+def _inner(bundle: Bundle, name: str, otherwise: tuple[float, float]) -> tuple[float, float]:
+    corners = bundle.info.envelope.get(name, (-np.inf, -np.inf, np.inf, np.inf))
+    low, high = (c if abs(c) < _ENDLESS else other for c, other in zip(corners[1:3], otherwise, strict=True))
+    return low, high
+
+
+def _questions(bundle: Bundle) -> Questions:
+    rng = np.random.default_rng(20250101)
+    parts = [_golden(bundle)]
+    ranges = _ranges(bundle)
+    conditions = np.array([_inner(bundle, name, usual) for name, usual in _USUAL.items()])
+    for i in range(_BATCHES):
+        windows = _windows(rng, bundle.rows, ranges, 3.0 if i % 5 == 4 else 1.0)
+        condition = _inside(rng, conditions, 1.5 if i % 5 == 3 else 1.0).astype(np.float32)
+        seconds = np.where(rng.random(_BATCH) < 0.1, -1.0, 10.0 ** rng.uniform(-3.0, 6.0, _BATCH))
+        seconds[0] = 0.0
+        parts.append(_answered(bundle, windows, condition, seconds))
+    return _joined(parts)
+
+
+def _answered(
+    bundle: Bundle,
+    windows: Float32[np.ndarray, "N W J"],
+    condition: Float32[np.ndarray, "3"],
+    seconds: Float64[np.ndarray, " N"],
+) -> Questions:
+    answer = bundle.correct(windows, condition, seconds)
+    right = Answers(answer.delta, answer.sigma, answer.inside[:, None])
+    return Questions(windows, np.tile(condition, (len(windows), 1)), seconds, right)
+
+
+def _joined(parts: Sequence[Questions]) -> Questions:
+    windows, conditions, seconds, right = zip(*parts, strict=True)
+    answers = Answers(*map(np.concatenate, zip(*right, strict=True)))
+    return Questions(np.concatenate(windows), np.concatenate(conditions), np.concatenate(seconds), answers)
+
+
+def _inside(rng: np.random.Generator, ranges: Float64[np.ndarray, "D 2"], stretch: float) -> Float64[np.ndarray, " D"]:
+    middle, half = ranges.mean(1), np.diff(ranges)[:, 0] / 2.0
+    return middle + stretch * half * rng.uniform(-1.0, 1.0, len(ranges))
+
+
+def _windows(
+    rng: np.random.Generator, rows: int, ranges: Float64[np.ndarray, "J 2"], stretch: float
+) -> Float32[np.ndarray, "N W J"]:
+    """Waves and noise in changing shares within `stretch` times the ranges."""
+    shape = (_BATCH, rows, len(ranges))
+    period = 10.0 ** rng.uniform(0.5, 3.0, (_BATCH, 1, len(ranges)))
+    turn = rng.uniform(0.0, 2.0 * np.pi, period.shape)
+    waves = np.sin(2.0 * np.pi * np.arange(rows)[None, :, None] / period + turn)
+    share = rng.random((_BATCH, 1, 1)) ** 2
+    unit = (1.0 - share) * waves + share * rng.uniform(-1.0, 1.0, shape)
+    size = stretch * rng.random((_BATCH, 1, len(ranges)))
+    return (ranges.mean(1) + size * np.diff(ranges)[:, 0] / 2.0 * unit).astype(np.float32)
+
+
+def _golden(bundle: Bundle) -> Questions:
+    """The golden pair. Its `corrected` takes the place of ONNX Runtime's."""
+    import onnx
+
+    metadata = {item.key: item.value for item in onnx.load(str(bundle.path)).metadata_props}
+    arrays: dict[str, np.ndarray] = {}
+    for name, entry in json.loads(metadata["fmucorrect"])["golden"].items():
+        arrays[name] = np.frombuffer(base64.b64decode(entry["base64"]), entry["dtype"]).reshape(entry["shape"])
+    windows, conditions, seconds = arrays["window"], arrays["condition"], arrays["time"][:, 0]
+    rows = [_answered(bundle, windows[i : i + 1], c, seconds[i : i + 1]) for i, c in enumerate(conditions)]
+    golden = _joined(rows)
+    return golden._replace(right=golden.right._replace(delta=arrays["corrected"] - windows[:, -1]))
+
+
+@contextlib.contextmanager
+def _loaded(library: Path) -> Generator[Any]:
+    """Its function `probe`. The library is closed again, so that the folder can be removed."""
+    import _ctypes
+
+    try:
+        opened = ctypes.CDLL(str(library.resolve()))
+    except OSError as error:
+        raise WrapError(f"the compiled network cannot be loaded on this machine: {error}") from error
+    try:
+        yield opened.probe
+    finally:
+        close: Any = getattr(_ctypes, "FreeLibrary" if sys.platform == "win32" else "dlclose")
+        close(opened._handle)
+
+
+def _ask(probe: Any, way: int, asked: Questions) -> Answers | None:
+    """The answers of one way of computing; None where this processor lacks what it needs."""
+    count, _, channels = asked.windows.shape
+    inputs = [np.ascontiguousarray(array) for array in asked[:3]]
+    outputs = [np.full((count, n), np.nan, np.float32) for n in (channels, channels, channels, 1)]
+    pointers = [array.ctypes.data_as(ctypes.c_void_p) for array in (*inputs, *outputs)]
+    if not probe(ctypes.c_int(way), ctypes.c_int(count), *pointers):
+        return None
+    corrected, _, sigma, inside = outputs
+    return Answers(corrected - asked.windows[:, -1], sigma, inside)

@@ -1,0 +1,57 @@
+"""The solver's FMU as the wrapped one carries it: unpacked in resources/solver, for the platforms asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import PurePosixPath
+
+from fmucorrect.errors import WrapError
+from fmucorrect.fmu import FmuDescription, archive
+from fmucorrect.wrapping.compiler import TARGETS
+
+PLACE = "resources/solver"
+_OUTER = ("documentation", "terminalsAndIcons", "extra", "model.png", "icon.png")
+"""What stays where hosts look for it: at the top."""
+
+
+def platforms(fmu: FmuDescription, wanted: Sequence[str]) -> list[str]:
+    """`wanted`, or all that the solver has a library for. Raises WrapError where one is not known or the solver lacks it."""
+    have = [name for name in TARGETS if _folders(fmu, name)]
+    unknown = [name for name in wanted if name not in TARGETS]
+    if unknown:
+        raise WrapError(f"platform {', '.join(unknown)} is not known", expected=f"some of {', '.join(TARGETS)}")
+    missing = [name for name in wanted if name not in have]
+    if missing or not have:
+        raise WrapError(
+            f"the solver's FMU has no library for {', '.join(missing) or 'any of ' + ', '.join(TARGETS)}",
+            where=str(fmu.path),
+            got=", ".join(fmu.platforms) or "no libraries",
+            remedy="Export it again for that platform, or ask for others with --platforms.",
+        )
+    return list(wanted) or have
+
+
+def description(fmu: FmuDescription) -> bytes:
+    """Its modelDescription.xml."""
+    with archive.opened(fmu.path) as file:
+        return archive.read(file, archive.MODEL_DESCRIPTION, fmu.path)
+
+
+def files(fmu: FmuDescription, platforms: Sequence[str]) -> dict[str, bytes]:
+    """The entries of the wrapped FMU that come from the solver's. Raises FmuError where an entry is damaged."""
+    folders = {folder for name in platforms for folder in _folders(fmu, name)}
+    found: dict[str, bytes] = {}
+    with archive.opened(fmu.path) as file:
+        for name in file.namelist():
+            top, *rest = PurePosixPath(name).parts or ("",)
+            if name.endswith("/") or (top == "binaries" and rest[:1] and rest[0] not in folders):
+                continue
+            found[name if top in _OUTER else f"{PLACE}/{name}"] = archive.read(file, name, fmu.path)
+    return found
+
+
+def _folders(fmu: FmuDescription, platform: str) -> list[str]:
+    """The folders in binaries/ of the solver that serve a platform."""
+    if fmu.fmi.startswith("2"):
+        return [platform] if platform in fmu.platforms else []
+    return [folder for _, folder, _ in TARGETS[platform] if folder in fmu.platforms]

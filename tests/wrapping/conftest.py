@@ -1,0 +1,81 @@
+"""The shipped solvers, wrapped once for the whole session, and a C host for them."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import zipfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import pytest
+from models import OSCILLATOR, corrector, known, solver
+
+from fmucorrect.wrapping import compiler
+from fmucorrect.wrapping.package import Wrapped, wrap
+
+HERE = Path(__file__).parent
+
+
+@pytest.fixture(scope="session")
+def wrapped(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Wrapped]:
+    """wrapped(model, inner, outer=None, platforms=("linux64",)) -> a shipped solver of FMI `inner` as one of FMI `outer`."""
+    for package in ("ziglang", "emx_onnx_cgen", "onnx", "sympy"):
+        pytest.importorskip(package)
+    folder = tmp_path_factory.mktemp("wrapped")
+    made: dict[tuple[str, int, int, tuple[str, ...]], Wrapped] = {}
+
+    def one(model: str, inner: int, outer: int | None = None, platforms: Sequence[str] = ("linux64",)) -> Wrapped:
+        key = (model, inner, outer or inner, tuple(platforms))
+        if key not in made:
+            mapping = None
+            if model == OSCILLATOR:
+                mapping = folder / "mapping.toml"
+                lines = [f"{name} = {value}" for name, value in known(model).parameters.items()]
+                mapping.write_text("\n".join(["[parameters]", *lines]))
+            out = folder / f"{model}_{inner}_{key[2]}_{'_'.join(platforms)}.fmu"
+            made[key] = wrap(
+                solver(model, inner), corrector(model), out, mapping=mapping, fmi=outer, platforms=platforms
+            )
+        return made[key]
+
+    return one
+
+
+@pytest.fixture(scope="session")
+def unpacked(tmp_path_factory: pytest.TempPathFactory) -> Callable[[Path], Path]:
+    """unpacked(fmu) -> the folder of all its files, in a place whose name many tools stumble over."""
+    folder = tmp_path_factory.mktemp("unpacked") / "Prüfstand 1" / "übung"
+    made: dict[Path, Path] = {}
+
+    def one(fmu: Path) -> Path:
+        if fmu not in made:
+            made[fmu] = folder / fmu.stem
+            with zipfile.ZipFile(fmu) as archive:
+                archive.extractall(made[fmu])
+        return made[fmu]
+
+    return one
+
+
+@pytest.fixture(scope="session")
+def host(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+    """host(fmi, compiler=zig, flags=()) -> host.c, compiled."""
+    folder = tmp_path_factory.mktemp("hosts")
+    made: dict[tuple[object, ...], Path] = {}
+
+    def one(fmi: int, with_compiler: Sequence[str] = (), flags: Sequence[str] = (), suffix: str = "") -> Path:
+        key = (fmi, tuple(with_compiler), tuple(flags), suffix)
+        if key not in made:
+            command = list(with_compiler) or [sys.executable, "-m", "ziglang", "cc"]
+            made[key] = folder / f"host{len(made)}{suffix}"
+            headers = compiler.fmi_headers(fmi)[0].parent
+            libraries = [] if suffix else ["-ldl"]
+            subprocess.run(
+                [*command, "-std=c11", "-O1", "-Wall", "-Wextra", "-Wno-unused-parameter", f"-DFMI={fmi}", f"-I{headers}",
+                 *flags, str(HERE / "host.c"), "-o", str(made[key]), *libraries],
+                check=True,
+            )  # fmt: skip
+        return made[key]
+
+    return one
