@@ -11,7 +11,7 @@ from fmucorrect.fmu import FmuDescription, Variable
 from fmucorrect.wrapping.conversion import KINDS, Wired
 from fmucorrect.wrapping.wiring import CONDITIONS, Source, Wiring
 
-_NOTHING = {"Wired": "{0}", "ArraySize": "{0}", "Start": "{{0}}", "Place": "{{{0}}}"}
+_NOTHING = {"Wired": "{0}", "ArraySize": "{0}", "Start": "{{0}, 0}", "Place": "{{{0}}, {0}, 0, 0}"}
 
 
 @dataclass(frozen=True)

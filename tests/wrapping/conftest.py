@@ -19,21 +19,23 @@ HERE = Path(__file__).parent
 
 @pytest.fixture(scope="session")
 def wrapped(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Wrapped]:
-    """wrapped(model, inner, outer=None, platforms=("linux64",)) -> a shipped solver of FMI `inner` as one of FMI `outer`."""
+    """wrapped(model, inner, outer=inner) -> a shipped solver of FMI `inner` as one of FMI `outer`, for Linux; where the
+    versions are the same, for Windows as well."""
     for package in ("ziglang", "emx_onnx_cgen", "onnx", "sympy"):
         pytest.importorskip(package)
     folder = tmp_path_factory.mktemp("wrapped")
-    made: dict[tuple[str, int, int, tuple[str, ...]], Wrapped] = {}
+    made: dict[tuple[str, int, int], Wrapped] = {}
 
-    def one(model: str, inner: int, outer: int | None = None, platforms: Sequence[str] = ("linux64",)) -> Wrapped:
-        key = (model, inner, outer or inner, tuple(platforms))
+    def one(model: str, inner: int, outer: int | None = None) -> Wrapped:
+        key = (model, inner, outer or inner)
         if key not in made:
             mapping = None
             if model == OSCILLATOR:
                 mapping = folder / "mapping.toml"
                 lines = [f"{name} = {value}" for name, value in known(model).parameters.items()]
                 mapping.write_text("\n".join(["[parameters]", *lines]))
-            out = folder / f"{model}_{inner}_{key[2]}_{'_'.join(platforms)}.fmu"
+            out = folder / f"{model}_{inner}_{key[2]}.fmu"
+            platforms = ["linux64", "win64"] if inner == key[2] else ["linux64"]
             made[key] = wrap(
                 solver(model, inner), corrector(model), out, mapping=mapping, fmi=outer, platforms=platforms
             )
@@ -60,7 +62,7 @@ def unpacked(tmp_path_factory: pytest.TempPathFactory) -> Callable[[Path], Path]
 
 @pytest.fixture(scope="session")
 def host(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
-    """host(fmi, compiler=zig, flags=()) -> host.c, compiled."""
+    """host(fmi, with_compiler=zig, flags=(), suffix="") -> host.c, compiled. suffix: ".exe" for Windows."""
     folder = tmp_path_factory.mktemp("hosts")
     made: dict[tuple[object, ...], Path] = {}
 

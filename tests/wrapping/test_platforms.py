@@ -4,15 +4,18 @@ again from the sources inside. All in a folder with spaces and umlauts in its na
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
-from collections.abc import Callable
-from dataclasses import dataclass, field
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from tempfile import TemporaryFile
 
 import numpy as np
 import pytest
-from models import COMBINATIONS, LONG, MODELS, OSCILLATOR, columns, expected, largest
+from models import COMBINATIONS, LONG, MODELS, OSCILLATOR, RIG, columns, expected, largest
 
 from fmucorrect.fmu import open_fmu
 from fmucorrect.wrapping.package import Wrapped
@@ -23,6 +26,8 @@ CLOSE = 1e-5
 """mm"""
 STEPS = 400
 WINE = Path("/usr/lib/wine/wine64")
+CC = shutil.which("gcc") or shutil.which("cc") or ""
+SANITIZED = ("-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 each = pytest.mark.parametrize("model", MODELS)
 each_version = pytest.mark.parametrize("fmi", [2, 3])
 each_way = pytest.mark.parametrize(("inner", "outer"), COMBINATIONS)
@@ -40,25 +45,28 @@ class Player:
     environment: dict[str, str] = field(default_factory=dict)
     suffix: str = ".so"
 
+    @property
+    def inside(self) -> Path:
+        """Its library."""
+        return next(self.folder.glob(f"binaries/*/{open_fmu(self.fmu).identifier}{self.suffix}"))
+
     def play(self, mode: str, library: Path | None = None, steps: int = STEPS) -> str:
         """What the host prints. library: instead of the one inside."""
         said = open_fmu(self.fmu)
         three, drive = said.fmi.startswith("3"), "Z:" if self.suffix == ".dll" else ""
-        library = library or next(self.folder.glob(f"binaries/*/{said.identifier}{self.suffix}"))
-        resources = f"{drive}{self.folder}/resources/"
+        library = library or self.inside
+        resources = f"{drive}{self.folder / 'resources'}/"
         if not three:
-            resources = (
-                (self.folder / "resources")
-                .as_uri()
-                .replace("file:///", f"file:///{drive}/" * bool(drive) or "file:///")
-            )
+            resources = (self.folder / "resources").as_uri().replace("file://", "file:///Z:" if drive else "file://")
         references = [str(said.variables[c.simulation or c.name].reference) for c in columns(self.model)[:-1]]
-        done = subprocess.run(
-            [*self.program, f"{drive}{library}", resources, said.token, mode, "0.001", str(steps), *references],
-            capture_output=True, text=True, env={**os.environ, **self.environment}, timeout=300,
-        )  # fmt: skip
-        assert done.returncode == 0, done.stderr[-3000:]
-        return done.stdout
+        command = [*self.program, f"{drive}{library}", resources, said.token, mode, "0.001", str(steps), *references]
+        environment = {**os.environ, **self.environment}
+        with TemporaryFile() as out, TemporaryFile() as err:  # no pipes, which services of wine would hold open
+            done = subprocess.run(command, stdout=out, stderr=err, env=environment, timeout=300)
+            out.seek(0)
+            err.seek(0)
+            assert done.returncode == 0, err.read().decode(errors="replace")[-3000:]
+            return out.read().decode()
 
     def walk(self, library: Path | None = None) -> np.ndarray:
         """(STEPS, columns) from the first step on."""
@@ -98,34 +106,87 @@ def test_linux(model: str, inner: int, outer: int, player: Play) -> None:
         assert largest(got, reference) < CLOSE
 
 
-@pytest.fixture(scope="session")
-def wine(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """The environment that wine runs in."""
+@pytest.fixture(scope="module")
+def wine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, str]]:
+    """The environment that wine runs in, and a Windows of its own."""
     if not WINE.exists():
         pytest.skip("there is no wine64")
     environment = {
         "WINEPREFIX": str(tmp_path_factory.mktemp("wine") / "prefix"),
         "WINEDEBUG": "-all",
+        "LC_ALL": "C.UTF-8",  # wine reads the names of files by it
         "WINEDLLOVERRIDES": "mscoree,mshtml=",  # it would ask to download these
     }
-    subprocess.run([WINE, "wineboot", "-i"], env={**os.environ, **environment}, capture_output=True, timeout=300)
-    return environment
+    quiet = {"env": {**os.environ, **environment}, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    subprocess.run([WINE, "wineboot", "-i"], timeout=300, **quiet)
+    yield environment
+    subprocess.run([WINE.with_name("wineserver64"), "-k"], timeout=60, **quiet)  # that of this prefix alone
 
 
 @each_version
 @each
 def test_windows_says_the_same(
-    model: str,
-    fmi: int,
-    wine: dict[str, str],
-    player: Play,
-    wrapped: Callable[..., Wrapped],
-    unpacked: Callable[[Path], Path],
-    host: Host,
+    model: str, fmi: int, wine: dict[str, str], player: Play, host: Host, tmp_path: Path
 ) -> None:
-    fmu = wrapped(model, fmi, platforms=("win64",)).path
+    linux = player(model, fmi)
     zig = [sys.executable, "-m", "ziglang", "cc", "-target", "x86_64-windows-gnu"]
-    program = [WINE, host(fmi, zig, ["-lshell32"], ".exe")]
-    windows = Player(model, fmu, unpacked(fmu), program, wine, ".dll")
-    assert largest(windows.walk(), player(model, fmi).walk()) < CLOSE
-    assert windows.rolls_back()
+    windows = replace(linux, program=[WINE, host(fmi, zig, ["-lshell32"], ".exe")], environment=wine, suffix=".dll")
+    assert largest(windows.walk(), linux.walk()) < CLOSE
+    elsewhere = tmp_path / "moved.dll"  # so that the solver is found only where the host says
+    shutil.copy(windows.inside, elsewhere)
+    assert windows.rolls_back(elsewhere)
+
+
+def sources(folder: Path, fmi: int) -> list[Path]:
+    """The C files that the FMU's own build description names."""
+    if fmi == 2:
+        names = ET.parse(folder / "modelDescription.xml").findall("CoSimulation/SourceFiles/File")
+    else:
+        names = ET.parse(folder / "sources/buildDescription.xml").findall("BuildConfiguration/SourceFileSet/SourceFile")
+    return [folder / "sources" / element.attrib["name"] for element in names]
+
+
+def build(folder: Path, fmi: int, out: Path, *flags: str) -> Path:
+    """A library of the sources inside, by the compiler that the system has."""
+    if not CC:
+        pytest.skip("there is no C compiler on this system")
+    command = [CC, "-std=c11", "-shared", "-fPIC", *flags, *sources(folder, fmi), "-o", out, "-lm", "-ldl"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return out
+
+
+@each_way
+def test_the_sources_inside_are_enough(inner: int, outer: int, player: Play, tmp_path: Path) -> None:
+    it = player(OSCILLATOR, inner, outer)
+    library = build(it.folder, outer, tmp_path / "own.so", "-O2", "-ffp-contract=off")
+    assert np.array_equal(it.walk(library), it.walk())
+
+
+def test_the_sources_of_a_trained_network_are_enough(player: Play, tmp_path: Path) -> None:
+    it = player(RIG, 3)
+    library = build(it.folder, 3, tmp_path / "own.so", "-O2", "-ffp-contract=off")
+    assert largest(it.walk(library), it.walk()) < CLOSE
+
+
+@each_way
+def test_sanitizers_have_nothing_to_say(inner: int, outer: int, player: Play, host: Host, tmp_path: Path) -> None:
+    it = player(OSCILLATOR, inner, outer)
+    library = build(it.folder, outer, tmp_path / "own.so", *SANITIZED)
+    it = replace(it, program=[host(outer, [CC], SANITIZED)])
+    assert it.rolls_back(library)
+
+
+def test_sanitizers_accept_a_trained_network(player: Play, host: Host, tmp_path: Path) -> None:
+    it = player(RIG, 2)
+    library = build(it.folder, 2, tmp_path / "own.so", *SANITIZED)
+    assert replace(it, program=[host(2, [CC], SANITIZED)]).rolls_back(library)
+
+
+@pytest.mark.skipif(shutil.which("valgrind") is None, reason="there is no valgrind")
+@each_version
+@each
+def test_valgrind_has_nothing_to_say(model: str, fmi: int, player: Play) -> None:
+    it = player(model, fmi)
+    valgrind = ["valgrind", "-q", "--error-exitcode=9", "--leak-check=full", "--show-leak-kinds=all"]
+    assert replace(it, program=[*valgrind, *it.program]).rolls_back(steps=200)
