@@ -9,11 +9,11 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from types import MappingProxyType
 
-from fmucorrect.catalogue import damper, friction, hysteresis, inertia, load, spring
+from fmucorrect.catalogue import damper, friction, hysteresis, inertia, load, relaxation, spring
 from fmucorrect.catalogue.law import INPUTS, PORTS, Formula, Law, Parameter, State, unit
 from fmucorrect.catalogue.numeric import force, rates, step
 
-_LAWS = (*spring.LAWS, *damper.LAWS, *inertia.LAWS, *friction.LAWS, *hysteresis.LAWS, *load.LAWS)
+_LAWS = (*spring.LAWS, *damper.LAWS, *relaxation.LAWS, *inertia.LAWS, *friction.LAWS, *hysteresis.LAWS, *load.LAWS)
 
 CATALOGUE: Mapping[str, tuple[Law, ...]] = MappingProxyType(
     {name: tuple(law for law in _LAWS if law.name == name) for name in dict.fromkeys(law.name for law in _LAWS)}

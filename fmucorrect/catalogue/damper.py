@@ -1,17 +1,22 @@
-"""Dampers: forces against velocity, and what the model's own damper does otherwise than the model has it."""
+"""Dampers: forces against velocity, and what the model's own damper does otherwise than the model has it.
+
+A damper that relaxes is in relaxation.py.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from fmucorrect.catalogue import smooth
-from fmucorrect.catalogue.law import Formula, Law, Parameter, State, Symbols, load_sympy
+from fmucorrect.catalogue.law import Formula, Law, Parameter, Symbols, load_sympy
+from fmucorrect.catalogue.motion import REMAINS, SHARES, Motion
+
+_ANYWHERE = "any joint"
+_OWN = "a joint whose own element is a damper and shows its force"
 
 _SMOOTHING = Parameter(
     "smoothing", "w", "1", "width of the rounded knee, in knees", default=0.01, minimum=0.0, above=True
 )
-_SERIES = Parameter(
-    "stiffness", "k", "F/D", "of the spring in series with the model's own damper", minimum=0.0, above=True
-)
-_RELAXED = State("relaxed_force", "z", "F")
 
 
 def _viscous(s: Symbols) -> Formula:
@@ -39,38 +44,53 @@ def _knee(s: Symbols) -> Formula:
     return Formula(s.F0 * (smooth.share(s.v, s["velocity"], s["smoothing"]) - 1))
 
 
-def _series_nominal(s: Symbols) -> Formula:
-    size = load_sympy().Abs
-    pace = s["stiffness"] * size(s.v) / (size(s.F0) + s["smoothing_force"])
-    return Formula(s.z[0] - s.F0, (pace * (s.F0 - s.z[0]),))
+def _guess_ratio(motion: Motion, share: float) -> Mapping[str, float] | None:
+    return {"ratio": (1.0 + share) / (1.0 - share)} if motion.f > 0.0 else None
 
 
-def _series_linear(s: Symbols) -> Formula:
-    z, k, c = s.z[0], s["stiffness"], s["damping"]
-    return Formula(z - c * s.v, (k * (s.v - z / c),))
+def _guess_limit(motion: Motion, share: float) -> Mapping[str, float] | None:
+    return {"force": share * motion.f} if motion.f > 0.0 else None
+
+
+def _guess_knee(motion: Motion, share: float) -> Mapping[str, float] | None:
+    return {"velocity": share * motion.v} if motion.f > 0.0 else None
 
 
 LAWS = (
     Law(
         name="viscous_damping",
         family="damper",
+        description="The joint has more damping, or less, than the model, in proportion to its velocity.",
+        acts=_ANYWHERE,
         equation="F = c v",
         parameters=(Parameter("damping", "c", "F.s/D", "negative where the model has too much", neutral=0.0),),
         inputs=("velocity",),
         write=_viscous,
+        guesses=(lambda motion, force: {"damping": force / motion.v},),
+        main="damping",
+        estimated=("damping",),
+        signed=True,
     ),
     Law(
         name="quadratic_damping",
         family="damper",
+        description="Damping that grows with the square of the velocity, as through an orifice.",
+        acts=_ANYWHERE,
         equation="F = c_2 v |v|",
         parameters=(Parameter("quadratic_damping", "c_2", "F.s2/D2", "of an orifice", neutral=0.0),),
         inputs=("velocity",),
         write=_quadratic,
+        guesses=(lambda motion, force: {"quadratic_damping": force / motion.v**2},),
+        main="quadratic_damping",
+        estimated=("quadratic_damping",),
+        signed=True,
     ),
     Law(
         name="damper_asymmetry",
         form="ratio",
         family="damper",
+        description="The joint's own damper is stronger in one direction than in the other.",
+        acts=_OWN,
         equation="F = (r - 1) / (r + 1) |F0|",
         parameters=(
             Parameter(
@@ -87,12 +107,20 @@ LAWS = (
         ),
         inputs=("nominal_force",),
         write=_by_ratio,
+        guesses=(_guess_ratio,),
+        main="ratio",
+        estimated=("ratio",),
+        severities=SHARES,
+        relative=True,
+        signed=True,
         note="The joint's own element is a damper. The sign of F0 tells its direction, also behind a series spring.",
     ),
     Law(
         name="damper_asymmetry",
         form="difference",
         family="damper",
+        description="The joint is damped more in one direction than in the other.",
+        acts=_ANYWHERE,
         equation="F = (Delta / 2) |v|",
         parameters=(
             Parameter(
@@ -101,11 +129,17 @@ LAWS = (
         ),
         inputs=("velocity",),
         write=_by_difference,
+        guesses=(lambda motion, force: {"difference": 2.0 * force / motion.v},),
+        main="difference",
+        estimated=("difference",),
+        signed=True,
     ),
     Law(
         name="damper_saturation",
         form="force",
         family="damper",
+        description="The joint's own damper blows off: it gives no more than a certain force.",
+        acts=_OWN,
         equation="F = clip(F0, -F_max, F_max) - F0",
         parameters=(
             Parameter("force", "F_max", "F", "more than that the damper does not give", minimum=0.0, above=True),
@@ -113,12 +147,19 @@ LAWS = (
         ),
         inputs=("nominal_force",),
         write=_limited_force,
+        guesses=(_guess_limit,),
+        main="force",
+        estimated=("force",),
+        severities=REMAINS,
+        relative=True,
         note="The joint's own element is the damper alone. The rounding raises the limit by the share w^2 / 2.",
     ),
     Law(
         name="damper_saturation",
         form="velocity",
         family="damper",
+        description="The joint's own damper blows off: beyond a certain velocity its force grows no more.",
+        acts=_OWN,
         equation="F = F0 min(1, v_k / |v|) - F0",
         parameters=(
             Parameter(
@@ -128,44 +169,11 @@ LAWS = (
         ),
         inputs=("velocity", "nominal_force"),
         write=_knee,
+        guesses=(_guess_knee,),
+        main="velocity",
+        estimated=("velocity",),
+        severities=REMAINS,
+        relative=True,
         note="The joint's own element is the damper alone. The rounding raises the knee by the share w^2 / 2.",
-    ),
-    Law(
-        name="series_stiffness",
-        form="nominal",
-        family="damper",
-        equation="F = z - F0, dz/dt = k |v| / |F0| (F0 - z)",
-        parameters=(
-            _SERIES,
-            Parameter(
-                *("smoothing_force", "F_s", "F", "added to |F0| in the rate, for F0 = 0"),
-                default=1e-3,
-                minimum=0.0,
-                above=True,
-            ),
-        ),
-        inputs=("velocity", "nominal_force"),
-        write=_series_nominal,
-        states=(_RELAXED,),
-        note=(
-            "The spring takes up z / k and the damper sees v - dz/dt / k; the damper's damping is its secant F0 / v."
-            " Exact for a linear damper, near for one with knees. The joint's own element must be a damper without a"
-            " spring beside or behind it: where it has a series spring already, the joint is that spring's deflection"
-            " (the mount), and a softer one is a negative linear_stiffness there."
-        ),
-    ),
-    Law(
-        name="series_stiffness",
-        form="damping",
-        family="damper",
-        equation="F = z - c v, dz/dt = k (v - z / c)",
-        parameters=(
-            _SERIES,
-            Parameter("damping", "c", "F.s/D", "of the model's own damper, linear", minimum=0.0, above=True),
-        ),
-        inputs=("velocity",),
-        write=_series_linear,
-        states=(_RELAXED,),
-        note="A Maxwell element (k and c in series) in place of a damper c; beside viscous_damping c, one more.",
     ),
 )

@@ -5,26 +5,70 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from fmucorrect.catalogue import smooth
-from fmucorrect.catalogue.law import Formula, Law, Parameter, Symbols, load_sympy
+from fmucorrect.catalogue.law import Expr, Formula, Law, Parameter, State, Symbols, load_sympy
+from fmucorrect.catalogue.motion import Guess, Motion
 
+_ANYWHERE = "any joint"
 _FORCE = Parameter("friction_force", "F_c", "F", "while it slides", minimum=0.0, neutral=0.0)
+_BREAKAWAY = Parameter("breakaway_force", "F_b", "F", "at the onset of sliding", minimum=0.0, neutral=0.0)
+_FALL = Parameter(
+    *("stribeck_velocity", "v_b", "D/s", "over which the force falls to that of sliding"),
+    default=1e-2,
+    minimum=0.0,
+    above=True,
+)
 _SMOOTHING = Parameter(
     *("smoothing_velocity", "v_s", "D/s", "width of the change of direction; below it the joint creeps"),
     default=1e-3,
     minimum=0.0,
     above=True,
 )
+_STICK = Parameter(
+    *("stick_displacement", "d_s", "D", "how far it gives like a spring before it slides"),
+    default=1e-5,
+    minimum=0.0,
+    above=True,
+)
+_EASE = Parameter(
+    *("stick_time", "T_s", "s", "damping while it sticks over its stiffness there"),
+    default=1e-3,
+    minimum=0.0,
+    above=True,
+)
+_BRISTLE = State("bristle", "z", "D")
 _LIMIT = "In a loop of step h with a mass m it wants F_c h / (v_s m) below 1."
+_HOLD = (
+    "It holds still below the breakaway force F, as a spring F / d_s with a damper T_s F / d_s, and never gives more than"
+    " F. In a loop of step h with a mass m: T_s at least h, h^2 F / (d_s m) and h T_s F / (d_s m) below 1."
+)
+_SHARPNESS = 50.0
+"""Of a guess: peak velocity over the smoothing velocity, peak displacement over that of sticking."""
+
+
+def _falling_force(s: Symbols) -> Expr:
+    slow = load_sympy().exp(-((s.v / s["stribeck_velocity"]) ** 2))
+    return s["friction_force"] + (s["breakaway_force"] - s["friction_force"]) * slow
 
 
 def _coulomb(s: Symbols) -> Formula:
     return Formula(s["friction_force"] * smooth.sign(s.v, s["smoothing_velocity"]))
 
 
+def _coulomb_stick(s: Symbols) -> Formula:
+    z, reach, pace = s.z[0], s["stick_displacement"], load_sympy().Abs(s.v)
+    force = s["friction_force"] * (z + s["stick_time"] * s.v) / (reach + s["stick_time"] * pace)
+    return Formula(force, (s.v - pace * z / reach,), (reach,))
+
+
 def _stribeck(s: Symbols) -> Formula:
-    slow = load_sympy().exp(-((s.v / s["stribeck_velocity"]) ** 2))
-    size = s["friction_force"] + (s["breakaway_force"] - s["friction_force"]) * slow
-    return Formula(size * smooth.sign(s.v, s["smoothing_velocity"]))
+    return Formula(_falling_force(s) * smooth.sign(s.v, s["smoothing_velocity"]))
+
+
+def _stribeck_stick(s: Symbols) -> Formula:
+    z, reach, pace = s.z[0], s["stick_displacement"], load_sympy().Abs(s.v)
+    ratio = s["breakaway_force"] / _falling_force(s)
+    force = s["breakaway_force"] * (z + s["stick_time"] * s.v) / (reach + s["stick_time"] * pace * ratio)
+    return Formula(force, (s.v - pace * z * ratio / reach,), (reach,))
 
 
 def _falling(values: Mapping[str, float]) -> str | None:
@@ -32,34 +76,110 @@ def _falling(values: Mapping[str, float]) -> str | None:
     return f"breakaway_force must be at least friction_force = {fast!r}, got {slow!r}" if slow < fast else None
 
 
+def _sliding(motion: Motion, force: float) -> dict[str, float]:
+    return {"friction_force": force, "smoothing_velocity": motion.v / _SHARPNESS}
+
+
+def _stick(motion: Motion) -> Mapping[str, float]:
+    return {"stick_displacement": motion.d / _SHARPNESS, "stick_time": 0.1 * motion.d / motion.v}
+
+
+def _holding(motion: Motion, force: float) -> dict[str, float]:
+    return {"friction_force": force, **_stick(motion)}
+
+
+def _falls_within(share: float) -> Guess:
+    """Breakaway half as high again as sliding, gone at a share of the peak velocity."""
+
+    def guess(motion: Motion, force: float) -> Mapping[str, float]:
+        fall = {"breakaway_force": force, "stribeck_velocity": share * motion.v}
+        return _sliding(motion, force / 1.5) | fall
+
+    return guess
+
+
+def _holds_and_falls(share: float) -> Guess:
+    """The same, with a joint that sticks."""
+
+    def guess(motion: Motion, force: float) -> Mapping[str, float]:
+        fall = {"breakaway_force": force, "stribeck_velocity": share * motion.v}
+        return _holding(motion, force / 1.5) | fall
+
+    return guess
+
+
 LAWS = (
     Law(
         name="coulomb_friction",
         family="friction",
+        description="Dry friction of constant size against the direction of sliding.",
+        acts=_ANYWHERE,
         equation="F = F_c tanh(v / v_s)",
         parameters=(_FORCE, _SMOOTHING),
         inputs=("velocity",),
         write=_coulomb,
+        guesses=(_sliding,),
+        main="friction_force",
+        estimated=("friction_force", "smoothing_velocity"),
         note=_LIMIT,
     ),
     Law(
-        name="stribeck_friction",
+        name="coulomb_friction",
+        form="stick",
         family="friction",
+        description="Dry friction of constant size against the direction of sliding, that can hold the joint still.",
+        acts=_ANYWHERE,
+        equation="F = F_c (z + T_s v) / (d_s + T_s |v|), dz/dt = v - |v| z / d_s",
+        parameters=(_FORCE, _STICK, _EASE),
+        inputs=("velocity",),
+        write=_coulomb_stick,
+        guesses=(_holding,),
+        main="friction_force",
+        estimated=("friction_force", "stick_displacement"),
+        states=(_BRISTLE,),
+        note=f"Dahl's friction with a damping of its own. {_HOLD}",
+    ),
+    Law(
+        name="stribeck_friction",
+        special=("coulomb_friction",),
+        family="friction",
+        description="Dry friction that is larger at the onset of sliding than while the joint slides.",
+        acts=_ANYWHERE,
         equation="F = (F_c + (F_b - F_c) exp(-(v / v_b)^2)) tanh(v / v_s)",
-        parameters=(
-            _FORCE,
-            Parameter("breakaway_force", "F_b", "F", "at the onset of sliding", minimum=0.0, neutral=0.0),
-            Parameter(
-                *("stribeck_velocity", "v_b", "D/s", "over which the force falls to that of sliding"),
-                default=1e-2,
-                minimum=0.0,
-                above=True,
-            ),
-            _SMOOTHING,
-        ),
+        parameters=(_FORCE, _BREAKAWAY, _FALL, _SMOOTHING),
         inputs=("velocity",),
         write=_stribeck,
+        guesses=tuple(map(_falls_within, (0.1, 0.4))),
+        main="friction_force",
+        estimated=("friction_force", "breakaway_force", "stribeck_velocity", "smoothing_velocity"),
         note=f"F_b is reached as far as v_s is small against v_b. {_LIMIT}",
+        check=_falling,
+    ),
+    Law(
+        name="stribeck_friction",
+        special=("coulomb_friction",),
+        form="stick",
+        family="friction",
+        description="Dry friction that holds the joint still up to a breakaway force and is smaller while it slides.",
+        acts=_ANYWHERE,
+        equation=(
+            "F = F_b (z + T_s v) / (d_s + T_s |v| F_b / g), dz/dt = v - |v| F_b z / (d_s g),"
+            " g = F_c + (F_b - F_c) exp(-(v / v_b)^2)"
+        ),
+        parameters=(
+            Parameter("friction_force", "F_c", "F", "while it slides", minimum=0.0, above=True),
+            Parameter("breakaway_force", "F_b", "F", "at the onset of sliding", minimum=0.0, above=True),
+            _FALL,
+            _STICK,
+            _EASE,
+        ),
+        inputs=("velocity",),
+        write=_stribeck_stick,
+        guesses=tuple(map(_holds_and_falls, (0.1, 0.4))),
+        main="friction_force",
+        estimated=("friction_force", "breakaway_force", "stribeck_velocity", "stick_displacement"),
+        states=(_BRISTLE,),
+        note=f"LuGre's friction with a damping that keeps it passive. {_HOLD}",
         check=_falling,
     ),
 )

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 from fmucorrect.catalogue.law import Formula, Law, Parameter, State, Symbols, load_sympy
+from fmucorrect.catalogue.motion import Guess, Motion
 
 
 def _bouc_wen(s: Symbols) -> Formula:
@@ -12,21 +14,37 @@ def _bouc_wen(s: Symbols) -> Formula:
     k, alpha, size = s["stiffness"], s["alpha"], sympy.Abs(z) ** s["exponent"]
     # v - beta |v| |z|^(n-1) z - gamma v |z|^n, with no power that falls below 0
     rate = s.v - size * (s["beta"] * sympy.Abs(s.v) * sympy.sign(z) + s["gamma"] * s.v)
-    limit = (s["beta"] + s["gamma"]) ** (-1 / s["exponent"])
+    closing = s["beta"] + s["gamma"]
+    yielding = sympy.Max(closing, 1e-300) ** (-1 / s["exponent"])
+    limit = sympy.Piecewise((yielding, closing > 0), (1e300, True))
     return Formula(k * (alpha * s.d + (1 - alpha) * z), (rate,), (limit,))
 
 
 def _passive(values: Mapping[str, float]) -> str | None:
     beta, gamma = values["beta"], values["gamma"]
-    if abs(gamma) > beta:
-        return f"gamma must be between -beta and beta = {beta!r} (else the loop gives energy), got {gamma!r}"
+    if gamma > beta:
+        return f"gamma must be at most beta = {beta!r} (else the loop gives energy), got {gamma!r}"
     return None
+
+
+def _yielding_at(share: float, exponent: float = 1.0) -> Guess:
+    """A loop that yields at a share of the travel, and keeps a tenth of its stiffness."""
+
+    def guess(motion: Motion, force: float) -> Mapping[str, float]:
+        limit, alpha = share * motion.d, 0.1
+        reached = alpha * motion.d + (1.0 - alpha) * limit * (1.0 - math.exp(-1.0 / share))
+        shape = {"beta": 0.6 / limit**exponent, "gamma": 0.4 / limit**exponent, "exponent": exponent}
+        return {"stiffness": force / reached, "alpha": alpha, **shape}
+
+    return guess
 
 
 LAWS = (
     Law(
         name="bouc_wen_hysteresis",
         family="hysteresis",
+        description="The joint yields: its force depends on the way it came, and takes energy in every loop.",
+        acts="any joint",
         equation="F = k (alpha d + (1 - alpha) z), dz/dt = v - beta |v| |z|^(n-1) z - gamma v |z|^n",
         parameters=(
             Parameter("stiffness", "k", "F/D", "at small displacements", minimum=0.0, neutral=0.0),
@@ -39,11 +57,14 @@ LAWS = (
         ),
         inputs=("displacement", "velocity"),
         write=_bouc_wen,
+        guesses=(*map(_yielding_at, (0.1, 0.3, 1.0)), _yielding_at(0.3, 2.0)),
+        main="stiffness",
+        estimated=("stiffness", "alpha", "beta", "gamma"),
         states=(State("yielding", "z", "D"),),
         note=(
             "z goes to z_y = (beta + gamma)^(-1/n), which is 1 mm (or mrad) with the defaults, meant for n = 1; the"
             " hysteretic force goes to (1 - alpha) k z_y. Dahl's friction F_c with a contact stiffness k: alpha = 0,"
-            " n = 1, beta = k / F_c, gamma = 0."
+            " n = 1, beta = k / F_c, gamma = 0. With gamma below -beta it hardens, and z has no limit."
         ),
         check=_passive,
     ),

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
 
+from fmucorrect.catalogue.motion import STRENGTHS, Guess, Motion
 from fmucorrect.errors import MissingExtra, WrapError
 
 Expr = Any
@@ -63,6 +64,11 @@ class Parameter:
     above: bool = False
     neutral: float | None = None
 
+    @property
+    def positive(self) -> bool:
+        """Whether it has no values below 0: a fit may move its logarithm."""
+        return self.minimum >= 0.0
+
     def problem(self, value: float) -> str | None:
         """What is wrong with a value, in words."""
         if not math.isfinite(value):
@@ -72,6 +78,42 @@ class Parameter:
         if value > self.maximum:
             return f"must be at most {self.maximum:g}, got {value!r}"
         return None
+
+
+def complete(parameters: Iterable[Parameter], values: Mapping[str, float], where: str) -> dict[str, float]:
+    """`values` with the defaults of what they leave out, in the order of `parameters`.
+
+    Raises WrapError that names everything missing, unknown or out of bounds.
+    """
+    known = {parameter.name: parameter for parameter in parameters}
+    problems = [f"{p.name} is missing" for p in known.values() if p.default is None and p.name not in values]
+    problems += [f"there is no parameter {name!r}" for name in values if name not in known]
+    problems += [f"{n} {text}" for n, v in values.items() if n in known and (text := known[n].problem(v))]
+    if problems:
+        raise WrapError("; ".join(problems), where=where)
+    return {p.name: float(values.get(p.name, p.default or 0.0)) for p in known.values()}
+
+
+def starts(
+    parameters: Iterable[Parameter], guesses: Iterable[Callable[[Any, float], Mapping[str, float] | None]], *at: Any
+) -> tuple[dict[str, float], ...]:
+    """What each guess says `at` a scale and a size, completed; without those that it gives no (or no allowed) value."""
+    known = {parameter.name: parameter for parameter in parameters}
+    found: list[dict[str, float]] = []
+    for guess in guesses:
+        try:
+            values = guess(*at)
+        except (ZeroDivisionError, OverflowError):
+            continue
+        if values is not None and not any(known[name].problem(value) for name, value in values.items()):
+            found.append(complete(known.values(), values, ""))
+    return tuple(found)
+
+
+def opposite(parameters: Iterable[Parameter], main: str, values: Mapping[str, float]) -> dict[str, float]:
+    """`values` with the main one on the other side of its neutral value: -x, or 1 / x where that is 1."""
+    (neutral,) = (parameter.neutral for parameter in parameters if parameter.name == main)
+    return dict(values) | {main: 1.0 / values[main] if neutral == 1.0 else -values[main]}
 
 
 @dataclass(frozen=True)
@@ -108,26 +150,43 @@ class Formula:
     bounds: tuple[Expr, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Law:
     """One law, or one of the forms that an effect may be written in (by ratio or by difference, say).
 
     name: the effect's, as reports and files write it. form: tells the forms of one effect apart, "" where there is one.
-    family: what `kinds` of a study's joint may name. equation: for people, in the letters of INPUTS, parameters and
-    states. inputs: names of INPUTS that it depends on. write: the formula, from the symbols. note: assumptions and
-    limits. check: what does not fit between values that are each allowed.
+    family: what `kinds` of a study's joint may name. description: one sentence for an engineer. acts: where it may act,
+    in words. equation: for people, in the letters of INPUTS, parameters and states. inputs: names of INPUTS that it
+    depends on. write: the formula, from the symbols. note: assumptions and limits. check: what does not fit between
+    values that are each allowed.
+
+    For those who look for it: guesses: its numbers at a size, one for each shape to start from. severities: sizes,
+    weakest first; `relative` ones are shares of the element's own motion or force, others are multiplied by a force.
+    main: the parameter that says how strong it is. estimated: what data decide; the others stay as guessed. signed:
+    whether it may act the other way round. special: simpler effects that it becomes with special numbers; it is named only
+    where these do clearly worse. reverse: how, where not by the sign (or inverse) of `main`.
     """
 
     name: str
     family: str
+    description: str
+    acts: str
     equation: str
     parameters: tuple[Parameter, ...]
     inputs: tuple[str, ...]
     write: Callable[[Symbols], Formula]
+    guesses: tuple[Guess, ...]
+    main: str
+    estimated: tuple[str, ...]
+    severities: tuple[float, ...] = STRENGTHS
+    relative: bool = False
+    signed: bool = False
+    special: tuple[str, ...] = ()
     states: tuple[State, ...] = ()
     form: str = ""
     note: str = ""
     check: Callable[[Mapping[str, float]], str | None] = field(default=lambda values: None)
+    reverse: Callable[[Mapping[str, float]], Mapping[str, float]] | None = None
 
     @property
     def label(self) -> str:
@@ -144,16 +203,21 @@ class Law:
 
         Raises WrapError that names everything missing, unknown or out of bounds.
         """
-        known = {parameter.name: parameter for parameter in self.parameters}
-        problems = [f"{name} is missing" for name in self.required if name not in values]
-        problems += [f"there is no parameter {name!r}" for name in values if name not in known]
-        problems += [f"{n} {text}" for n, v in values.items() if n in known and (text := known[n].problem(v))]
-        if problems:
-            raise WrapError("; ".join(problems), where=self.name)
-        full = {p.name: float(values.get(p.name, p.default or 0.0)) for p in self.parameters}
+        full = complete(self.parameters, values, self.name)
         if text := self.check(full):
             raise WrapError(text, where=self.name)
         return full
+
+    def starts(self, motion: Motion, size: float) -> tuple[dict[str, float], ...]:
+        """All its numbers at a size (see `relative`), one set for each shape; none where the joint gives no scale."""
+        return starts(self.parameters, self.guesses, motion, size)
+
+    def opposite(self, values: Mapping[str, float]) -> dict[str, float]:
+        """The numbers with which it acts the other way round; itself again when applied twice. Only where `signed`."""
+        assert self.signed, f"{self.label} has no opposite"
+        if self.reverse is not None:
+            return dict(values) | dict(self.reverse(values))
+        return opposite(self.parameters, self.main, values)
 
     @property
     def symbols(self) -> Symbols:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from fmucorrect.catalogue import smooth
 from fmucorrect.catalogue.law import Formula, Law, Parameter, Symbols, load_sympy
+from fmucorrect.catalogue.motion import REMAINS, SHARES, Motion
 
+_ANYWHERE = "any joint"
 _GAP = Parameter("gap", "g", "D", "free travel to each side; the whole play is twice that", minimum=0.0, above=True)
 _SMOOTHING = Parameter(
     "smoothing", "w", "1", "width of the rounded corners, in gaps", default=0.01, minimum=0.0, above=True
@@ -36,27 +40,64 @@ def _bump_stop(s: Symbols) -> Formula:
     return Formula(s["stiffness"] * (s.d - smooth.saturate(s.d, s["gap"], s["smoothing"])))
 
 
+def _guess_ratio(motion: Motion, share: float) -> Mapping[str, float] | None:
+    if motion.f <= 0.0:
+        return None
+    return {"ratio": (1.0 + share) / (1.0 - share), "smoothing_displacement": motion.d / 100.0}
+
+
+def _guess_backlash(motion: Motion, share: float) -> Mapping[str, float] | None:
+    return {"gap": share * motion.d, "stiffness": motion.stiffness} if motion.stiffness > 0.0 else None
+
+
+def _own_stop(motion: Motion, share: float) -> Mapping[str, float] | None:
+    """As stiff as the joint's own element."""
+    stiffness = abs(motion.stiffness) or motion.f / motion.d
+    return {"gap": share * motion.d, "stiffness": stiffness} if stiffness > 0.0 else None
+
+
+def _marked_stop(motion: Motion, share: float) -> Mapping[str, float] | None:
+    """As stiff as the residual asks for, at the end of the travel."""
+    if motion.mark <= 0.0:
+        return None
+    return {"gap": share * motion.d, "stiffness": motion.mark / ((1.0 - share) * motion.d)}
+
+
 LAWS = (
     Law(
         name="linear_stiffness",
         family="spring",
+        description="The joint is stiffer, or softer, than the model has it, in proportion to its displacement.",
+        acts=_ANYWHERE,
         equation="F = k d",
         parameters=(Parameter("stiffness", "k", "F/D", "negative where the model's is too stiff", neutral=0.0),),
         inputs=("displacement",),
         write=_linear,
+        guesses=(lambda motion, force: {"stiffness": force / motion.d},),
+        main="stiffness",
+        estimated=("stiffness",),
+        signed=True,
     ),
     Law(
         name="cubic_stiffness",
         family="spring",
+        description="The joint grows stiffer (or softer) with the cube of its displacement.",
+        acts=_ANYWHERE,
         equation="F = k_3 d^3",
         parameters=(Parameter("cubic_stiffness", "k_3", "F/D3", "above 0 stiffens, below softens", neutral=0.0),),
         inputs=("displacement",),
         write=_cubic,
+        guesses=(lambda motion, force: {"cubic_stiffness": force / motion.d**3},),
+        main="cubic_stiffness",
+        estimated=("cubic_stiffness",),
+        signed=True,
     ),
     Law(
         name="bilinear_stiffness",
         form="difference",
         family="spring",
+        description="The joint is stiffer in one direction than in the other.",
+        acts=_ANYWHERE,
         equation="F = (Delta / 2) |d|",
         parameters=(
             Parameter(
@@ -65,11 +106,17 @@ LAWS = (
         ),
         inputs=("displacement",),
         write=_by_difference,
+        guesses=(lambda motion, force: {"difference": 2.0 * force / motion.d},),
+        main="difference",
+        estimated=("difference",),
+        signed=True,
     ),
     Law(
         name="bilinear_stiffness",
         form="ratio",
         family="spring",
+        description="The joint's own spring is stiffer in one direction than in the other.",
+        acts="a joint whose own element is a spring without preload and shows its force",
         equation="F = (r - 1) / (r + 1) F0 tanh(d / d_s)",
         parameters=(
             Parameter(
@@ -87,11 +134,19 @@ LAWS = (
         ),
         inputs=("displacement", "nominal_force"),
         write=_by_ratio,
+        guesses=(_guess_ratio,),
+        main="ratio",
+        estimated=("ratio",),
+        severities=SHARES,
+        relative=True,
+        signed=True,
         note="The joint's own element is a spring without preload: where F0 does not vanish at d = 0, F jumps there.",
     ),
     Law(
         name="backlash",
         family="spring",
+        description="The joint's spring has free play: inside the gap it gives no force.",
+        acts="a joint whose own element has stiffness; for play in series with others, the deflection at the play",
         equation="F = -k (d - deadzone(d, g))",
         parameters=(
             _GAP,
@@ -100,6 +155,11 @@ LAWS = (
         ),
         inputs=("displacement",),
         write=_backlash,
+        guesses=(_guess_backlash,),
+        main="gap",
+        estimated=("gap", "stiffness"),
+        severities=SHARES,
+        relative=True,
         note=(
             "Added to a spring of stiffness k it makes the spring with play, k deadzone(d, g). Where the play is in"
             " series with other elements, d is the deflection at the play: the mount is the joint. The rounding makes"
@@ -109,6 +169,8 @@ LAWS = (
     Law(
         name="bump_stop",
         family="spring",
+        description="Beyond a free travel the joint meets a stop, at both sides.",
+        acts=_ANYWHERE,
         equation="F = k deadzone(d, g)",
         parameters=(
             _GAP,
@@ -117,6 +179,11 @@ LAWS = (
         ),
         inputs=("displacement",),
         write=_bump_stop,
+        guesses=(_own_stop, _marked_stop),
+        main="gap",
+        estimated=("gap", "stiffness"),
+        severities=REMAINS,
+        relative=True,
         note="Stops at both sides. The rounding makes the gap seem larger by the share w^2 / 2.",
     ),
 )

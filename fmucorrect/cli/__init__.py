@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fmucorrect.cli import running, training, wrapping
+from fmucorrect.cli import discovery, running, training, wrapping
 from fmucorrect.cli.group import UserError, main
 
 __all__ = ["UserError", "main"]
@@ -10,5 +10,6 @@ __all__ = ["UserError", "main"]
 for command in (running.demo, running.run, running.replay, running.inspect):
     main.add_command(command)
 main.add_command(wrapping.wrap)
+main.add_command(discovery.discover)
 for command in (training.train, training.compare, training.diagnose):
     main.add_command(command)

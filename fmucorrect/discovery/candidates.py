@@ -1,110 +1,166 @@
-"""Every effect at every joint where it may act, each as a curve of growing severity."""
+"""Every effect at every place where it may act, each as a curve of growing severity."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from fmucorrect.catalogue import CATALOGUE, Law
-from fmucorrect.discovery.motion import Motion
-from fmucorrect.discovery.simulator import LawAt
-from fmucorrect.study import Study
+from fmucorrect.catalogue.law import starts
+from fmucorrect.catalogue.motion import Guess, Motion
+from fmucorrect.catalogue.signal import SIGNALS, SignalLaw, extent
+from fmucorrect.discovery.problem import Problem, description, start_value, tolerance_of
+from fmucorrect.discovery.terms import EXCITATION, ForceTerm, OffsetTerm, SignalTerm, Term
+from fmucorrect.study import Adjustable, Joint, Study
 
-STRENGTHS = (0.3, 1.0, 3.0)
-"""Severities of a law whose force can grow, as shares of the force that leaves a mark as large as the residual."""
-SHARES = (0.05, 0.15, 0.4)
-"""Severities of a law that takes something away from the model's own element, as shares of its motion or force."""
+UNKNOWN = 0.05
+"""Relative tolerance that scales the offset of a parameter without one."""
+
+Make = Callable[[float], Term | None]
 
 
 @dataclass(frozen=True)
-class Candidate:
-    """effect: name. joint or group: where. curve: the laws at each severity, weakest first; a group has one law a joint.
-    signed: whether the opposite of a mark is a severity too (the law is linear in its parameter)."""
+class Curve:
+    """One effect at one place as it grows. make: the term at a size, None where there is none. size: where to look first.
+    most: the largest size. signed: whether it may act the other way round too (`make` of a negative size). numbers: how
+    many are estimated."""
 
     effect: str
     where: str
-    curve: tuple[tuple[LawAt, ...], ...]
+    make: Make
+    size: float
+    most: float
     signed: bool
+    numbers: int
+
+    def term(self, size: float) -> Term | None:
+        """At a size, or as near as it may be; None where there is none."""
+        return self.make(min(max(size, -self.most), self.most))
 
     @property
-    def name(self) -> str:
-        return f"{self.effect} at {self.where}"
+    def key(self) -> tuple[str, str]:
+        return self.effect, self.where
 
 
-def candidates(study: Study, motions: Mapping[str, Motion], force: Mapping[str, float]) -> list[Candidate]:
-    """All of a study. force: N or N.m at each joint that leaves a mark as large as the residual."""
+def places(study: Study) -> dict[str, tuple[Joint, ...]]:
+    """Joints and groups by name, each with its joints."""
     joints = {joint.name: joint for joint in study.joints}
-    places = {name: (name,) for name in joints} | {group.name: group.joints for group in study.groups}
-    found: list[Candidate] = []
-    for place, members in places.items():
-        kinds = [set(joints[name].kinds) for name in members]
-        share = 1.0 / len(members)
-        for effect, forms in CATALOGUE.items():
-            law = forms[0]
-            if any(kind and law.family not in kind for kind in kinds) or law.name not in _GUESSES:
-                continue
-            if any(port in law.inputs and not getattr(joints[name], port) for name in members for port in _NEEDED):
-                continue
-            curves = [list(_curve(law, motions[name], share * force[name])) for name in members]
-            if not all(curves):
-                continue
-            rows = zip(*curves, strict=True)
-            curve = tuple(
-                tuple(LawAt(law, joints[name], values) for name, values in zip(members, row, strict=True))
-                for row in rows
-            )
-            found.append(Candidate(effect, place, curve, effect in _SIGNED))
+    return {name: (joint,) for name, joint in joints.items()} | {
+        group.name: tuple(joints[name] for name in group.joints) for group in study.groups
+    }
+
+
+def candidates(
+    problem: Problem, motions: Mapping[str, Motion], responses: Sequence[np.ndarray], line: float = 0.0
+) -> list[Curve]:
+    """All of a study. motions: of every joint, `mark` included. responses: of the model as it is, one a condition. line: Hz,
+    where the residual has one that nothing explains; 0 for none."""
+    study = problem.study
+    found: list[Curve] = []
+    if motions:
+        radii = [rotation.radius for rotation in study.rotations]
+        speeds = all(trial.condition.speed > 0.0 for trial in problem.trials)
+        for place, joints in places(study).items():
+            motion = _together([motions[joint.name] for joint in joints])
+            for law in (law for forms in CATALOGUE.values() for law in forms if _fits(law, joints)):
+                for radius in (radii if speeds else []) if "speed" in law.inputs else [0.0]:
+                    found += _of_law(law, place, joints, replace(motion, radius=radius, frequency=line))
+    found += _of_parameters(problem)
+    found += _of_signals(problem, responses)
     return found
 
 
-_NEEDED = ("nominal_force", "acceleration")
-_SIGNED = frozenset(
-    {
-        *("linear_stiffness", "viscous_damping", "cubic_stiffness", "quadratic_damping", "bilinear_stiffness"),
-        *("preload", "added_mass", "damper_asymmetry"),
+def _fits(law: Law, joints: Sequence[Joint]) -> bool:
+    if any(joint.kinds and law.family not in joint.kinds for joint in joints):
+        return False
+    return all(
+        getattr(joint, port) for joint in joints for port in ("nominal_force", "acceleration") if port in law.inputs
+    )
+
+
+def _together(motions: Sequence[Motion]) -> Motion:
+    """Of joints that share a law."""
+    mean = {
+        name: float(np.mean([getattr(m, name) for m in motions]))
+        for name in ("d", "v", "a", "f", "stiffness", "damping")
     }
-)
-
-Guess = Callable[[Motion, float], dict[str, float]]
-"""Parameters at a strength (a force) or share (a number below 1)."""
-
-_GUESSES: Mapping[str, tuple[tuple[float, ...], bool, Guess]] = {
-    # effect: severities, whether they are multiplied by the joint's force, parameters
-    "linear_stiffness": (STRENGTHS, True, lambda m, f: {"stiffness": f / m.d}),
-    "viscous_damping": (STRENGTHS, True, lambda m, f: {"damping": f / m.v}),
-    "added_mass": (STRENGTHS, True, lambda m, f: {"mass": f / m.a}),
-    "cubic_stiffness": (STRENGTHS, True, lambda m, f: {"cubic_stiffness": f / m.d**3}),
-    "quadratic_damping": (STRENGTHS, True, lambda m, f: {"quadratic_damping": f / m.v**2}),
-    "coulomb_friction": (STRENGTHS, True, lambda m, f: {"friction_force": f}),
-    "bilinear_stiffness": (STRENGTHS, True, lambda m, f: {"difference": 2.0 * f / m.d}),
-    "preload": (STRENGTHS, True, lambda m, f: {"force": f}),
-    "bouc_wen_hysteresis": (
-        STRENGTHS,
-        True,
-        lambda m, f: {"stiffness": f / (0.3 * m.d), "beta": 0.5 / (0.3 * m.d), "gamma": 0.5 / (0.3 * m.d)},
-    ),
-    "backlash": (SHARES, False, lambda m, s: {"gap": s * m.d, "stiffness": m.stiffness}),
-    "bump_stop": (
-        tuple(1.0 - share for share in SHARES),
-        False,
-        lambda m, s: {"gap": s * m.d, "stiffness": abs(m.stiffness) or m.f / m.d},
-    ),
-    "damper_saturation": (tuple(1.0 - share for share in SHARES), False, lambda m, s: {"force": s * m.f}),
-    "damper_asymmetry": (SHARES, False, lambda m, s: {"ratio": (1.0 + s) / (1.0 - s)}),
-    "series_stiffness": (SHARES, False, lambda m, s: {"stiffness": m.f / m.d * (1.0 / s - 1.0)}),
-}
+    return replace(motions[0], **mean, mark=float(np.mean([m.mark for m in motions])) / len(motions))
 
 
-def _curve(law: Law, motion: Motion, force: float) -> Iterator[dict[str, float]]:
-    """The parameters of each severity; none where the joint's motion gives no scale for them."""
-    severities, by_force, guess = _GUESSES[law.name]
-    for severity in severities:
-        try:
-            values = guess(motion, severity * force if by_force else severity)
-        except ZeroDivisionError:
-            return
-        if law.name == "backlash" and motion.stiffness <= 0.0:
-            return
-        if "nominal_force" in law.inputs and motion.f == 0.0:
-            return
-        yield law.complete(values)
+def _of_law(law: Law, place: str, joints: tuple[Joint, ...], motion: Motion) -> Iterator[Curve]:
+    for guess in law.guesses:
+
+        def make(size: float, guess: Guess = guess) -> Term | None:
+            found = starts(law.parameters, (guess,), motion, abs(size))
+            if not found:
+                return None
+            term = ForceTerm(law, place, joints, law.opposite(found[0]) if size < 0.0 else found[0])
+            return term if term.allowed() else None
+
+        curve = _curve(law, place, make, 1.0 if law.relative else motion.mark, len(law.estimated))
+        if curve.size > 0.0 and math.isfinite(curve.size) and curve.make(curve.size) is not None:
+            yield curve
+
+
+def _curve(law: Law | SignalLaw, place: str, make: Make, factor: float, numbers: int) -> Curve:
+    """Where the severities are what is left (falling), the size is what is missing."""
+    middle = law.severities[len(law.severities) // 2]
+    if law.severities[0] > law.severities[-1]:
+        return Curve(law.name, place, lambda size: make(1.0 - size), 1.0 - middle, 0.95, law.signed, numbers)
+    most = 0.95 if isinstance(law, Law) and law.relative else math.inf
+    return Curve(law.name, place, make, factor * middle, most, law.signed, numbers)
+
+
+def _of_parameters(problem: Problem) -> Iterator[Curve]:
+    study = problem.study
+    fmu = description(study)
+    if fmu is None:
+        return
+    for adjustable in study.adjustable:
+        single = len(adjustable.parameters) == 1
+        start = start_value(study, fmu, problem.trials[0].condition, adjustable.parameters[0])
+        at = start if single else 1.0
+        scale = tolerance_of(adjustable, at) or UNKNOWN * abs(at)
+        unit = fmu.variables[adjustable.parameters[0]].unit if single else "1"
+        low, high = adjustable.minimum - at, adjustable.maximum - at
+        if scale <= 0.0:
+            continue
+        name = " and ".join(adjustable.parameters)
+        most = max(high, -low) / scale
+        yield Curve("parameter_offset", name, _offset(adjustable, name, scale, low, high, unit), 5.0, most, True, 1)
+
+
+def _offset(adjustable: Adjustable, name: str, scale: float, low: float, high: float, unit: str) -> Make:
+    def make(size: float) -> Term:
+        value = min(max(size * scale, low), high)
+        return OffsetTerm(adjustable, name, scale, low, high, {"value": value}, unit)
+
+    return make
+
+
+def _of_signals(problem: Problem, responses: Sequence[np.ndarray]) -> Iterator[Curve]:
+    study, step = problem.study, problem.study.simulation.step_size
+    for law in (law for forms in SIGNALS.values() for law in forms):
+        if law.at == "excitation":
+            if study.excitation is not None or any(trial.condition.inputs for trial in problem.trials):
+                sizes = [extent(y[:, j], step) for y in responses for j in range(y.shape[1])]
+                largest = max(sizes, key=lambda size: size.rms)
+                yield _signal(law, EXCITATION, (), largest)
+            continue
+        for j, channel in enumerate(study.channels):
+            largest = max((extent(y[:, j], step) for y in responses), key=lambda size: size.rms)
+            if largest.rms > 0.0:
+                yield _signal(law, channel.name, (j,), largest)
+
+
+def _signal(law: SignalLaw, where: str, channels: tuple[int, ...], size: object) -> Curve:
+    def make(severity: float) -> Term | None:
+        found = law.starts(size, abs(severity))  # type: ignore[arg-type]
+        if not found:
+            return None
+        return SignalTerm(law, where, channels, law.opposite(found[0]) if severity < 0.0 else found[0])
+
+    return _curve(law, where, make, 1.0, len(law.estimated))

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from fmucorrect import sources
+from fmucorrect.catalogue.motion import Motion
 from fmucorrect.fmu import FmuStepper
 from fmucorrect.signals import Channel, Condition
 from fmucorrect.stepper import run
@@ -16,25 +17,12 @@ from fmucorrect.study import Joint, Study
 _PORTS = ("displacement", "velocity", "acceleration", "nominal_force")
 
 
-@dataclass(frozen=True)
-class Motion:
-    """Of one joint, SI. d, v, a, f: largest displacement, velocity, acceleration and nominal force (99.5 % of the time below),
-    0 where the joint does not show them. stiffness, damping: of the model's own element, f = stiffness d + damping v."""
-
-    d: float
-    v: float
-    a: float
-    f: float
-    stiffness: float
-    damping: float
-
-
 def motions(study: Study, conditions: Sequence[Condition]) -> dict[str, Motion]:
     """The motion of every joint, over all of `conditions`, without any law in the loop."""
     names = sorted({name for joint in study.joints for name in _names(joint) if name})
     parts = [_record(study, condition, names) for condition in conditions]
     column = {name: np.concatenate([part[:, i] for part in parts]) for i, name in enumerate(names)}
-    return {joint.name: _motion(joint, column) for joint in study.joints}
+    return {joint.name: _motion(joint, column, study.simulation.step_size) for joint in study.joints}
 
 
 def _names(joint: Joint) -> list[str]:
@@ -53,11 +41,11 @@ def _record(study: Study, condition: Condition, names: Sequence[str]) -> np.ndar
         return result.values
 
 
-def _motion(joint: Joint, column: dict[str, np.ndarray]) -> Motion:
+def _motion(joint: Joint, column: dict[str, np.ndarray], step: float) -> Motion:
     d, v, a, f = (column.get(name) for name in _names(joint))
     assert d is not None
     if v is None:
-        v = np.gradient(d)
+        v = np.gradient(d, step)
     stiffness = damping = 0.0
     if f is not None:
         f = joint.sign * f

@@ -16,12 +16,14 @@ from fmucorrect import sources
 from fmucorrect.catalogue import Law
 from fmucorrect.discovery.native import LAWS
 from fmucorrect.errors import FmuError
-from fmucorrect.fmu import FmuStepper
+from fmucorrect.fmu import FmuDescription, FmuStepper
 from fmucorrect.signals import NANOSECONDS, Condition, join
 from fmucorrect.study import Joint, Study
 from fmucorrect.wrapping.laws import Wire
 from fmucorrect.wrapping.places import places
 
+RUN_IN = 8.0
+"""Seconds that a constant or periodic force has acted before a record begins."""
 _NONE: Mapping[str, float] = MappingProxyType({})
 
 
@@ -43,8 +45,10 @@ class _Placed(Structure):
         ("law", c_int),
         ("port", c_int * 4),
         ("force", c_int),
+        ("seen", c_int),
         ("factor", c_double * 4),
         ("force_factor", c_double),
+        ("last", c_double * 4),
         ("p", POINTER(c_double)),
         ("z", POINTER(c_double)),
     ]
@@ -55,6 +59,7 @@ class _Road(Structure):
         ("start", c_double),
         ("size", c_double),
         ("steps", c_long),
+        ("parts", c_long),
         ("input_references", POINTER(c_uint)),
         ("n_inputs", c_long),
         ("inputs", c_void_p),
@@ -72,20 +77,35 @@ class _Road(Structure):
 class Simulator:
     """A condition of a study, opened once and run many times; not shared between threads.
 
-    library: what native.build made. times: (T,) s, of every row that run() gives.
+    library: what native.build made. times: (T,) s, of every row that run() gives. substeps: in how many
+    the solver takes each of the study's steps, inputs held, laws asked in each: the wrapped FMU's coupling_step.
+    extra: names of further FMU inputs, 0 unless run() is given others: columns of `inputs` behind the condition's own.
     """
 
-    def __init__(self, study: Study, condition: Condition, library: Path, duration: float | None = None) -> None:
+    def __init__(
+        self,
+        study: Study,
+        condition: Condition,
+        library: Path,
+        duration: float | None = None,
+        substeps: int = 1,
+        extra: Sequence[str] = (),
+    ) -> None:
+        if substeps < 1:
+            raise ValueError(f"substeps must be at least 1, got {substeps}")
         fmu = _fmu(study)
+        self._substeps = substeps
         chunk = join(list(sources.inputs(study, condition, duration)))
         self._condition, self._step_ns = condition, study.simulation.step_ns
-        self._stepper = FmuStepper(fmu, study.channels, inputs=chunk.names, parameters=study.simulation.parameters)
+        self._names = (*chunk.names, *(name for name in dict.fromkeys(extra) if name not in chunk.names))
+        self._stepper = FmuStepper(fmu, study.channels, inputs=self._names, parameters=study.simulation.parameters)
         self._description = self._stepper.description
-        self._inputs = np.ascontiguousarray(chunk.values)
+        zeros = np.zeros((len(chunk), len(self._names) - len(chunk.names)))
+        self._inputs = np.ascontiguousarray(np.concatenate([chunk.values, zeros], axis=1))
         self._t_ns = chunk.t_ns
         self._march = ctypes.CDLL(str(library)).march
         self._march.restype = c_long
-        self._input_references = self._references([self._description.variables[name].reference for name in chunk.names])
+        self._input_references = self._references([self._description.variables[name].reference for name in self._names])
         self._responses = self._stepper.references
         self._factors = self._stepper.factors
         self._speed = condition.speed / 3.6
@@ -95,28 +115,47 @@ class Simulator:
         """Of all rows, s."""
         return self._t_ns / NANOSECONDS
 
-    def run(self, laws: Sequence[LawAt] = (), parameters: Mapping[str, float] = _NONE) -> Float64[np.ndarray, "T J"]:
-        """The response in the channels' units. parameters: start values, over those of study and condition.
+    @property
+    def inputs(self) -> tuple[tuple[str, ...], Float64[np.ndarray, "T I"]]:
+        """What drives the FMU: names, and a row a sample in the FMU's units."""
+        return self._names, self._inputs
 
-        Raises FmuError where the solver gives up: with these laws the model is not stable, say.
+    def run(
+        self,
+        laws: Sequence[LawAt] = (),
+        parameters: Mapping[str, float] = _NONE,
+        inputs: Float64[np.ndarray, "T I"] | None = None,
+    ) -> Float64[np.ndarray, "T J"]:
+        """The response in the channels' units. parameters: start values, over those of study and condition. inputs: in
+        place of the condition's own.
+
+        A law of the family "load" acts at rest too: with one, the simulation begins RUN_IN earlier, the first row of inputs
+        held, so that the record begins settled, as a measurement does. Raises FmuError where the solver gives up: with these
+        laws the model is not stable, say.
         """
         condition = replace(self._condition, parameters={**self._condition.parameters, **parameters})
+        given = self._inputs if inputs is None else np.ascontiguousarray(inputs)
+        early = round(RUN_IN * NANOSECONDS / self._step_ns) if any(item.law.family == "load" for item in laws) else 0
+        if early:
+            given = np.ascontiguousarray(np.concatenate([np.repeat(given[:1], early, axis=0), given]))
+        begin = int(self._t_ns[0]) - early * self._step_ns
         self._stepper.reset(condition)
-        self._stepper.step(int(self._t_ns[0]), self._inputs[0])
+        self._stepper.step(begin, given[0])
         native = self._stepper.native()
         solver = _Solver(native.component, native.step, native.get, native.set, native.fmi)
         reads = list(self._responses)
         forces: list[int] = []
         placed, kept = self._placed(laws, reads, forces)
-        steps, count = len(self._t_ns) - 1, len(self._responses)
+        steps, count = early + len(self._t_ns) - 1, len(self._responses)
         values, out, pushed = np.zeros(len(reads)), np.zeros((steps + 1, count)), np.zeros(max(len(forces), 1))
         road = _Road(
-            self._t_ns[0] / NANOSECONDS,
+            begin / NANOSECONDS,
             self._step_ns / NANOSECONDS,
             steps,
+            self._substeps,
             self._input_references,
-            self._inputs.shape[1],
-            self._inputs.ctypes.data,
+            given.shape[1],
+            given.ctypes.data,
             self._references(reads),
             len(reads),
             count,
@@ -130,10 +169,10 @@ class Simulator:
         del kept
         if reached != steps or not np.isfinite(out).all():
             raise FmuError(
-                f"the solver gave up at t = {self._t_ns[max(reached, 0)] / NANOSECONDS:.6g} s",
+                f"the solver gave up at t = {(begin + max(reached, 0) * self._step_ns) / NANOSECONDS:.6g} s",
                 where=f"{self._description.path}, condition {self._condition.name!r}",
             )
-        return out * self._factors
+        return out[early:] * self._factors
 
     def _placed(
         self, laws: Sequence[LawAt], reads: list[int], forces: list[int]
@@ -174,9 +213,44 @@ class Simulator:
     def _references(numbers: Sequence[int]) -> ctypes.Array[c_uint]:
         return (c_uint * max(len(numbers), 1))(*numbers)
 
+    @property
+    def description(self) -> FmuDescription:
+        """The FMU."""
+        return self._description
+
+    nominal: None = None
+    """No response is kept."""
+
     def close(self) -> None:
         """Release the solver."""
         self._stepper.close()
+
+
+class Logged:
+    """A condition whose simulation is a record: it shows the same response whatever is asked, where nothing can act."""
+
+    description: None = None
+    inputs: tuple[tuple[str, ...], Float64[np.ndarray, "T 0"]]
+
+    def __init__(self, study: Study, condition: Condition) -> None:
+        record = join(list(sources.inputs(study, condition)))
+        self.nominal = np.ascontiguousarray(record.values[:, : len(study.channels)])
+        self.inputs = ((), np.zeros((len(self.nominal), 0)))
+
+    def run(
+        self,
+        laws: Sequence[LawAt] = (),
+        parameters: Mapping[str, float] = _NONE,
+        inputs: Float64[np.ndarray, "T I"] | None = None,
+    ) -> Float64[np.ndarray, "T J"]:
+        """The recorded response in the channels' units. Laws and parameters have nothing to act on."""
+        assert not laws
+        assert not parameters
+        assert inputs is None
+        return self.nominal
+
+    def close(self) -> None:
+        """Nothing to release."""
 
 
 def _ports(joint: Joint) -> tuple[str, str, str, str]:

@@ -15,7 +15,12 @@ if TYPE_CHECKING:
 
 View = Mapping[str, tuple[float, float]]
 """What a figure shows: the two ends of each of its axes, by plotly's name: xaxis, yaxis, yaxis2, ..."""
-_SETTINGS = {"responsive": True, "displaylogo": False, "scrollZoom": False}
+_SETTINGS = {
+    "responsive": True,
+    "displaylogo": False,
+    "scrollZoom": False,
+    "modeBarButtonsToRemove": ["sendChartToCloud"],
+}
 _BUTTONS = """
 for (const group of document.querySelectorAll('.buttons[data-for]')) {
   const figure = document.getElementById(group.dataset.for);

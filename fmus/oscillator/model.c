@@ -61,4 +61,5 @@ void model_outputs(double *v)
         joint[V_joint1_v] = in_chain * joint_velocity(v, i);
         joint[V_joint1_F] = in_chain * joint_force(v, i);
     }
+    v[V_base_F] = joint_force(v, 0) + v[V_joint1_f];
 }

@@ -1,10 +1,11 @@
-"""Every law as a formula written by hand, values for its parameters, and motions that reach its branches."""
+"""Laws as formulas written by hand, values for its parameters, and motions that reach its branches."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from fmucorrect.catalogue import CATALOGUE, Law
+from fmucorrect.catalogue.motion import Motion
 
 LAWS = {law.label: law for forms in CATALOGUE.values() for law in forms}
 VALUES = {
@@ -22,9 +23,12 @@ VALUES = {
     "damper_saturation_velocity": {"velocity": 0.008},
     "series_stiffness_nominal": {"stiffness": 5e6},
     "series_stiffness_damping": {"stiffness": 5e6, "damping": 4e4},
+    "series_stiffness_branch": {"stiffness": 5e6, "relaxation_time": 0.03},
     "added_mass": {"mass": 250.0},
     "coulomb_friction": {"friction_force": 500.0},
     "stribeck_friction": {"friction_force": 500.0, "breakaway_force": 800.0},
+    "coulomb_friction_stick": {"friction_force": 500.0, "stick_displacement": 2e-4, "stick_time": 5e-3},
+    "stribeck_friction_stick": {"friction_force": 500.0, "breakaway_force": 800.0, "stick_displacement": 2e-4},
     "bouc_wen_hysteresis": {"stiffness": 1e6, "alpha": 0.2, "beta": 900.0, "gamma": -300.0, "exponent": 1.5},
     "preload": {"force": -300.0},
     "periodic_force_frequency": {"amplitude": 200.0, "frequency": 2.5, "phase": 0.4},
@@ -51,11 +55,21 @@ BY_HAND = {
     "damper_saturation_velocity": lambda d, v, a, f, t, s, z, p: -f / v * rounded_deadzone(v, p["velocity"]),
     "series_stiffness_nominal": lambda d, v, a, f, t, s, z, p: z - f,
     "series_stiffness_damping": lambda d, v, a, f, t, s, z, p: z - p["damping"] * v,
+    "series_stiffness_branch": lambda d, v, a, f, t, s, z, p: z,
     "added_mass": lambda d, v, a, f, t, s, z, p: p["mass"] * a,
     "coulomb_friction": lambda d, v, a, f, t, s, z, p: p["friction_force"] * (1 - 2 / (np.exp(2 * v / 1e-3) + 1)),
     "stribeck_friction": lambda d, v, a, f, t, s, z, p: (
         (p["friction_force"] * (1 - np.exp(-((v / 0.01) ** 2))) + p["breakaway_force"] * np.exp(-((v / 0.01) ** 2)))
         * (1 - 2 / (np.exp(2 * v / 1e-3) + 1))
+    ),
+    # x = z / d_s and u = v T_s / d_s, both over the force at this speed as a share of breakaway: F = g (x + u) / (1 + |u|)
+    "coulomb_friction_stick": lambda d, v, a, f, t, s, z, p: (
+        500.0 * (z / 2e-4 + v * 5e-3 / 2e-4) / (1 + np.abs(v) * 5e-3 / 2e-4)
+    ),
+    "stribeck_friction_stick": lambda d, v, a, f, t, s, z, p: (
+        (500 + 300 * np.exp(-((v / 0.01) ** 2)))
+        * (800 * (z + v * 1e-3) / (2e-4 * (500 + 300 * np.exp(-((v / 0.01) ** 2)))))
+        / (1 + 800 * np.abs(v) * 1e-3 / (2e-4 * (500 + 300 * np.exp(-((v / 0.01) ** 2)))))
     ),
     "bouc_wen_hysteresis": lambda d, v, a, f, t, s, z, p: (
         p["alpha"] * p["stiffness"] * d + (1 - p["alpha"]) * p["stiffness"] * z
@@ -71,6 +85,12 @@ BY_HAND = {
 RATES_BY_HAND = {
     "series_stiffness_nominal": lambda v, f, z, p: p["stiffness"] * np.abs(v) / (np.abs(f) + 1e-3) * (f - z),
     "series_stiffness_damping": lambda v, f, z, p: p["stiffness"] / p["damping"] * (p["damping"] * v - z),
+    "series_stiffness_branch": lambda v, f, z, p: 5e6 * v - z / 0.03,
+    # in the variable z / d_s the elastic part of LuGre: dx/dt = (v - |v| x / share of the breakaway force) / d_s
+    "coulomb_friction_stick": lambda v, f, z, p: v * (1 - np.sign(v) * z / 2e-4),
+    "stribeck_friction_stick": lambda v, f, z, p: (
+        v * (1 - np.sign(v) * z / 2e-4 / (0.625 + 0.375 * np.exp(-((v / 0.01) ** 2))))
+    ),
     "bouc_wen_hysteresis": lambda v, f, z, p: (
         v - p["beta"] * np.abs(v) * np.abs(z) ** (p["exponent"] - 1) * z - p["gamma"] * v * np.abs(z) ** p["exponent"]
     ),
@@ -83,8 +103,17 @@ def rounded_deadzone(x, gap):
     return x - np.sqrt(1 + 0.01**2) * inside
 
 
+JOINT = Motion(d=1e-3, v=2e-2, a=0.4, f=1e3, stiffness=8e5, damping=2e4, mark=500.0, frequency=2.5, radius=0.43)
+
+
+def start(law: Law) -> dict[str, float]:
+    """The law's own first guess at a middle severity."""
+    return law.starts(JOINT, law.severities[1] * (1.0 if law.relative else 500.0))[0]
+
+
 def complete(law: Law) -> dict[str, float]:
-    return law.complete(VALUES[law.label])
+    """Numbers of a law: those by hand, or for a law that nobody has calculated by hand its own guess."""
+    return law.complete(VALUES[law.label]) if law.label in VALUES else start(law)
 
 
 def motion(seed: int = 0, n: int = 200) -> dict[str, np.ndarray]:

@@ -136,7 +136,71 @@ def test_slopes_are_the_derivatives_of_the_rates(law):
     assert np.isfinite(at_rest).all()
 
 
+# sticking
+
+
+def pushed(law, p, push, mass=50.0, dt=1e-3):
+    """Displacements of a mass at rest that is pushed with `push` and held by the law alone: forces of the last step."""
+    z, d, v, rows = np.array([state.start for state in law.states]), 0.0, 0.0, []
+    for force_there in push:
+        f, z = step(law, {"velocity": v}, z, p, dt)
+        v += dt * (force_there - float(f)) / mass
+        d += dt * v
+        rows.append((d, v))
+    return np.array(rows)
+
+
+def test_what_sticks_holds_still_below_breakaway_and_slides_above():
+    law = LAWS["stribeck_friction_stick"]
+    p = law.complete({"friction_force": 500.0, "breakaway_force": 800.0, "stick_displacement": 1e-4})
+    slow = np.minimum(np.arange(1500) / 500, 1.0)
+    held = pushed(law, p, 650.0 * slow)
+    assert held[-1, 0] == pytest.approx(-np.log(1 - 650 / 800) * 1e-4, rel=0.1)
+    assert np.ptp(held[1000:, 0]) < 1e-6
+    assert pushed(law, p, 850.0 * slow)[-1, 0] > 1.0
+    creeping = LAWS["stribeck_friction"]
+    p = creeping.complete({"friction_force": 500.0, "breakaway_force": 800.0})
+    assert np.ptp(pushed(creeping, p, 650.0 * slow, dt=2.5e-4)[1000:, 0]) > 1e-4
+
+
+def test_what_slides_falls_to_the_friction_of_its_speed():
+    law = LAWS["stribeck_friction_stick"]
+    p = law.complete({"friction_force": 500.0, "breakaway_force": 800.0, "stick_displacement": 1e-5})
+    for v in (1e-4, 5e-3, 1e-2, 0.1):
+        last = drive(law, p, np.full(200, v), 1e-2)[-1, 0]
+        assert last == pytest.approx(500 + 300 * np.exp(-((v / 0.01) ** 2)), rel=1e-6)
+    law = LAWS["coulomb_friction_stick"]
+    for v in (-0.1, 1e-3):
+        last = drive(law, law.complete({"friction_force": 500.0}), np.full(300, v), 1e-3)[-1, 0]
+        assert last == pytest.approx(500 * np.sign(v))
+
+
+def test_sticking_is_the_hysteresis_of_dahl():
+    v = 0.02 * np.cos(20 * 1e-3 * np.arange(700))
+    stick = LAWS["coulomb_friction_stick"].complete(
+        {"friction_force": 500.0, "stick_displacement": 2e-4, "stick_time": 1e-12}
+    )
+    dahl = LAWS["bouc_wen_hysteresis"].complete({"stiffness": 500.0 / 2e-4, "beta": 1 / 2e-4, "gamma": 0.0})
+    one = drive(LAWS["coulomb_friction_stick"], stick, v, 1e-3)[:, 0]
+    np.testing.assert_allclose(drive(LAWS["bouc_wen_hysteresis"], dahl, v, 1e-3)[:, 0], one, rtol=1e-9, atol=1e-4)
+
+
 # energy
+
+STICKING = ["coulomb_friction_stick", "stribeck_friction_stick"]
+
+
+@settings(max_examples=20, deadline=None)
+@given(
+    name=st.sampled_from(STICKING), seed=st.integers(0, 1000), size=st.floats(1e-5, 1.0), reach=st.floats(1e-6, 1e-2)
+)
+def test_sticking_gives_back_no_more_than_it_took(name, seed, size, reach):
+    law, dt = LAWS[name], 1e-3
+    p = complete(law) | {"stick_displacement": reach}
+    v = size * np.convolve(np.random.default_rng(seed).normal(size=200), np.ones(9) / 9, "same")
+    work = np.cumsum(drive(law, p, v, dt)[:, 0] * v) * dt
+    assert work.min() >= -1e-2 * 800.0 * reach
+
 
 PASSIVE = ["viscous_damping", "quadratic_damping", "coulomb_friction", "stribeck_friction"]
 

@@ -10,9 +10,8 @@ pytest.importorskip("ziglang")
 pytest.importorskip("sympy")
 
 from fmucorrect import experiment
-from fmucorrect.catalogue import CATALOGUE, find
+from fmucorrect.catalogue import find
 from fmucorrect.discovery import native
-from fmucorrect.discovery.candidates import candidates
 from fmucorrect.discovery.motion import motions
 from fmucorrect.discovery.simulator import LawAt, Simulator
 from fmucorrect.effects import Effects, ForceEffect, write
@@ -60,16 +59,23 @@ def test_without_laws_it_is_the_solver_to_the_bit(study, library):
     simulator.close()
 
 
-def test_with_laws_it_is_the_wrapped_fmu(study, library, tmp_path):
-    """Two laws, one with a state, at one joint and another: the same coupling in both."""
-    where = ("secondary, lateral", "yaw damper mount, left")
+@pytest.mark.parametrize("substeps", [1, 4])
+def test_with_laws_it_is_the_wrapped_fmu(substeps, study, library, tmp_path):
+    """Laws that read every port, one with a state, some at one joint, one where no velocity is shown: alike in both."""
+    blind = "lateral damper, front"
+    study = replace(study, joints=tuple(replace(j, velocity="") if j.name == blind else j for j in study.joints))
+    where = ("secondary, lateral", "yaw damper mount, left", "yaw damper, left", blind)
     friction, hysteresis = {"friction_force": 300.0}, {"stiffness": 2e5, "beta": 5e3, "gamma": 5e3}
     rows = (
         ForceEffect("coulomb_friction", where[0], friction),
         ForceEffect("bouc_wen_hysteresis", where[0], hysteresis),
         ForceEffect("backlash", where[1], {"gap": 5e-5, "stiffness": 8.82e6}),
+        ForceEffect("added_mass", where[0], {"mass": 200.0}),
+        ForceEffect("damper_asymmetry", where[2], {"ratio": 1.5}),
+        ForceEffect("viscous_damping", where[3], {"damping": 5e3}),
     )
-    write(Effects(rows, (), tuple(joint(study, name) for name in where)), tmp_path / "effects.toml")
+    joints, part = tuple(joint(study, name) for name in where), study.simulation.step_size / substeps
+    write(Effects(rows, (), joints, coupling_step=part), tmp_path / "effects.toml")
     assert study.fmu is not None
     wrap(study.fmu, None, tmp_path / "augmented.fmu", effects_file=tmp_path / "effects.toml", platforms=["linux64"])
     condition = replace(study.condition("340"), inputs=None)
@@ -77,13 +83,29 @@ def test_with_laws_it_is_the_wrapped_fmu(study, library, tmp_path):
     with FmuStepper(tmp_path / "augmented.fmu", study.channels, parameters=parameters) as stepper:
         wrapped = run(stepper, condition, list(grid(DURATION, study.simulation.step_ns)))
     assert wrapped is not None
-    simulator = Simulator(study, condition, library, DURATION)
+    simulator = Simulator(study, condition, library, DURATION, substeps)
     laws = [law_at(study, row.effect, row.joint, **row.parameters) for row in rows]
     ours = simulator.run(laws, {"platform_amplitude": 0.03})
     bare = simulator.run((), {"platform_amplitude": 0.03})
     simulator.close()
     np.testing.assert_allclose(ours, wrapped.values, rtol=0.0, atol=1e-9 * np.abs(ours).max())
     assert np.abs(ours - bare).max() > 0.03 * np.abs(bare).max()
+
+
+def test_sub_steps_bring_it_nearer_to_the_truth(library):
+    """With ever more of them the response approaches a limit, by the square of their number."""
+    study = load_study(STUDY)
+    condition = replace(study.condition("340"), inputs=None)
+    law = law_at(study, "viscous_damping", "secondary, lateral", damping=2e5)
+    rows: list[np.ndarray] = []
+    for substeps in (1, 2, 4, 8):
+        simulator = Simulator(study, condition, library, 12.0, substeps)
+        rows.append(simulator.run([law], {"platform_amplitude": 0.03}))
+        simulator.close()
+    far = [np.abs(row - rows[-1]).max() for row in rows[:-1]]
+    assert far[0] > 3.5 * far[1] > 12.25 * far[2] > 0.0, far
+    with pytest.raises(ValueError, match="substeps"):
+        Simulator(study, condition, library, 2.0, 0)
 
 
 def test_an_order_of_a_rotation_is_a_frequency_at_each_speed(library):
@@ -105,20 +127,6 @@ def test_a_model_that_blows_up_is_an_error_and_the_next_run_is_sound(library):
         simulator.run([law_at(study, "linear_stiffness", "secondary, lateral", stiffness=-1e9)])
     assert (simulator.run() == first).all()
     simulator.close()
-
-
-def test_candidates_cover_the_catalogue_within_what_a_joint_shows():
-    study = load_study(STUDY)
-    moved = motions(study, [replace(study.development[0], name="moved")])
-    found = candidates(study, moved, {name: 0.1 * motion.f for name, motion in moved.items()})
-    assert {c.effect for c in found} <= set(CATALOGUE)
-    assert {c.where for c in found} == {j.name for j in study.joints} | {g.name for g in study.groups}
-    for candidate in found:
-        strengths = [laws[0].values for laws in candidate.curve]
-        assert len({tuple(values.values()) for values in strengths}) == len(strengths), candidate.name
-        kinds = [set(laws.joint.kinds) for laws in candidate.curve[0]]
-        assert all(not kind or candidate.curve[0][0].law.family in kind for kind in kinds), candidate.name
-    assert not any(c.effect == "added_mass" and c.where == "yaw damper, left" for c in found)  # shows no acceleration
 
 
 def test_the_motion_of_a_joint_has_its_elements_stiffness():

@@ -29,7 +29,7 @@ JOINTS = (
 FORMS = [law for forms in CATALOGUE.values() for law in forms if "speed" not in law.inputs]
 EVERY = Effects(
     (
-        *(ForceEffect(law.name, "both", {name: VALUES[name] for name in law.required}) for law in FORMS),
+        *(ForceEffect(law.name, "both", {name: VALUES.get(name, 1.0) for name in law.required}) for law in FORMS),
         ForceEffect(
             "bouc_wen_hysteresis",
             "left",

@@ -1,7 +1,7 @@
 /* Steps an FMU along a condition with laws at its joints, as the wrapped FMU would do it, at the speed of C.
  *
- * The instance belongs to the caller, who has opened and initialised it; its functions come as pointers. Laws see the displacement
- * half a step ahead (d + v h / 2), their force is held over the step (fmucorrect/wrapping: coupling.c). */
+ * The instance belongs to the caller, who has opened and initialised it; its functions come as pointers. Laws see what
+ * a joint will show in the middle of a sub-step, and their force is held over it (see coupling.c in wrapping). */
 #include "march.h"
 
 #include <stdbool.h>
@@ -18,20 +18,22 @@ typedef struct {
     int fmi;
 } Solver;
 
-/* One law at one joint. port: places among the values that are read, -1 where the joint has none; factor: to SI. force: place
- * among the force inputs; force_factor: from the law's force to the input. */
+/* One law at one joint. port: places among the values that are read, -1 where the joint has none; factor: to SI. force:
+ * place among the force inputs; force_factor: from the law's force to the input. seen: readings so far, at most 2.
+ * last: the newest one, with the mean velocity of the sub-step before it where the displacement is differentiated. */
 typedef struct {
-    int law, port[4], force;
-    double factor[4], force_factor;
+    int law, port[4], force, seen;
+    double factor[4], force_factor, last[4];
     const double *p;
     double *z;
 } Placed;
 
-/* Where and what is stepped: `steps` steps of `size` s from `start`. inputs: (steps + 1, n_inputs) rows. reads: references of what
- * is read after every step, responses first; out: (steps + 1, n_responses). forces: references of the force inputs. */
+/* Where and what is stepped: `steps` steps of `size` s from `start`, each in `parts` sub-steps. inputs: (steps + 1,
+ * n_inputs) rows. reads: references of what is read after every sub-step, responses first; out: (steps + 1,
+ * n_responses). forces: references of the force inputs. */
 typedef struct {
     double start, size;
-    long steps;
+    long steps, parts;
     const unsigned *input_references;
     long n_inputs;
     const double *inputs;
@@ -63,11 +65,51 @@ static int step(const Solver *s, double t, double h)
     return terminate || early ? 3 : status;
 }
 
-/* Number of the first step that failed, or `steps` when all went well; rows up to it are filled. */
-__attribute__((visibility("default"))) long march(const Solver *s, const Road *road, const Placed laws[], long n_laws)
+/* What the law sees in the middle of a sub-step of h s: read_joint of coupling.c, with sub-steps of one size. */
+static void look(Placed *law, const double reads[], double h, double port[4])
 {
+    const bool shown = law->port[1] >= 0; /* the velocity */
+    double now[4];
+    for (int p = 0; p < 4; p++)
+        now[p] = law->port[p] < 0 ? 0.0 : law->factor[p] * reads[law->port[p]];
+    if (!shown && law->seen)
+        now[1] = (now[0] - law->last[0]) / h;
+    for (int p = 1; p < 4; p++) {
+        const bool mean = p == 1 && !shown;
+        const double change = law->seen > mean ? (now[p] - law->last[p]) / h : 0.0;
+        const double begin = mean ? now[p] + 0.5 * h * change : now[p];
+        if (p == 1)
+            port[0] = now[0] + 0.5 * h * begin;
+        port[p] = begin + 0.5 * h * change;
+    }
+    for (int p = 0; p < 4; p++)
+        law->last[p] = now[p];
+    law->seen += law->seen < 2;
+}
+
+/* One sub-step of h s from t; the joints have been read. Whether the solver went along. */
+static bool advance(const Solver *s, const Road *road, Placed laws[], long n_laws, double t, double h)
+{
+    for (long f = 0; f < road->n_forces; f++)
+        road->force_values[f] = 0.0;
+    for (long i = 0; i < n_laws; i++) {
+        Placed *law = &laws[i];
+        double port[4];
+        look(law, road->reads, h, port);
+        road->force_values[law->force] += law->force_factor * LAWS[law->law](law->p, port, t + 0.5 * h, h, law->z);
+    }
+    if (road->n_forces && set(s, road->force_references, (size_t)road->n_forces, road->force_values) > 1)
+        return false;
+    return step(s, t, h) <= 1;
+}
+
+/* Number of the first step that failed, or `steps` when all went well; rows up to it are filled. */
+__attribute__((visibility("default"))) long march(const Solver *s, const Road *road, Placed laws[], long n_laws)
+{
+    const double h = road->size / (double)road->parts;
     for (long k = 0; k <= road->steps; k++) {
-        if (road->n_inputs && set(s, road->input_references, (size_t)road->n_inputs, (double *)road->inputs + k * road->n_inputs) > 1)
+        double *row = (double *)road->inputs + k * road->n_inputs;
+        if (road->n_inputs && set(s, road->input_references, (size_t)road->n_inputs, row) > 1)
             return k;
         if (get(s, road->read_references, (size_t)road->n_reads, road->reads) > 1)
             return k;
@@ -76,21 +118,12 @@ __attribute__((visibility("default"))) long march(const Solver *s, const Road *r
         if (k == road->steps)
             break;
         const double t = road->start + (double)k * road->size;
-        for (long f = 0; f < road->n_forces; f++)
-            road->force_values[f] = 0.0;
-        for (long i = 0; i < n_laws; i++) {
-            const Placed *law = &laws[i];
-            double port[4];
-            for (int p = 0; p < 4; p++)
-                port[p] = law->port[p] < 0 ? 0.0 : law->factor[p] * road->reads[law->port[p]];
-            port[0] += 0.5 * road->size * port[1];
-            road->force_values[law->force] +=
-                law->force_factor * LAWS[law->law](law->p, port, t + 0.5 * road->size, road->size, law->z);
+        for (long part = 0; part < road->parts; part++) {
+            if (part && get(s, road->read_references, (size_t)road->n_reads, road->reads) > 1)
+                return k;
+            if (!advance(s, road, laws, n_laws, t + (double)part * h, h))
+                return k;
         }
-        if (road->n_forces && set(s, road->force_references, (size_t)road->n_forces, road->force_values) > 1)
-            return k;
-        if (step(s, t, road->size) > 1)
-            return k;
     }
     return road->steps;
 }

@@ -1,32 +1,62 @@
 /* Effects in the loop: forces that the model lacks, fed back into the solver's force inputs.
  *
- * A piece of a step is divided into sub-steps of at most COUPLING s. Each begins by reading the joints; a law then sees the
- * displacement that half a sub-step later will be (d + v h / 2), and its force is held in the solver over the sub-step, so that a
- * stiffness gains no negative damping from being held. The coupling is of first order in the sub-step. */
+ * A piece of a step is divided into sub-steps of at most COUPLING s. Each begins by reading the joints; a law then sees
+ * what they will show in the middle of the sub-step, and its force is held in the solver over it. The displacement is
+ * moved on with the velocity (d + v h / 2), the other ports with their change since the last reading, which lies where
+ * the sub-step before began (v + (v - v_last) h / (2 h_last)); without one, at the start and after an event, they stay
+ * as read. Without a velocity the displacement is differentiated: (d - d_last) / h_last belongs to the middle of the
+ * last sub-step, and two such differences lead to the beginning and to the middle of this one. Second order in the
+ * sub-step. discovery/c/march.c does the same. */
 #include <math.h>
+#include <string.h>
 
 #include "wrapper.h"
 #include "effects.h"
 
 #if EFFECTS
+/* What law i sees. gap: s since the last reading, 0 where there is none before `now`. */
+static Status read_joint(Wrapper *self, size_t i, double gap, double size, double port[4])
+{
+    State *s = &self->state;
+    const Place *place = &PLACES[i];
+    const bool shown = place->ports[1].size != 0; /* the velocity */
+    double now[4] = {0.0}, *last = s->ports[i];
+    for (size_t p = 0; p < 4; p++) {
+        if (!place->ports[p].size)
+            continue;
+        const Status status = inner_numbers(self, &place->ports[p], 1, &now[p]);
+        if (status > STATUS_WARNING)
+            return status;
+        now[p] *= place->factors[p];
+    }
+    if (!shown)
+        now[1] = gap > 0.0 ? (now[0] - last[0]) / gap : last[1];
+    for (size_t p = 1; p < 4; p++) {
+        const bool mean = p == 1 && !shown;
+        const double apart = mean ? 0.5 * (gap + s->span) : gap;
+        const double change = gap > 0.0 && s->readings > (mean ? 1u : 0u) ? (now[p] - last[p]) / apart : 0.0;
+        const double begin = mean ? now[p] + 0.5 * gap * change : now[p];
+        if (p == 1)
+            port[0] = now[0] + 0.5 * size * begin;
+        port[p] = begin + 0.5 * size * change;
+    }
+    memcpy(last, now, sizeof now);
+    return STATUS_OK;
+}
+
 static Status apply_forces(Wrapper *self, double time, double size)
 {
     State *s = &self->state;
     double ports[EFFECTS][4] = {{0.0}}, forces[EFFECTS] = {0.0}, total[FORCES + 1] = {0.0};
+    const double gap = s->moved && time > s->moved_at ? time - s->moved_at : 0.0;
     for (size_t i = 0; i < EFFECTS; i++) {
-        const Place *place = &PLACES[i];
-        for (size_t p = 0; p < 4; p++) {
-            if (!place->ports[p].size)
-                continue;
-            const Status status = inner_numbers(self, &place->ports[p], 1, &ports[i][p]);
-            if (status > STATUS_WARNING)
-                return status;
-            ports[i][p] *= place->factors[p];
-        }
-        if (!place->ports[1].size && s->moved && time > s->moved_at) /* no velocity: the last sub-step's mean one */
-            ports[i][1] = (ports[i][0] - s->displacement[i]) / (time - s->moved_at);
-        s->displacement[i] = ports[i][0];
-        ports[i][0] += 0.5 * size * ports[i][1];
+        const Status status = read_joint(self, i, gap, size, ports[i]);
+        if (status > STATUS_WARNING)
+            return status;
+    }
+    if (!s->moved || gap > 0.0) { /* not a step that is tried again */
+        s->readings += s->readings < 2;
+        s->span = gap;
     }
     s->moved = true;
     s->moved_at = time;

@@ -119,6 +119,7 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 time, fmi3Float64 size,
     {                                                                                                                    \
         REFUSE_WITHOUT_INSTANCE;                                                                                         \
         variables_touched(self);                                                                                         \
+        self->state.readings = 0;                                                                                        \
         return self->inner.function                                                                                      \
                    ? self->inner.function(self->inner.component)                                                         \
                    : (fmi3Status)wrapper_log(self, STATUS_ERROR, "the solver's FMU has no fmi3" #function);              \

@@ -106,9 +106,11 @@ typedef struct {
     double delta[CHANNELS + 1], sigma[CHANNELS + 1];
     float window[ROWS * CHANNELS + 1];
     double host_force[FORCES + 1], force[FORCES + 1];
-    double states[EFFECT_STATES + 1], displacement[EFFECTS + 1];
-    bool moved; /* displacement holds values, those of the time moved_at (s) */
-    double moved_at;
+    double states[EFFECT_STATES + 1];
+    double ports[EFFECTS + 1][4]; /* of every law at the time moved_at (s), see coupling.c */
+    bool moved;                   /* they were read */
+    double moved_at, span;        /* span: s from the reading before to moved_at, 0 without one */
+    uint32_t readings;            /* since the start or the last event, at most 2 */
 #if INNER_FMI == 0
     double inputs[CHANNELS + 1];
 #endif

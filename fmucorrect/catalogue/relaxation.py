@@ -1,0 +1,136 @@
+"""Relaxation: dampers on something soft, springs that give way with time. Of the family of dampers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from fmucorrect.catalogue.law import Formula, Law, Parameter, State, Symbols, load_sympy
+from fmucorrect.catalogue.motion import SHARES, Guess, Motion
+
+_OWN = "a joint whose own element is a damper and shows its force"
+_SERIES = Parameter(
+    "stiffness", "k", "F/D", "of the spring in series with the model's own damper", minimum=0.0, above=True
+)
+_RELAXED = State("relaxed_force", "z", "F")
+
+
+def _series_nominal(s: Symbols) -> Formula:
+    size = load_sympy().Abs
+    pace = s["stiffness"] * size(s.v) / (size(s.F0) + s["smoothing_force"])
+    return Formula(s.z[0] - s.F0, (pace * (s.F0 - s.z[0]),))
+
+
+def _series_linear(s: Symbols) -> Formula:
+    z, k, c = s.z[0], s["stiffness"], s["damping"]
+    return Formula(z - c * s.v, (k * (s.v - z / c),))
+
+
+def _series_branch(s: Symbols) -> Formula:
+    z = s.z[0]
+    return Formula(z, (s["stiffness"] * s.v - z / s["relaxation_time"],))
+
+
+def _guess_series(motion: Motion, share: float) -> Mapping[str, float] | None:
+    """The spring takes about this share of the motion."""
+    return {"stiffness": motion.f / motion.d * (1.0 / share - 1.0)} if motion.f > 0.0 else None
+
+
+def _guess_series_linear(motion: Motion, share: float) -> Mapping[str, float] | None:
+    if motion.damping <= 0.0:
+        return None
+    return {"stiffness": motion.damping * motion.v / motion.d * (1.0 / share - 1.0), "damping": motion.damping}
+
+
+def _relaxing_over(radians: float) -> Guess:
+    """A branch that relaxes in so many radians of a motion of this size and velocity."""
+
+    def guess(motion: Motion, force: float) -> Mapping[str, float]:
+        passed = radians / (1.0 + radians**2) ** 0.5
+        return {"stiffness": force / (passed * motion.d), "relaxation_time": radians * motion.d / motion.v}
+
+    return guess
+
+
+LAWS = (
+    Law(
+        name="series_stiffness",
+        form="nominal",
+        family="damper",
+        description="The joint's own damper sits on something soft, its mount or its oil, and so relaxes.",
+        acts=_OWN,
+        equation="F = z - F0, dz/dt = k |v| / |F0| (F0 - z)",
+        parameters=(
+            _SERIES,
+            Parameter(
+                *("smoothing_force", "F_s", "F", "added to |F0| in the rate, for F0 = 0"),
+                default=1e-3,
+                minimum=0.0,
+                above=True,
+            ),
+        ),
+        inputs=("velocity", "nominal_force"),
+        write=_series_nominal,
+        guesses=(_guess_series,),
+        main="stiffness",
+        estimated=("stiffness",),
+        severities=SHARES,
+        relative=True,
+        states=(_RELAXED,),
+        note=(
+            "The spring takes up z / k and the damper sees v - dz/dt / k; the damper's damping is its secant F0 / v."
+            " Exact for a linear damper, near for one with knees. The joint's own element must be a damper without a"
+            " spring beside or behind it: where it has a series spring already, the joint is that spring's deflection"
+            " (the mount), and a softer one is a negative linear_stiffness there."
+        ),
+    ),
+    Law(
+        name="series_stiffness",
+        form="damping",
+        family="damper",
+        description="The joint's own linear damper sits on something soft, its mount or its oil, and so relaxes.",
+        acts="a joint whose own element is a linear damper of known damping",
+        equation="F = z - c v, dz/dt = k (v - z / c)",
+        parameters=(
+            _SERIES,
+            Parameter("damping", "c", "F.s/D", "of the model's own damper, linear", minimum=0.0, above=True),
+        ),
+        inputs=("velocity",),
+        write=_series_linear,
+        guesses=(_guess_series_linear,),
+        main="stiffness",
+        estimated=("stiffness",),
+        severities=SHARES,
+        relative=True,
+        states=(_RELAXED,),
+        note="A Maxwell element (k and c in series) in place of a damper c; beside viscous_damping c, one more.",
+    ),
+    Law(
+        name="series_stiffness",
+        form="branch",
+        family="damper",
+        description="Beside the joint's element a spring acts through a damper and so relaxes, as the air in an air spring.",
+        acts="any joint",
+        equation="F = z, dz/dt = k v - z / tau",
+        parameters=(
+            Parameter(
+                "stiffness", "k", "F/D", "of the spring in series with the branch's damper", minimum=0.0, neutral=0.0
+            ),
+            Parameter(
+                *("relaxation_time", "tau", "s", "damping of the branch over k: slower than that it gives way"),
+                default=0.1,
+                minimum=0.0,
+                above=True,
+            ),
+        ),
+        inputs=("velocity",),
+        write=_series_branch,
+        guesses=tuple(map(_relaxing_over, (0.3, 1.0, 3.0))),
+        main="stiffness",
+        estimated=("stiffness", "relaxation_time"),
+        states=(_RELAXED,),
+        note=(
+            "A Maxwell element k, c = k tau that the model lacks altogether. The form with damping is the same element in"
+            " place of the damper c that the model has: this branch less c v."
+        ),
+    ),
+)

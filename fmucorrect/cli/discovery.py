@@ -1,0 +1,57 @@
+"""discover."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from fmucorrect.cli.group import PATH
+
+
+@click.command()
+@click.argument("study", type=PATH)
+@click.option("-o", "--out", type=PATH, required=True, help="The folder to write to.")
+@click.option("--json", "as_json", is_flag=True, help="Print the report as JSON.")
+def discover(study: Path, out: Path, as_json: bool) -> None:
+    """Find where a STUDY's simulation and measurement disagree, name what the model lacks, and prove it.
+
+    Writes report.html and report.json, and where something was found effects.toml, augmented.fmu (the FMU with it) and
+    study.toml (the same study on augmented.fmu, for `fmucorrect train`).
+
+    Example: fmucorrect discover study.toml -o found
+    """
+    from tqdm import tqdm
+
+    from fmucorrect.discovery import discover as run
+
+    with tqdm(
+        total=1, desc="discover", disable=None, leave=False, bar_format="{desc}: {n_fmt}/{total_fmt} {elapsed}"
+    ) as bar:
+
+        def progress(stage: str, done: int, total: int) -> None:
+            bar.set_description_str(stage, refresh=False)
+            bar.total, bar.n = max(total, 1), done
+            bar.update(0)
+
+        report = run(study, out, progress=progress)
+    if as_json:
+        click.echo((out / "report.json").read_text(encoding="utf-8"))
+        return
+    click.echo(f"{report['verdict']}: {report['sentence']}")
+    for row in report["effects"]:
+        values = ", ".join(
+            f"{name} = {entry['value']:.4g} +- {entry['std']:.2g} {entry['unit']}"
+            for name, entry in row["parameters"].items()
+            if entry["std"] > 0.0
+        )
+        click.echo(
+            f"  {row['effect']} at {row['joint']} ({100 * row['probability']:.0f} %): {row['equation']}; {values}"
+        )
+    for row in report["gap"]:
+        held = ", held out" if row["role"] == "evaluation" else ""
+        click.echo(
+            f"  {row['condition']}{held}: {row['nrmse_before']:.3g} -> {row['nrmse_after']:.3g} %"
+            f" (noise {row['noise_floor']:.2g} %)"
+        )
+    click.echo(f"{out / 'report.html'}")

@@ -1,0 +1,111 @@
+"""Confirmation: the FMU simulated again with what was found, the evaluation conditions for the first time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float64
+
+from fmucorrect import experiment, metrics
+from fmucorrect.discovery.nuisances import GAIN, LAG
+from fmucorrect.discovery.problem import Model, runner, simulate
+from fmucorrect.discovery.trials import sensor_noise
+from fmucorrect.errors import SignalError
+from fmucorrect.signals import Condition
+from fmucorrect.study import Adjustable, Study
+
+AGREES = 1.5
+"""How far above the noise floor a gap counts as closed."""
+CLOSED = 0.6
+"""Share of the gap that must be gone at the evaluation conditions, where the noise floor is not reached."""
+
+
+@dataclass(frozen=True)
+class Gap:
+    """One condition before and after, all measured rows. t: (T,) s. measured, before, after: (T, J) in the channels' units.
+    Errors in % of the measured range, means over the channels that vary; noise_floor: what the sensors' noise alone gives."""
+
+    condition: Condition
+    t: Float64[np.ndarray, " T"]
+    measured: Float64[np.ndarray, "T J"]
+    before: Float64[np.ndarray, "T J"]
+    after: Float64[np.ndarray, "T J"]
+    sigma: Float64[np.ndarray, " J"]
+    nrmse_before: float
+    nrmse_after: float
+    noise_floor: float
+    r2_before: float
+    r2_after: float
+
+    @property
+    def agrees(self) -> bool:
+        """Whether what was found holds here."""
+        gone = self.nrmse_before - self.nrmse_after
+        open_before = self.nrmse_before - self.noise_floor
+        return self.nrmse_after <= AGREES * self.noise_floor or (open_before > 0.0 and gone >= CLOSED * open_before)
+
+
+def gaps(
+    study: Study,
+    library: Path | None,
+    conditions: Sequence[Condition],
+    before: Model,
+    after: Model,
+    tolerated: Sequence[Adjustable],
+    sensors: Float64[np.ndarray, "J 2"],
+    substeps: int = 1,
+) -> list[Gap]:
+    """Every condition before and after. sensors: gain error and lag (s) of each channel, as the development conditions
+    tell them: `after` is shown through such sensors. Raises FmuError where the solver gives up."""
+    return [_gap(study, library, condition, before, after, tolerated, sensors, substeps) for condition in conditions]
+
+
+def _gap(
+    study: Study,
+    library: Path | None,
+    condition: Condition,
+    before: Model,
+    after: Model,
+    tolerated: Sequence[Adjustable],
+    sensors: Float64[np.ndarray, "J 2"],
+    substeps: int = 1,
+) -> Gap:
+    item = runner(study, condition, library, None, substeps)
+    try:
+        old = simulate(study, item, condition, before, tolerated)
+        new = simulate(study, item, condition, after, tolerated)
+    finally:
+        item.close()
+    pair = experiment.pair(study, condition)
+    rows = slice(pair.rows.start, min(pair.rows.stop, len(old)))
+    measured = pair.measured[: rows.stop - rows.start]
+    step = study.simulation.step_size
+    rate = np.gradient(new, step, axis=0)
+    shown = (new * (1.0 + sensors[:, 0]) - rate * sensors[:, 1])[rows]
+    sigma, _, _ = sensor_noise(study, condition, measured, old[rows], rows.start * step)
+    varies = np.ptp(measured, axis=0) > 0.0
+    if not varies.any():
+        raise SignalError("the measurement does not vary", where=f"condition {condition.name!r}")
+    was, now, floor = (metrics.score(y[:, varies], measured[:, varies]) for y in (old[rows], shown, measured + sigma))
+    return Gap(
+        condition,
+        pair.t_ns[: len(measured)] * 1e-9,
+        measured,
+        old[rows],
+        shown,
+        sigma,
+        was.mean_nrmse,
+        now.mean_nrmse,
+        floor.mean_nrmse,
+        was.mean_r2,
+        now.mean_r2,
+    )
+
+
+def sensor_errors(fitted: Float64[np.ndarray, " m"], channels: int) -> Float64[np.ndarray, "J 2"]:
+    """Gain error and lag of each channel from the sensors' nuisances, in the order of nuisances.sensors."""
+    rows = fitted[: 2 * channels].reshape(channels, 2)
+    return rows * np.array([GAIN, LAG])

@@ -1,0 +1,129 @@
+"""The decision: from fitted sets of effects to a verdict, with its doubts, still without the evaluation conditions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Float64
+
+from fmucorrect.discovery.fit import Fitted
+from fmucorrect.discovery.naming import CLEAR, Naming
+from fmucorrect.discovery.problem import Problem
+from fmucorrect.discovery.sets import blocks
+from fmucorrect.discovery.terms import Term
+
+TEMPER = 2.0
+"""By what surprises are divided before they become probabilities: laws and sensors are never quite as assumed."""
+CLOSE = 12.0
+"""Sets whose surprise is higher by less cannot be told from the best one."""
+AGREES = 1.3
+"""Variance of the error, over its least, up to which simulation and measurement agree to the noise."""
+LEFT = 0.15
+"""Share of the residual's energy above the noise that a named effect may leave."""
+
+
+@dataclass(frozen=True)
+class Rival:
+    """A set of effects beside others. chosen: the fit. probability: of the set. behind: surprise over the best set's."""
+
+    chosen: Fitted
+    probability: float
+    behind: float
+
+
+@dataclass(frozen=True)
+class Decision:
+    """verdict: as the report has it, before the evaluation conditions are looked at. best: the chosen set. probability: of
+    each of its members. classes: of each member, the terms that cannot be told from it. rivals: all sets. unexplained:
+    share of the residual's energy that is left above the noise."""
+
+    verdict: str
+    best: Fitted
+    probability: tuple[float, ...]
+    classes: tuple[tuple[Term, ...], ...]
+    rivals: tuple[Rival, ...]
+    unexplained: float
+
+
+def decide(naming: Naming) -> Decision:
+    """The verdict that the development conditions give."""
+    base = naming.base
+    sets = sorted([base, *naming.sets], key=lambda fitted: fitted.surprise)
+    best = sets[0]
+    if best is not base and best.surprise > base.surprise - CLEAR:
+        best = base
+    behind = np.array([fitted.surprise - best.surprise for fitted in sets])
+    weights = np.exp(-0.5 * np.maximum(behind, 0.0) / TEMPER)
+    weights /= weights.sum()
+    rivals = tuple(Rival(f, float(w), float(b)) for f, w, b in zip(sets, weights, behind, strict=True))
+    unexplained = left(best, base)
+    probability = tuple(sum(r.probability for r in rivals if _has(r.chosen, term)) for term in best.model.terms)
+    classes = tuple(_class(best, t, rivals) for t in range(len(best.model.terms)))
+    if not best.model.terms:
+        verdict = "none" if best.s2 <= AGREES * naming.setting.floor else "unexplained"
+    elif unexplained > LEFT:
+        verdict = "unexplained"
+    else:
+        verdict = "ambiguous" if any(classes) else "named"
+    return Decision(verdict, best, probability, classes, rivals, unexplained)
+
+
+def left(fitted: Fitted, base: Fitted) -> float:
+    """Share of the residual's energy above the noise that a fit leaves; 0 where there was none."""
+    before, after = (
+        float(np.mean(base.residual**2)) - 1.0,
+        max(fitted.s2, float(np.mean(fitted.residual**2)) * 0.0) - 1.0,
+    )
+    return 0.0 if before <= 0.0 else min(max(after, 0.0) / before, 1.0)
+
+
+def _has(fitted: Fitted, term: Term) -> bool:
+    return any(other.effect == term.effect and other.where == term.where for other in fitted.model.terms)
+
+
+def _class(best: Fitted, t: int, rivals: Sequence[Rival]) -> tuple[Term, ...]:
+    """What may stand in the place of member t, the others staying as they are."""
+    term = best.model.terms[t]
+    others = {(x.effect, x.where) for k, x in enumerate(best.model.terms) if k != t}
+    found: list[Term] = []
+    for rival in rivals:
+        if rival.behind > CLOSE or len(rival.chosen.model.terms) != len(best.model.terms) or _has(rival.chosen, term):
+            continue
+        extra = [x for x in rival.chosen.model.terms if (x.effect, x.where) not in others]
+        if len(extra) == 1 and not any(x.effect == extra[0].effect and x.where == extra[0].where for x in found):
+            found.append(extra[0])
+    return tuple(found)
+
+
+def held_out(problem: Problem, naming: Naming, fitted: Fitted) -> Float64[np.ndarray, " C"]:
+    """NRMSE, % of the measured range, of each condition when everything is fitted to the others only, to first order around
+    the fit (no simulation); NaN with a single condition."""
+    setting = naming.setting
+    sizes = [len(block.ravel()) for block in blocks(problem, fitted.at)]
+    if len(sizes) < 2:
+        return np.full(1, np.nan)
+    jacobian = np.concatenate([fitted.slopes, fitted.base, setting.sensors.columns], axis=1)
+    prior = np.ones(jacobian.shape[1])
+    prior[: fitted.slopes.shape[1]] = 1e-9
+    target = fitted.residual + fitted.base @ np.asarray(fitted.model.base)
+    if fitted.slopes.shape[1] == 0 and fitted.base.shape[1] == 0:
+        target = fitted.residual
+    level = fitted.s2 / setting.share
+    ends = np.cumsum([0, *sizes])
+    whole = jacobian.T @ jacobian / level + np.diag(prior)
+    right = jacobian.T @ target / level
+    found: list[float] = []
+    for c, (a, b) in enumerate(pairwise(ends)):
+        own = jacobian[a:b]
+        solved = np.linalg.solve(whole - own.T @ own / level, right - own.T @ target[a:b] / level)
+        left_over = (target[a:b] - own @ solved).reshape(-1, len(problem.study.channels))
+        trial = problem.trials[c]
+        measured = trial.evidence(trial.measured)
+        span = np.ptp(measured, axis=0)
+        found.append(
+            float(np.mean(100.0 * np.sqrt(np.mean(left_over**2, axis=0)) / np.where(span > 0.0, span, np.inf)))
+        )
+    return np.array(found)

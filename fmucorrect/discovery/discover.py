@@ -1,0 +1,247 @@
+"""fmucorrect discover: locate, name, confirm and write down what a model lacks."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fmucorrect import records
+from fmucorrect.discovery import native, output
+from fmucorrect.discovery.confirm import Gap, gaps, sensor_errors
+from fmucorrect.discovery.decide import CLOSE, Decision, decide
+from fmucorrect.discovery.located import located
+from fmucorrect.discovery.naming import Naming, name
+from fmucorrect.discovery.nexttest import next_test
+from fmucorrect.discovery.pictures import picture
+from fmucorrect.discovery.problem import Problem, description, load
+from fmucorrect.discovery.sets import blocks
+from fmucorrect.discovery.terms import ForceTerm, SignalTerm
+from fmucorrect.discovery.where import Residual, where
+from fmucorrect.errors import StudyError
+from fmucorrect.study import Study, check_study, load_study
+
+Progress = Callable[[str, int, int], object]
+
+
+def discover(
+    study_file: str | Path, out: str | Path, *, progress: Progress = lambda stage, done, total: None
+) -> dict[str, Any]:
+    """Everything of `fmucorrect discover`: returns the report, which is also OUT/report.json, with report.html beside it and,
+    where something was found that an FMU can take, effects.toml, augmented.fmu and study.toml.
+
+    The evaluation conditions are read after the naming is done. Raises StudyError, RecordError, SignalError, FmuError.
+    """
+    study = load_study(study_file)
+    _check(study)
+    folder = Path(out)
+    folder.mkdir(parents=True, exist_ok=True)
+    seconds: dict[str, float] = {}
+    begun = time.perf_counter()
+
+    def lap(stage: str) -> None:
+        nonlocal begun
+        now = time.perf_counter()
+        seconds[stage] = seconds.get(stage, 0.0) + now - begun
+        begun = now
+
+    with _library(study) as library:
+        lap("compile")
+        with load(study, library) as problem:
+            lap("load")
+            naming = name(problem, progress)
+            decision = decide(naming)
+            lap("name")
+            report = _report(study, problem, naming, decision, library, progress, lap)
+    written, notes = [], []
+    if report.pop("_write"):
+        progress("augmented FMU", 0, 1)
+        found = report.pop("_effects")
+        written, notes = output.write_model(study, found, folder)
+    report.pop("_effects", None)
+    report["notes"] += notes
+    report["files"] = ["report.json", "report.html", *written]
+    lap("write")
+    report["stages"] = {stage: round(value, 3) for stage, value in seconds.items()}
+    write(folder, report)
+    return report
+
+
+def _check(study: Study) -> None:
+    """Raises StudyError with everything that the FMU or the records do not have."""
+    fmu = description(study)
+    files = {path for c in study.conditions for path in (c.measurement, c.inputs, c.simulated) if path is not None}
+    missing = [f"{path}: there is no such file" for path in sorted(files) if not path.exists()]
+    columns = {
+        path: {column.name: column.unit for item in records.describe(path).topics for column in item.topic.columns}
+        for path in files
+        if path.exists()
+    }
+    variables = None if fmu is None else {name: variable.unit for name, variable in fmu.variables.items()}
+    problems = [*missing, *check_study(study, variables, columns)]
+    if problems:
+        raise StudyError(str(study.path), problems)
+
+
+def _library(study: Study) -> AbstractContextManager[Path | None]:
+    """The native loop with the laws, kept between runs where there is a cache folder."""
+    if study.fmu is None:
+        return nullcontext(None)
+    cache = Path(tempfile.gettempdir()) / "fmucorrect"
+    cache.mkdir(exist_ok=True)
+    return nullcontext(native.build(cache))
+
+
+def write(folder: Path, report: dict[str, Any]) -> None:
+    """report.json and report.html."""
+    from fmucorrect.report.discovery_page import write_page
+
+    (folder / "report.json").write_text(json.dumps(_plain(report), indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    write_page(folder / "report.html", report)
+
+
+def _plain(value: Any) -> Any:
+    """For JSON: numpy's numbers as Python's, what is not finite as null."""
+    if isinstance(value, dict):
+        return {str(key): _plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, float | np.floating):
+        return float(value) if np.isfinite(value) else None
+    return int(value) if isinstance(value, np.integer) else value
+
+
+def _report(
+    study: Study,
+    problem: Problem,
+    naming: Naming,
+    decision: Decision,
+    library: Path | None,
+    progress: Progress,
+    lap: Callable[[str], None],
+) -> dict[str, Any]:
+    best = decision.best
+    sensors = sensor_errors(
+        naming.setting.sensors.believe(best.residual, naming.setting.share).fitted, len(study.channels)
+    )
+    progress("confirm", 0, len(study.conditions))
+    checked = gaps(
+        study, library, study.conditions, problem.nominal, best.model, problem.tolerated, sensors, problem.substeps
+    )
+    verdict = confirmed(decision, checked)
+    lap("confirm")
+    std = best.std()
+    rows = [
+        output.effect_row(study, term, std[i], decision.probability[i], decision.classes[i])
+        for i, term in enumerate(best.model.terms)
+    ]
+    _pictures(problem, decision, rows)
+    named = verdict in ("named", "ambiguous")
+    start = problem.responses(problem.nominal)
+    step = study.simulation.step_size
+    residuals = [
+        Residual(t.condition, np.arange(t.rows.start, t.rows.stop) * step, y, t.measured, t.sigma)
+        for t, y in zip(problem.trials, start, strict=True)
+    ]
+    now, before = output.adjusted(study, problem, best.model.base)
+    report: dict[str, Any] = {
+        "format": 1,
+        "verdict": verdict,
+        "sentence": "",
+        "study": {"name": study.name, "fmu": None if study.fmu is None else study.fmu.name, "step_size": step},
+        "effects": rows if named else [],
+        "suspects": [] if named else rows,
+        "adjusted": now,
+        "adjusted_from": before,
+        "candidates": output.candidate_rows(problem, naming, decision),
+        "where": {"joints": _joints(problem, naming), **where(residuals, study.rotations, study.channels)},
+        "gap": [output.gap_row(gap) for gap in checked],
+        "series": output.series(study, checked),
+        "unexplained": decision.unexplained,
+        "next_test": _next(problem, naming, decision) if verdict == "ambiguous" else None,
+        "notes": _notes(study, problem, decision),
+        "_write": named or (verdict == "none" and bool(now)),
+        "_effects": output.effects_of(
+            study, problem, best.model.terms if named else (), best.model.base, rows if named else ()
+        ),
+    }
+    report["sentence"] = sentence(report, checked)
+    return report
+
+
+def _joints(problem: Problem, naming: Naming) -> dict[str, float]:
+    """The share of the residual that a free force at each joint explains, once the adjustables have moved."""
+    study = problem.study
+    if study.fmu is None or not study.joints:
+        return {}
+    responses = problem.responses(naming.base.model)
+    residuals = [trial.measured - y for trial, y in zip(problem.trials, responses, strict=True)]
+    return {item.joint.name: item.share for item in located(problem, naming.base.model, residuals, study.joints)}
+
+
+def _pictures(problem: Problem, decision: Decision, rows: Sequence[dict[str, Any]]) -> None:
+    """Adds to every force's row its picture, from the condition whose residual is the largest."""
+    sizes = [float(np.mean(block**2)) for block in blocks(problem, problem.measured)]
+    for term, row in zip(decision.best.model.terms, rows, strict=True):
+        if isinstance(term, ForceTerm):
+            row["picture"] = picture(problem, decision.best.model, term, int(np.argmax(sizes)))
+
+
+def _next(problem: Problem, naming: Naming, decision: Decision) -> dict[str, Any] | None:
+    close = [rival.chosen for rival in decision.rivals if rival.chosen is not decision.best and rival.behind <= CLOSE]
+    close = [fitted for fitted in close if fitted.model.terms]
+    return next_test(problem, naming.setting, decision.best, close, True)
+
+
+def confirmed(decision: Decision, checked: Sequence[Gap]) -> str:
+    """The verdict once the evaluation conditions have spoken: what does not carry over is unexplained."""
+    held = [gap for gap in checked if gap.condition.role == "evaluation"]
+    if decision.verdict in ("named", "ambiguous") and held and not all(gap.agrees for gap in held):
+        return "unexplained"
+    return decision.verdict
+
+
+def sentence(report: dict[str, Any], checked: Sequence[Gap]) -> str:
+    """The verdict for an engineer."""
+    held = [gap for gap in checked if gap.condition.role == "evaluation"] or list(checked)
+    worst = max(held, key=lambda gap: gap.nrmse_before)
+    error = (
+        f"the error at {worst.condition.name} falls from {worst.nrmse_before:.3g} to {worst.nrmse_after:.3g} %"
+        f" (sensor noise {worst.noise_floor:.2g} %)"
+    )
+    what = " and ".join(f"{row['effect'].replace('_', ' ')} at {row['joint']}" for row in report["effects"])
+    if report["verdict"] == "named":
+        return f"The model lacks {what}; with it {error}."
+    if report["verdict"] == "ambiguous":
+        others = {
+            f"{o['effect'].replace('_', ' ')} at {o['joint']}"
+            for r in report["effects"]
+            for o in r["indistinguishable_from"]
+        }
+        return f"The model lacks {what}, or what these data cannot tell from it ({'; '.join(sorted(others))}); with it {error}."
+    if report["verdict"] == "none":
+        moved = " after its adjustable parameters moved within their tolerances" if report["adjusted"] else ""
+        return f"Simulation and measurement agree to the sensors' noise{moved}: nothing is missing that these data can show."
+    left = f"{100 * report['unexplained']:.2g} % of the residual's energy stays"
+    return f"Simulation and measurement disagree, and nothing in the catalogue explains it: {left}."
+
+
+def _notes(study: Study, problem: Problem, decision: Decision) -> list[str]:
+    notes = [f"condition {t.condition.name}: {text}" for t in problem.trials for text in t.notes]
+    if study.fmu is None:
+        notes.append(
+            "Only recorded simulations: with an FMU and force ports at its joints an effect could be named and proved."
+        )
+    elif not study.joints:
+        notes.append("The study names no joints: with force ports more than parameters and sensors could be named.")
+    if any(isinstance(term, SignalTerm) for term in decision.best.model.terms):
+        notes.append("What sits in a sensor or in the excitation is not put into augmented.fmu.")
+    if not study.evaluation:
+        notes.append("No evaluation condition: nothing was held out.")
+    return notes

@@ -1,0 +1,202 @@
+"""The fit in the loop: a set of effects and the base parameters moved until the simulated model meets the measurement."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from jaxtyping import Float64
+
+from fmucorrect.discovery.evidence import Nuisances
+from fmucorrect.discovery.nuisances import sensitivities
+from fmucorrect.discovery.problem import Model, Problem
+from fmucorrect.discovery.terms import Term, coordinates, moved
+
+PROBE = 0.02
+"""By how much a coordinate is moved for its sensitivity."""
+LONGEST = 0.8
+"""Longest step of a logarithm at once; of any other coordinate, and of a base parameter in tolerances, twice that."""
+FARTHEST = 4.0
+"""Tolerances that a base parameter may be away from its start value."""
+STALE = 0.5
+"""Tolerances that a base parameter may move before the sensitivities are taken anew."""
+HOPE, HOPELESS = 4.0, 60.0
+"""A fit is given up when so many more gains like its last one would leave it so far behind its rival."""
+GAINED = 0.3
+"""A step that lowers the surprise by less is the last one."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What all fits of a problem share. measured: (n,). sensors: what may be off at them. share: of independent rows.
+    floor: least variance of the error, in units of the noise. base: (n, A) one tolerance of each base parameter."""
+
+    measured: Float64[np.ndarray, " n"]
+    sensors: Nuisances
+    base: Float64[np.ndarray, "n A"]
+    share: float
+    floor: float = 1.0
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A set of effects in the loop. model: the FMU with it. at: (n,) its evidence. residual: measured less that. s2: the
+    error's variance, in units of the noise. surprise: -2 log p, with what the members cost. base: (n, A) sensitivities to
+    the base parameters, near the model. slopes: (n, p) those to the members' coordinates. covariance: (p, p) of these, all
+    that is not known exactly integrated out."""
+
+    model: Model
+    at: Float64[np.ndarray, " n"]
+    residual: Float64[np.ndarray, " n"]
+    s2: float
+    surprise: float
+    base: Float64[np.ndarray, "n A"]
+    volume: Float64[np.ndarray, " m"]
+    around: tuple[float, ...]
+    price: float = 0.0
+    slopes: Float64[np.ndarray, "_ p"] = field(default_factory=lambda: np.zeros((0, 0)))
+    covariance: Float64[np.ndarray, "_ _"] = field(default_factory=lambda: np.zeros((0, 0)))
+
+    @property
+    def linear(self) -> Float64[np.ndarray, " n"]:
+        """The residual with the base parameters' part put back, as if they had stayed at their start values."""
+        return self.residual + self.base @ np.asarray(self.model.base)
+
+    def std(self) -> list[dict[str, float]]:
+        """Standard deviation of every estimated number, a member each."""
+        found: list[dict[str, float]] = []
+        k = 0
+        for term in self.model.terms:
+            row: dict[str, float] = {}
+            for name, scale in zip(term.estimated, coordinates(term), strict=True):
+                size = abs(term.values[name]) if scale == 0.0 else scale
+                row[name] = size * float(np.sqrt(max(self.covariance[k, k], 0.0)))
+                k += 1
+            found.append(row)
+        return found
+
+
+def price(term: Term, candidates: int, count: float) -> float:
+    """What a member costs in -2 log p: its name among all candidates, and its numbers (Schwarz 1978)."""
+    return 2.0 * float(np.log(max(candidates, 2))) + len(term.estimated) * float(np.log(max(count, 2.0)))
+
+
+def judge(setting: Setting, fitted: Fitted) -> Fitted:
+    """The same model's surprise and s2 under a setting; nothing is simulated."""
+    belief = setting.sensors.believe(fitted.residual, setting.share, setting.floor, fitted.volume)
+    far = float(np.sum(np.square(fitted.model.base)))
+    return replace(fitted, s2=belief.s2, surprise=belief.surprise + far + fitted.price)
+
+
+def fit(
+    problem: Problem,
+    setting: Setting,
+    model: Model,
+    prices: Sequence[float],
+    iterations: int,
+    start: Float64[np.ndarray, " n"] | None = None,
+    rival: float = np.inf,
+) -> Fitted | None:
+    """The members' numbers and the base parameters, from those of `model`; None where the solver gives up at once.
+
+    Levenberg and Marquardt's method (1944, 1963) on the posterior, sensors integrated out. Sensitivities to the base
+    parameters are those of the setting until one of them has moved by STALE. start: the model's evidence, where known.
+    rival: a surprise that is to be beaten; a fit that will not come near it ends early.
+    """
+    at = start if start is not None else next(iter(problem.many([model])))
+    if at is None:
+        return None
+    volume = _volume(setting, setting.base)
+    first = Fitted(model, at, setting.measured - at, 1.0, 0.0, setting.base, volume, model.base, sum(prices))
+    state = judge(setting, first)
+    damping = 1e-2
+    slopes = _slopes(problem, state)
+    for iteration in range(iterations):
+        gained = 0.0
+        for _ in range(5):
+            following = _step(setting, state, slopes, damping)
+            (y,) = problem.many([following])
+            if y is not None:
+                tried = judge(setting, replace(state, model=following, at=y, residual=setting.measured - y))
+                if tried.surprise < state.surprise:
+                    gained = state.surprise - tried.surprise
+                    state, damping = tried, max(damping / 6.0, 1e-6)
+                    break
+            damping = max(damping, 1e-3) * 10.0
+        if gained < GAINED or (iteration >= 1 and state.surprise - HOPE * gained > rival + HOPELESS):
+            break
+        if max((abs(a - b) for a, b in zip(state.model.base, state.around, strict=True)), default=0.0) > STALE:
+            base = sensitivities(problem, state.model, state.at)
+            state = replace(state, base=base, volume=_volume(setting, base), around=state.model.base)
+            state = judge(setting, state)
+        slopes = _slopes(problem, state)
+    state = replace(state, slopes=slopes)
+    return replace(state, covariance=covariance(setting, state))
+
+
+def _volume(setting: Setting, base: Float64[np.ndarray, "n A"]) -> Float64[np.ndarray, " m"]:
+    """Eigenvalues of N'N, base parameters and sensors together."""
+    columns = np.concatenate([base, setting.sensors.columns], axis=1)
+    return np.maximum(np.linalg.eigvalsh(columns.T @ columns), 0.0)
+
+
+def _slopes(problem: Problem, state: Fitted) -> Float64[np.ndarray, "n p"]:
+    model, at = state.model, state.at
+    count = sum(len(term.estimated) for term in model.terms)
+    probes = problem.many([_moved(model, step) for step in np.eye(count) * PROBE])
+    columns = [np.zeros_like(at) if y is None else (y - at) / PROBE for y in probes]
+    for k, column in enumerate(columns):
+        if not column.any():  # at a bound, or not stable further on
+            (y,) = problem.many([_moved(model, -np.eye(count)[k] * PROBE)])
+            columns[k] = column if y is None else (at - y) / PROBE
+    return np.stack(columns, axis=1) if columns else np.zeros((len(at), 0))
+
+
+def _moved(model: Model, steps: np.ndarray) -> Model:
+    terms: list[Term] = []
+    k = 0
+    for term in model.terms:
+        count = len(term.estimated)
+        terms.append(moved(term, coordinates(term), tuple(float(x) for x in steps[k : k + count])))
+        k += count
+    return replace(model, terms=tuple(terms))
+
+
+def _normal(
+    setting: Setting, state: Fitted, slopes: Float64[np.ndarray, "n p"]
+) -> tuple[Float64[np.ndarray, "q q"], Float64[np.ndarray, " q"]]:
+    """J' K^-1 J and J' K^-1 r of members and base parameters together, sensors in K, the base parameters' prior added."""
+    jacobian = np.concatenate([slopes, state.base], axis=1)
+    level = state.s2 / setting.share
+    sensors = setting.sensors
+    along, rest = sensors.rotated @ jacobian, sensors.rotated @ state.residual
+    inverse = 1.0 / (sensors.values + level)
+    H = (jacobian.T @ jacobian - (along.T * inverse) @ along) / level
+    g = (jacobian.T @ state.residual - (along.T * inverse) @ rest) / level
+    own = slice(slopes.shape[1], None)
+    H[own, own] += np.eye(state.base.shape[1])
+    g[own] -= np.asarray(state.model.base)
+    return H, g
+
+
+def _step(setting: Setting, state: Fitted, slopes: Float64[np.ndarray, "n p"], damping: float) -> Model:
+    H, g = _normal(setting, state, slopes)
+    if not len(g):
+        return state.model
+    count = slopes.shape[1]
+    steps = np.linalg.solve(H + np.diag(damping * np.diag(H) + 1e-12 * max(float(np.trace(H)), 1e-300)), g)
+    scales = [scale for term in state.model.terms for scale in coordinates(term)]
+    longest = np.array([LONGEST if scale == 0.0 else 2.0 * LONGEST for scale in scales])
+    steps[:count] = np.clip(steps[:count], -longest, longest)
+    base = np.clip(
+        np.asarray(state.model.base) + np.clip(steps[count:], -2 * LONGEST, 2 * LONGEST), -FARTHEST, FARTHEST
+    )
+    return replace(_moved(state.model, steps[:count]), base=tuple(float(x) for x in base))
+
+
+def covariance(setting: Setting, state: Fitted) -> Float64[np.ndarray, "p p"]:
+    """Of the members' coordinates, base parameters and sensors integrated out."""
+    H, _ = _normal(setting, state, state.slopes)
+    count = state.slopes.shape[1]
+    return np.linalg.pinv(H, hermitian=True)[:count, :count]

@@ -1,0 +1,58 @@
+"""A line in the residual's spectrum: what turns or hums on its own frequency, whatever the excitation does."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float64
+
+from fmucorrect.discovery.trials import Trial
+
+STANDS = 25.0
+"""How far a line stands above the spectrum about it, in power."""
+ABOUT = 12
+"""Bins to each side that it is compared with."""
+POINTS = 4096
+"""Frequencies that are looked at, up to half the rate of the blocks."""
+
+
+def line(trials: Sequence[Trial], blocks: Sequence[Float64[np.ndarray, "_ J"]], step: float) -> float:
+    """The frequency of the line that stands out most in all conditions together, Hz; 0 where none does. blocks: residual of
+    each condition, means of trial.block samples of `step` s, in units of the noise. Multiples of an excitation of one tone
+    are no line."""
+    top = min(0.5 / (step * trial.block) for trial in trials)
+    grid = np.linspace(0.0, top, POINTS)[1:]
+    total = np.zeros(len(grid))
+    finest = 0.0
+    for trial, values in zip(trials, blocks, strict=True):
+        rate = 1.0 / (step * trial.block)
+        size = 1 << (4 * len(values) - 1).bit_length()
+        window = np.hanning(len(values))[:, None]
+        power = (np.abs(np.fft.rfft((values - values.mean(0)) * window, size, axis=0)) ** 2).sum(1)
+        frequencies = np.fft.rfftfreq(size, 1.0 / rate)
+        width = max(1, round(size / len(values)))
+        score = power / np.maximum(_about(power, width), 1e-300)
+        if trial.condition.frequency > 0.0:
+            near = np.abs(frequencies / trial.condition.frequency - np.round(frequencies / trial.condition.frequency))
+            score[near * trial.condition.frequency < 2.5 * rate / len(values)] = 1.0
+        score[frequencies < 3.0 * rate / len(values)] = 1.0
+        total += np.interp(grid, frequencies, np.log(np.maximum(score, 1e-3)))
+        finest = max(finest, rate / len(values))
+    best = int(np.argmax(total))
+    if total[best] < np.log(STANDS) * len(trials):
+        return 0.0
+    if 0 < best < len(grid) - 1:
+        a, b, c = total[best - 1 : best + 2]
+        shift = 0.5 * (a - c) / (a - 2.0 * b + c) if a - 2.0 * b + c != 0.0 else 0.0
+        return float(grid[best] + np.clip(shift, -0.5, 0.5) * (grid[1] - grid[0]))
+    return float(grid[best])
+
+
+def _about(power: Float64[np.ndarray, " F"], width: int) -> Float64[np.ndarray, " F"]:
+    """The median level on both sides of each bin, a line's own width left out."""
+    columns: list[np.ndarray] = []
+    for k in range(3, 3 + ABOUT):
+        for shift in (k * width, -k * width):
+            columns.append(np.roll(power, shift))
+    return np.median(np.stack(columns), axis=0)

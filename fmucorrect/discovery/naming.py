@@ -1,0 +1,225 @@
+"""Naming: from the residual of the development conditions to a few fitted sets of effects, the most likely first."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fmucorrect.catalogue.motion import Motion
+from fmucorrect.discovery import nuisances
+from fmucorrect.discovery.candidates import Curve, candidates
+from fmucorrect.discovery.evidence import Nuisances
+from fmucorrect.discovery.fit import Fitted, Setting, fit, price
+from fmucorrect.discovery.lines import line
+from fmucorrect.discovery.marks import PROMISING, Marks, Target, marks, with_marks
+from fmucorrect.discovery.motion import motions
+from fmucorrect.discovery.problem import Problem
+from fmucorrect.discovery.search import Search
+from fmucorrect.discovery.sets import Progress, admissible, blocks, finer, first_of, merged, settled, share_of, smaller
+
+MOST = 3
+"""Effects at once."""
+LISTED = (8, 6, 4)
+"""Sets of one effect, two and three that are fitted in the loop."""
+EXPLAINED = 1.3
+"""A variance of the error, over its least, at which no larger set is looked for at once."""
+QUICK = 0.12
+"""Seconds of simulation, of one model at all conditions, above which the candidates are looked at in fewer."""
+LIKELY, TRANSFERRED = 200.0, 6
+"""How far behind, and how many, sets are fitted to all conditions."""
+RIVALS = 5
+"""Candidates that are fitted in the place of each effect of a set of several."""
+ROUNDS = 3
+"""How often the candidates are looked at again around the best set."""
+CLEAR = 8.0
+"""A drop of -2 log p below which a further effect is not believed."""
+
+
+@dataclass(frozen=True)
+class Naming:
+    """base: the FMU without any effect, its adjustables moved within their tolerances. sets: fitted sets of effects, the
+    most likely first. motions: of the joints. candidates: how many were tried. setting: with which the surprises were
+    formed."""
+
+    base: Fitted
+    sets: tuple[Fitted, ...]
+    motions: dict[str, Motion]
+    candidates: int
+    setting: Setting
+
+    @property
+    def best(self) -> Fitted:
+        """The most likely set, which may be none."""
+        return min([self.base, *self.sets], key=lambda fitted: fitted.surprise)
+
+
+def name(problem: Problem, progress: Progress = lambda stage, done, total: None) -> Naming:
+    """Simulates every candidate in the loop and fits the likely sets. Raises FmuError when the FMU alone gives up.
+
+    Where all conditions together take long, the candidates are looked at in a few that differ most, and the likely sets
+    fitted to all of them.
+    """
+    few = problem.few(QUICK)
+    if few is None:
+        return _name(problem, progress)
+    with few:
+        naming = _name(few, progress)
+    problem.couple(few.substeps)
+    return _on_all(problem, naming, progress)
+
+
+def _on_all(problem: Problem, naming: Naming, progress: Progress) -> Naming:
+    """The likely sets of a few conditions, fitted to all."""
+    setting, at, _ = _begun(problem)
+    rows = naming.setting.share * len(at)
+    setting = replace(setting, share=naming.setting.share, floor=naming.setting.floor)
+    base = fit(problem, setting, replace(problem.nominal, base=naming.base.model.base), (), 8)
+    assert base is not None
+    likely = [f for f in naming.sets if f.surprise < naming.best.surprise + LIKELY][:TRANSFERRED]
+    found: list[Fitted] = []
+    for i, old in enumerate(likely):
+        progress("all conditions", i, len(likely))
+        prices = [price(term, naming.candidates, rows) for term in old.model.terms]
+        own = replace(setting, base=found[0].base if found else base.base)
+        leading = min([base.surprise, *(f.surprise for f in found)])
+        fitted = fit(problem, own, old.model, prices, 6, rival=leading)
+        found += [] if fitted is None else [fitted]
+    setting, base, found = settled(problem, setting, base, found, naming.candidates)
+    found = [*found, *smaller(problem, setting, base, found, naming.candidates)]
+    base = first_of([base, *(fitted for fitted in found if not fitted.model.terms)])
+    setting, base, found = settled(problem, setting, base, [f for f in found if f.model.terms], naming.candidates)
+    kept = [f for f in merged(admissible(base, found)) if f.model.terms]
+    return Naming(base, tuple(kept), naming.motions, naming.candidates, setting)
+
+
+def _begun(problem: Problem) -> tuple[Setting, np.ndarray, list[np.ndarray]]:
+    """What all fits share, around the FMU as it is; its evidence and responses."""
+    start = problem.responses(problem.nominal)
+    at = problem.stack(start)
+    sensors = Nuisances(nuisances.sensors(problem, start))
+    setting = Setting(problem.measured, sensors, nuisances.sensitivities(problem, problem.nominal, at), 1.0)
+    return setting, at, start
+
+
+def _name(problem: Problem, progress: Progress) -> Naming:
+    setting, at, start = _begun(problem)
+    can_act = problem.study.fmu is not None and bool(problem.study.joints)
+    moves = motions(problem.study, [trial.condition for trial in problem.trials]) if can_act else {}
+    setting = replace(setting, share=share_of(problem, setting, setting.measured - at))
+    base = fit(problem, setting, problem.nominal, (), 8, at)
+    assert base is not None
+    setting = replace(setting, base=base.base)
+    setting, base, _ = settled(problem, setting, base, [], 0)
+    moves = with_marks(problem, moves, at, base.residual) if can_act else moves
+
+    def looked_for(around: Fitted) -> list[Curve]:
+        found = line(problem.trials, blocks(problem, around.residual), problem.study.simulation.step_size)
+        return candidates(problem, moves, start, found)
+
+    curves = looked_for(base)
+    first, found = _round(problem, setting, base, curves, LISTED, progress)
+    setting, base, found = settled(problem, setting, base, found, len(curves))
+    setting, found = finer(problem, setting, base, found, len(curves), progress)
+    for _ in range(ROUNDS):
+        setting, base, found = settled(problem, setting, base, found, len(curves))
+        found = [*found, *smaller(problem, setting, base, found, len(curves))]
+        base = first_of([base, *(fitted for fitted in found if not fitted.model.terms)])
+        found = [fitted for fitted in found if fitted.model.terms]
+        best = first_of(admissible(base, found))
+        if not best.model.terms or len(best.model.terms) >= MOST:
+            break
+        around = replace(setting, base=best.base)
+        _, more = _round(problem, around, best, looked_for(best), LISTED[:1], progress)
+        found = merged([*found, *more])
+        after = first_of(admissible(base, found))
+        if after.surprise > best.surprise - CLEAR or len(after.model.terms) <= len(best.model.terms):
+            break
+    setting, base, found = settled(problem, setting, base, found, len(curves))
+    found += _rivals(problem, setting, base, found, first, len(curves), progress)
+    kept = [f for f in merged(admissible(base, found)) if f.model.terms]
+    return Naming(base, tuple(kept), moves, len(curves), setting)
+
+
+def _rivals(
+    problem: Problem,
+    setting: Setting,
+    base: Fitted,
+    found: Sequence[Fitted],
+    marks: Marks,
+    count: int,
+    progress: Progress,
+) -> list[Fitted]:
+    """Of a best set of several effects: sets in which one of them gives way to another candidate."""
+    best = first_of(admissible(base, found))
+    if len(best.model.terms) < 2:
+        return []
+    fits: list[Fitted] = []
+    ends = np.cumsum([0, *(len(term.estimated) for term in best.model.terms)])
+    rows = setting.share * len(best.at)
+    penalty = [2.0 * np.log(max(count, 2)) + c.numbers * np.log(max(rows, 2.0)) for c in marks.curves]
+    have = {(term.effect, term.where) for term in best.model.terms}
+    for t in range(len(best.model.terms)):
+        others = (*best.model.terms[:t], *best.model.terms[t + 1 :])
+        (without,) = problem.many([replace(best.model, terms=others)])
+        if without is None:
+            continue
+        beside = np.delete(best.slopes, range(ends[t], ends[t + 1]), axis=1)
+        columns = np.concatenate([best.base, setting.sensors.columns, beside], axis=1)
+        rest = setting.measured - without + best.base @ np.asarray(best.model.base)
+        search = Search(rest, Nuisances(columns), marks, setting.share, penalty, setting.floor)
+        listed = [item for item in search.best((RIVALS + 4,)) if marks.curves[item.members[0].curve].key not in have]
+        for i, item in enumerate(listed[:RIVALS]):
+            progress("rivals", i, RIVALS)
+            (place,) = item.members
+            term = marks.curves[place.curve].term(place.size)
+            if term is not None:
+                model = replace(best.model, terms=(*others, term))
+                prices = [price(x, count, rows) for x in model.terms]
+                own = replace(setting, base=best.base)
+                fitted = fit(problem, own, model, prices, 8, rival=best.surprise)
+                fits += [] if fitted is None else [fitted]
+    return fits
+
+
+def _round(
+    problem: Problem,
+    setting: Setting,
+    around: Fitted,
+    curves: Sequence[Curve],
+    listed: Sequence[int],
+    progress: Progress,
+) -> tuple[Marks, list[Fitted]]:
+    """Candidates beside what `around` has already: marks, search, fits of the short list."""
+    have = {(term.effect, term.where) for term in around.model.terms}
+    free = [curve for curve in curves if curve.key not in have]
+    total = 2 * len(free) + 3 * min(len(free), PROMISING)
+    count = [0]
+
+    def done(n: int) -> None:
+        count[0] += n
+        progress("marks", count[0], total)
+
+    whole = Nuisances(np.concatenate([around.base, setting.sensors.columns], axis=1))
+    target = Target(around.linear, whole, setting.share, setting.floor)
+    found = marks(problem, around.model, around.at, target, free, done)
+    number = setting.share * len(around.at)
+    penalty = [2.0 * np.log(max(len(curves), 2)) + c.numbers * np.log(max(number, 2.0)) for c in found.curves]
+    search = Search(around.linear, whole, found, setting.share, penalty, setting.floor)
+    fits: list[Fitted] = []
+    todo = search.best(listed)
+    for i, item in enumerate(todo):
+        progress("fits", i, len(todo))
+        if len(item.members) > 1 and min((f.s2 for f in fits), default=np.inf) < EXPLAINED * setting.floor:
+            break
+        terms = [found.curves[place.curve].term(place.size) for place in item.members]
+        if any(term is None for term in terms):
+            continue
+        model = replace(around.model, terms=(*around.model.terms, *(term for term in terms if term is not None)))
+        prices = [price(term, len(curves), number) for term in model.terms]
+        leading = min([around.surprise, *(f.surprise for f in fits)])
+        fitted = fit(problem, setting, model, prices, 8, rival=leading)
+        if fitted is not None:
+            fits.append(fitted)
+    return found, merged(fits)

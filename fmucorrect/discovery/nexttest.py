@@ -1,0 +1,299 @@
+"""The next test: which repetition of a condition would split what the data so far cannot tell apart.
+
+Development conditions are simulated with their excitation scaled, and at other speeds, with the best set of effects and
+each of its rivals. Of the difference d of two responses (evidence, in units of the noise) counts what no refit removes:
+with K = s2 / share I + C C', C one standard deviation of what stays uncertain (sensors, base parameters, all models'
+numbers), the separation d' K^-1 d is the difference of -2 log p to be expected (evidence.py).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float64
+
+from fmucorrect.discovery.fit import LONGEST, PROBE, Fitted, Setting
+from fmucorrect.discovery.nuisances import PERTURBED, sensors
+from fmucorrect.discovery.problem import Model, Problem, simulate
+from fmucorrect.discovery.simulator import Simulator
+from fmucorrect.discovery.terms import OffsetTerm, Term, coordinates, moved, same_place
+from fmucorrect.discovery.trials import Trial
+from fmucorrect.errors import FmuError
+from fmucorrect.signals import Condition
+from fmucorrect.study import Study
+
+SCALES = (4.0, 2.0, 0.5, 0.25)
+"""Factors on a condition's excitation."""
+SLOWEST, FASTEST = 0.7, 1.15
+"""Speeds beyond the measured ones, in shares of the lowest and the highest."""
+SPLIT = 25.0
+"""Separation from which two models count as told apart."""
+MOST, FIRST, ALL, LEAST = 3, 36, 60, 3
+"""Rivals that are looked at; simulations that compare the repetitions, and with those that refine the best of them;
+repetitions that are refined whatever that takes, unless one of them splits."""
+WIDEST = 3.0
+"""Standard deviation that a model's number counts with at most, in logarithms or units of its coordinate."""
+RUNAWAY = 10.0
+"""A response larger than what was measured by this factor, at another speed, is an instability."""
+FOLLOWS = 0.02
+"""Share of an input that may be foreign to the excitation, and its rates, when it is scaled along with it."""
+
+
+@dataclass(frozen=True)
+class Repeat:
+    """A condition once more. k, trial: of the problem's. condition: as it is to be run, its inputs not scaled yet.
+    scale: factor on its excitation. speed: km/h, where it is another one."""
+
+    k: int
+    trial: Trial
+    condition: Condition
+    scale: float = 1.0
+    speed: float | None = None
+
+    @property
+    def words(self) -> str:
+        """For people."""
+        how = f"with {self.scale:g} times its excitation" if self.speed is None else f"at {self.speed:g} km/h"
+        return f"condition {self.trial.condition.name} {how}"
+
+
+@dataclass(frozen=True)
+class Apart:
+    """What a repetition shows. at: evidence of the best model and of each rival. response: of the best one. separation:
+    from each rival. seen: the channel that each rival is told by, the largest difference there, in units of noise."""
+
+    repeat: Repeat
+    at: tuple[Float64[np.ndarray, " n"], ...]
+    response: Float64[np.ndarray, "N J"]
+    separation: tuple[float, ...] = ()
+    seen: tuple[tuple[int, float], ...] = ()
+
+    @property
+    def worth(self) -> tuple[int, float]:
+        """How many rivals it splits off, and the least of these separations; the least of all where there is none."""
+        split = [s for s in self.separation if s >= SPLIT]
+        return len(split), min(split or self.separation)
+
+
+class _Repeated(Simulator):
+    """A simulator whose excitation is scaled."""
+
+    def __init__(self, study: Study, repeat: Repeat, library: Path, substeps: int) -> None:
+        seconds = (repeat.trial.rows.stop - 1) * study.simulation.step_size
+        super().__init__(study, repeat.condition, library, seconds, substeps)
+        names, inputs = self.inputs
+        factors = [repeat.scale if own else 1.0 for own in exciting(study, names, inputs)]
+        self._inputs = np.ascontiguousarray(inputs * np.array(factors))
+
+
+def exciting(study: Study, names: Sequence[str], inputs: Float64[np.ndarray, "T I"]) -> list[bool]:
+    """Which inputs are the excitation: the study's own and what follows from it (its rate, say); else all of them."""
+    if study.excitation is None or study.excitation.simulation not in names:
+        return [True] * len(names)
+    x = inputs[:, list(names).index(study.excitation.simulation)]
+    shapes = np.stack([x, np.gradient(x), np.gradient(np.gradient(x))], axis=1)
+    shapes = shapes / (np.linalg.norm(shapes, axis=0) + 1e-300)
+    rest = inputs - shapes @ np.linalg.lstsq(shapes, inputs, rcond=None)[0]
+    return [bool(r <= FOLLOWS * whole) for r, whole in zip((rest**2).sum(0), (inputs**2).sum(0), strict=True)]
+
+
+def next_test(
+    problem: Problem, setting: Setting, best: Fitted, rivals: Sequence[Fitted], speeds: bool
+) -> dict[str, Any] | None:
+    """The report's next_test: the repetition that splits `best` from most of its `rivals`, and these the furthest.
+
+    speeds: whether other speeds may be asked for. None where there is no rival, or nothing to simulate. conditions:
+    empty where no repetition splits anything. confidence: the least separation of what is split, in words.
+    """
+    models = [best, *sorted(rivals, key=lambda fitted: fitted.surprise)[:MOST]]
+    listed = repeats(problem, speeds) if problem.library is not None else []
+    if len(models) < 2 or not listed:
+        return None
+    count = min(len(listed), FIRST // len(models))  # evenly: neighbours are conditions with the same factor
+    listed = [listed[i] for i in np.linspace(0, len(listed) - 1, count).round().astype(int)]
+    cost = len(best.model.base) + sum(len(term.estimated) for fitted in models for term in fitted.model.terms)
+    left = ALL - len(listed) * len(models)
+    refined: list[Apart] = []
+    with ThreadPoolExecutor(problem.workers) as pool:
+        looked = pool.map(lambda repeat: _looked(problem, setting, models, repeat), listed)
+        rough = sorted((item for item in looked if item is not None), key=lambda item: item.worth, reverse=True)
+        for i, item in enumerate(rough):
+            reached = max((other.worth for other in refined), default=(0, 0.0))
+            if reached >= item.worth or (left < cost and i >= (1 if reached[0] else LEAST)):
+                break
+            left -= cost
+            found = _refined(problem, setting, models, item, pool)
+            refined += [] if found is None else [found]
+    if not refined:
+        return None
+    tried = [next((other for other in refined if other.repeat is item.repeat), item) for item in rough]
+    return _report(problem.study, models, max(refined, key=lambda item: item.worth), tried)
+
+
+def repeats(problem: Problem, speeds: bool) -> list[Repeat]:
+    """All that may be tried: factor by factor over the conditions that the FMU simulates, then speeds."""
+    study = problem.study
+    own = [(k, t) for k, t in enumerate(problem.trials) if study.fmu is not None and t.condition.simulated is None]
+    follow = _follow([trial.condition for _, trial in own])
+    found: list[Repeat] = []
+    for scale in SCALES:
+        for k, trial in own:
+            old = trial.condition
+            amplitudes = {n: scale * v for n, v in old.parameters.items() if v == old.amplitude != 0.0}
+            given = {**old.parameters, **{n: v for n, v in amplitudes.items() if n not in follow}}
+            if old.inputs is not None or given != old.parameters:
+                new = replace(old, amplitude=scale * old.amplitude, parameters=given)
+                found.append(Repeat(k, trial, new, scale))
+    if not speeds or not follow:
+        return found
+    measured = sorted({trial.condition.speed for _, trial in own})
+    gap = int(np.argmax(np.diff(measured)))
+    for speed in (FASTEST * measured[-1], 0.5 * (measured[gap] + measured[gap + 1]), SLOWEST * measured[0]):
+        if all(abs(speed - condition.speed) > 0.01 * speed for condition in study.conditions):
+            speed = float(f"{speed:.3g}")
+            k, trial = min(own, key=lambda x: (abs(x[1].condition.speed - speed), -float(np.std(x[1].measured))))
+            given = {**trial.condition.parameters, **{name: ratio * speed for name, ratio in follow.items()}}
+            found.append(Repeat(k, trial, replace(trial.condition, speed=speed, parameters=given), 1.0, speed))
+    return found
+
+
+def _follow(conditions: Sequence[Condition]) -> Mapping[str, float]:
+    """Parameters of all conditions that are proportional to a speed that varies, each with its value per km/h."""
+    if len({condition.speed for condition in conditions}) < 2 or min(c.speed for c in conditions) <= 0.0:
+        return {}
+    ratios = {n: [c.parameters.get(n, 0.0) / c.speed for c in conditions] for n in conditions[0].parameters}
+    return {name: r[0] for name, r in ratios.items() if r[0] != 0.0 and np.allclose(r, r[0], rtol=1e-6, atol=0.0)}
+
+
+def _simulated(problem: Problem, repeat: Repeat, models: Sequence[Model]) -> list[Float64[np.ndarray, "N J"]] | None:
+    """Responses, in this thread; None where the solver gives up with one of them."""
+    assert problem.library is not None
+    item = _Repeated(problem.study, repeat, problem.library, problem.substeps)
+    try:
+        whole = [simulate(problem.study, item, repeat.condition, m, problem.tolerated) for m in models]
+        return [y[repeat.trial.rows] for y in whole]
+    except FmuError:
+        return None
+    finally:
+        item.close()
+
+
+def _looked(problem: Problem, setting: Setting, models: Sequence[Fitted], repeat: Repeat) -> Apart | None:
+    """With what stays uncertain taken from the condition that is repeated, as if all were linear in its excitation."""
+    responses = _simulated(problem, repeat, [fitted.model for fitted in models])
+    most = np.inf if repeat.speed is None else RUNAWAY * np.ptp(repeat.trial.measured)
+    if responses is None or max(map(np.ptp, responses)) > most:
+        return None
+    apart = Apart(repeat, tuple(repeat.trial.evidence(y).ravel() for y in responses), responses[0])
+    ends = np.cumsum([0, *(trial.evidence(trial.measured).size for trial in problem.trials)])
+    rows = slice(ends[repeat.k], ends[repeat.k + 1])
+    own = [repeat.scale * fitted.slopes[rows] @ directions(fitted) for fitted in models]
+    return _judged(problem, setting, models, apart, np.hstack([repeat.scale * models[0].base[rows], *own]))
+
+
+def _refined(
+    problem: Problem, setting: Setting, models: Sequence[Fitted], apart: Apart, pool: ThreadPoolExecutor
+) -> Apart | None:
+    """With what stays uncertain simulated there."""
+    best = models[0].model
+    shifts = PERTURBED * np.eye(len(best.base))
+    asked = [(replace(best, base=tuple(best.base + shift)), 1.0 / PERTURBED, apart.at[0]) for shift in shifts]
+    for fitted, at in zip(models, apart.at, strict=True):
+        for direction in directions(fitted).T:
+            size = float(np.linalg.norm(direction))
+            step = min(max(size, PROBE), LONGEST)
+            asked.append((_stepped(fitted.model, direction * (step / size)), size / step, at))
+    share = max(1, -(-len(asked) // problem.workers))
+    parts = [[model for model, _, _ in asked[i : i + share]] for i in range(0, len(asked), share)]
+    columns = [np.zeros_like(apart.at[0])]
+    rest = iter(asked)
+    for responses in pool.map(lambda part: _simulated(problem, apart.repeat, part), parts):
+        if responses is None:
+            return None
+        for y, (_, factor, at) in zip(responses, rest, strict=False):
+            columns.append(factor * (apart.repeat.trial.evidence(y).ravel() - at))
+    return _judged(problem, setting, models, apart, np.stack(columns, axis=1))
+
+
+def directions(fitted: Fitted) -> Float64[np.ndarray, "p q"]:
+    """What is not known of a model's numbers: independent steps of its coordinates, a standard deviation long."""
+    covariance = np.array(fitted.covariance)
+    blind = ~fitted.slopes.any(axis=0)
+    covariance[blind, blind] = WIDEST**2  # the data say nothing of them
+    values, vectors = np.linalg.eigh(covariance)
+    return (vectors * np.minimum(np.sqrt(np.maximum(values, 0.0)), WIDEST))[:, values > 1e-16]
+
+
+def _stepped(model: Model, steps: Float64[np.ndarray, " p"]) -> Model:
+    """The model after its members' coordinates went `steps`."""
+    rest = iter(float(x) for x in steps)
+    terms = [moved(term, coordinates(term), tuple(next(rest) for _ in term.estimated)) for term in model.terms]
+    return replace(model, terms=tuple(terms))
+
+
+def _judged(
+    problem: Problem, setting: Setting, models: Sequence[Fitted], apart: Apart, own: Float64[np.ndarray, "n q"]
+) -> Apart:
+    """The separations, when the sensors and these columns may take their share of each difference."""
+    trial, scale = apart.repeat.trial, max(apart.repeat.scale, 1.0)
+    with Problem(problem.study, problem.library, (trial,), (), 1) as single:
+        columns = np.hstack([sensors(single, [apart.response]), own])
+    none = np.zeros(columns.shape[1])
+    found: list[float] = []
+    seen: list[tuple[int, float]] = []
+    for fitted, at in zip(models[1:], apart.at[1:], strict=True):
+        # what the models cannot say grows with the motion
+        level = (1.0 + (max(models[0].s2, fitted.s2) - 1.0) * scale**2) / setting.share
+        ridge = np.vstack([columns, np.sqrt(level) * np.eye(len(none))])
+        b = np.linalg.lstsq(ridge, np.hstack([apart.at[0] - at, none]), rcond=None)[0]
+        rest = (apart.at[0] - at - columns @ b).reshape(-1, len(trial.sigma))
+        found.append(float((rest**2).sum() / level + b @ b))
+        j = int(np.argmax((rest**2).sum(0)))
+        seen.append((j, float(np.abs(rest[:, j]).max() / np.sqrt(trial.block))))
+    return replace(apart, separation=tuple(found), seen=tuple(seen))
+
+
+def _report(study: Study, models: Sequence[Fitted], chosen: Apart, tried: Sequence[Apart]) -> dict[str, Any]:
+    split = [s >= SPLIT for s in chosen.separation]
+    names = [_names(fitted, models[0]) for fitted in models[1:]]
+    mine = _names(models[0], models[1])
+    same = " or ".join(name for name, done in zip(names, split, strict=True) if not done)
+    rows = [{"condition": item.repeat.words, "separation": min(item.separation)} for item in tried]
+    report: dict[str, Any] = {"text": "", "conditions": [], "separates": [], "confidence": None, "tried": rows}
+    if not any(split):
+        report["text"] = (
+            f"None of the {len(tried)} simulated repetitions of the measured conditions, with other amplitudes"
+            f" or speeds, would tell {mine} from {same}: they act alike, and a refit takes up what differs"
+            f" (at most {max(chosen.separation):.2g} in -2 log p, where {SPLIT:g} would do). That takes a sensor at"
+            " another place, or a measurement of the part by itself."
+        )
+        return report
+    trial, channels = chosen.repeat.trial, study.channels
+    told = " and ".join(
+        f"from {name} by up to {size * trial.sigma[j]:.2g} {channels[j].unit} at {channels[j].name}"
+        for name, done, (j, size) in zip(names, split, chosen.seen, strict=True)
+        if done
+    )
+    rest = f" It would not tell it from {same}." if same else ""
+    report["text"] = f"Repeat {chosen.repeat.words}: all fitted anew, {mine} then still differs {told}.{rest}"
+    row = {"like": trial.condition.name, "scale": chosen.repeat.scale}
+    report["conditions"] = [row if chosen.repeat.speed is None else row | {"speed": chosen.repeat.speed}]
+    pairs = [(models[0], models[1]), *((f, models[0]) for f, done in zip(models[1:], split, strict=True) if done)]
+    report["separates"] = [{"effect": t.effect, "joint": t.where} for pair in pairs for t in _own(*pair)]
+    report["confidence"] = f"-2 log p is expected to differ by {chosen.worth[1]:.3g}"
+    return report
+
+
+def _own(fitted: Fitted, other: Fitted) -> list[Term]:
+    """What only one of two models has."""
+    return [term for term in fitted.model.terms if not any(same_place(term, x) for x in other.model.terms)]
+
+
+def _names(fitted: Fitted, other: Fitted) -> str:
+    own = [("another value of" if isinstance(t, OffsetTerm) else f"{t.effect} at", t) for t in _own(fitted, other)]
+    return " and ".join(f"{what.replace('_', ' ')} {t.where}" for what, t in own) or "nothing more"

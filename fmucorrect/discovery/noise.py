@@ -1,0 +1,199 @@
+"""How much a sensor's noise is: from a quiet interval, from repeats, or from what lies above the response's band."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64
+
+from fmucorrect import metrics
+from fmucorrect.errors import SignalError
+
+Rows = Float64[np.ndarray, "T J"]
+PerChannel = Float64[np.ndarray, " J"]
+
+PARTS = 16
+"""Equal parts of the spectrum that are judged as a whole each."""
+PLATEAU = 4
+"""Neighbouring parts that must be level for their level to count as the noise's."""
+LEVEL = 1.3
+"""Largest over smallest power in a plateau, beside what chance does."""
+ABOVE = 3.0
+"""How far the residual's power must stand above the response's own for noise to be the reason."""
+SHORTEST = 512
+"""Samples below which a spectrum is not looked at."""
+
+
+@dataclass(frozen=True)
+class Noise:
+    """sigma: (J,) rms per sample in the channels' units, NaN where it cannot be told. source: "quiet interval",
+    "repeats", "above the response's band" or "". doubt: why it cannot be told, a line a channel that it concerns."""
+
+    sigma: PerChannel
+    source: str
+    doubt: tuple[str, ...] = ()
+
+    @property
+    def known(self) -> bool:
+        """Whether every channel's noise is known."""
+        return bool(np.isfinite(self.sigma).all())
+
+
+def noise(
+    measured: Rows,
+    step: float,
+    quiet: slice | None = None,
+    response: Rows | None = None,
+    repeats: Sequence[np.ndarray] = (),
+) -> PerChannel:
+    """The sensor noise (J,) a sample, NaN where it cannot be told; see `estimate`, which also says why."""
+    return estimate(measured, step, quiet, response, repeats).sigma
+
+
+def estimate(
+    measured: Rows,
+    step: float,
+    quiet: slice | None = None,
+    response: Rows | None = None,
+    repeats: Sequence[np.ndarray] = (),
+) -> Noise:
+    """The sensor noise a sample, by the first way that is open.
+
+    quiet: rows without excitation; what is left after offset, drift and periodic lines (metrics.noise_floor). repeats:
+    other records of the same condition, row for row at the same times; what differs after offset, drift and lines, so a
+    run that does not repeat counts as noise. response: the simulated one; where the residual's spectrum is level and
+    stands above the response's own, that level is noise, taken to reach down to 0 Hz: white but for a filter above.
+    measured: (T, J), `step` s apart. Raises SignalError for NaN, Inf and shapes that differ.
+    """
+    others = [*repeats] if response is None else [*repeats, response]
+    for values in (measured, *others):
+        if values.shape != measured.shape or not np.isfinite(values).all():
+            raise SignalError(
+                "the noise cannot be estimated from values that are not finite or differ in shape",
+                expected=f"{measured.shape}, finite",
+                got=values.shape,
+            )
+    for way, source in (
+        (_quiet(measured, step, quiet), "quiet interval"),
+        (_repeats(measured, step, repeats), "repeats"),
+    ):
+        if way is not None and (way > 0.0).all():
+            return Noise(way, source)
+    count = measured.shape[1]
+    if response is None:
+        return Noise(np.full(count, np.nan), "", ("no quiet interval, no repeats and no response to compare with",))
+    found = [above_band(measured[:, j] - response[:, j], response[:, j], step) for j in range(count)]
+    sigma = np.array([value for value, _ in found])
+    doubt = tuple(f"channel {j + 1}: {text}" for j, (_, text) in enumerate(found) if text)
+    return Noise(sigma, "above the response's band" if np.isfinite(sigma).any() else "", doubt)
+
+
+def noise_floor(measured: Rows, sigma: PerChannel) -> PerChannel:
+    """The NRMSE (J,), % of the measured range, of a response whose only error is the noise. Raises SignalError for a
+    channel whose measurement does not vary, and where sigma is not finite."""
+    return metrics.score(measured + sigma, measured).nrmse
+
+
+def _quiet(measured: Rows, step: float, quiet: slice | None) -> PerChannel | None:
+    if quiet is None:
+        return None
+    try:
+        return metrics.noise_floor(measured[quiet], step)
+    except SignalError:  # too short
+        return None
+
+
+def _repeats(measured: Rows, step: float, repeats: Sequence[np.ndarray]) -> PerChannel | None:
+    if not repeats:
+        return None
+    runs = np.stack([measured, *repeats])
+    deviations = runs - runs.mean(axis=0)
+    try:
+        each = [metrics.noise_floor(deviation, step) for deviation in deviations]
+    except SignalError:
+        return None
+    return np.sqrt(np.sum(np.square(each), axis=0) / (len(runs) - 1))
+
+
+def independent_share(rests: Sequence[np.ndarray]) -> float:
+    """How many of the samples of several residuals count as independent, 0 to 1, by their squared autocorrelation."""
+    total = 0.0
+    for rest in rests:
+        count = len(rest)
+        power = np.abs(np.fft.rfft(rest - rest.mean(), 2 * count)) ** 2
+        if power.sum() > 0.0:
+            auto = np.fft.irfft(power)[: max(count // 4, 2)]
+            total += count / max(1.0, 1.0 + 2.0 * float(((auto[1:] / auto[0]) ** 2 - 1.0 / count).sum()))
+    return total / sum(map(len, rests)) if total > 0.0 else 1.0
+
+
+def above_band(
+    residual: Float64[np.ndarray, " T"], response: Float64[np.ndarray, " T"], step: float
+) -> tuple[float, str]:
+    """The noise rms a sample and "", or NaN and why it cannot be told.
+
+    A median over segments keeps out what happens now and then, a median within each part of the spectrum what happens
+    at single frequencies, a median over samples jumps and kinks, whose spectrum is level too. The plateau's level is
+    taken down to 0 Hz; above the plateau the spectrum counts as it is.
+    """
+    from scipy.signal import welch
+
+    if len(residual) < SHORTEST:
+        return np.nan, f"{len(residual)} samples are too few, {SHORTEST} would do"
+    segment = int(np.clip(len(residual) // 8, 128, 512))
+    rate = 1.0 / step
+    _, power = welch(residual, rate, nperseg=segment, average="median")
+    _, own = welch(response, rate, nperseg=segment, average="median")
+    segments = 2 * len(residual) // segment - 1
+    # without the lowest bins, where offset and drift are, and the last, which is half a bin
+    inside = [part + 2 for part in np.array_split(np.arange(len(power) - 3), PARTS)]
+    level = np.array([np.median(power[part]) for part in inside]) / _median_of_mean(segments)
+    lowest = np.array([np.median(own[part]) for part in inside])
+    spread = 1.0 / np.sqrt(segments * len(inside[0]) / 2.0)  # of a part's level, relative
+    noisy = level > ABOVE * lowest
+    if not (level > 0.0).any():
+        return np.nan, "simulation and measurement are the same"
+    found = _plateau(level, noisy, spread)
+    if found is None:
+        if not noisy[-1]:
+            return np.nan, "the response itself reaches to half the sample rate"
+        return np.nan, "the residual's spectrum has no level part above the response's band"
+    start, stop = found
+    width = rate / 2.0 / (len(power) - 1) * np.array([len(part) for part in inside])
+    below = rate / 2.0 * float(inside[start][0]) / (len(power) - 1)
+    variance = float(level[start:stop].mean() * below + level[start:] @ width[start:])
+    # jumps and kinks have a level spectrum too, but most samples lie between them
+    upper = max(start, PARTS // 2)
+    fast = _fast(residual, inside[upper][0] / (len(power) - 1))
+    between = (1.4826 * float(np.median(np.abs(fast)))) ** 2 / float(level[upper:] @ width[upper:])
+    chance = 7.0 / np.sqrt(len(fast) * (1.0 - inside[upper][0] / len(power)))
+    return float(np.sqrt(variance * (between if between < 1.0 - chance else 1.0))), ""
+
+
+def _fast(residual: np.ndarray, edge: float) -> np.ndarray:
+    """The middle half of what is faster than `edge`, a share of half the sample rate."""
+    from scipy.signal.windows import tukey
+
+    transform = np.fft.rfft((residual - residual.mean()) * tukey(len(residual), 0.4))
+    transform[: round(edge * len(transform))] = 0.0
+    return np.fft.irfft(transform, len(residual))[len(residual) // 4 : -len(residual) // 4]
+
+
+def _median_of_mean(segments: int) -> float:
+    """Median over mean of a spectrum's bins that are themselves medians of so many (half overlapping) segments."""
+    return (1.0 - 1.0 / (9.0 * max(0.4 * segments, 1.0))) ** 3
+
+
+def _plateau(level: np.ndarray, noisy: np.ndarray, spread: float) -> tuple[int, int] | None:
+    """The longest run of parts that are noisy and level, the highest in frequency where two are as long."""
+    best: tuple[int, int] | None = None
+    for start in range(len(level)):
+        for stop in range(start + PLATEAU, len(level) + 1):
+            part = level[start:stop]
+            if not noisy[start:stop].all() or part.max() > LEVEL * (1.0 + 6.0 * spread) * part.min():
+                break
+            if best is None or stop - start >= best[1] - best[0]:
+                best = (start, stop)
+    return best

@@ -1,0 +1,61 @@
+"""What is expected to be a little off anyway: sensors, clocks and the base model's parameters, as columns of evidence."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float64
+
+from fmucorrect.discovery.problem import Model, Problem
+
+GAIN = 0.005
+"""Standard deviation of a sensor's gain."""
+LAG = 0.5e-3
+"""Standard deviation, s, of a sensor's lag, and of how well two clocks are known to each other."""
+OFFSET = 0.3
+"""Standard deviation of a sensor's offset, and of its drift over a run, in units of its noise: it was zeroed."""
+PERTURBED = 0.3
+"""By how many tolerances a base parameter is moved for its sensitivity."""
+
+
+def sensors(problem: Problem, responses: Sequence[Float64[np.ndarray, "_ J"]]) -> Float64[np.ndarray, "n m"]:
+    """One column for each thing that may be off at the sensors, as large as one standard deviation of it."""
+    step = problem.study.simulation.step_size
+    channels = len(problem.study.channels)
+    columns: list[np.ndarray] = []
+    zeros = [np.zeros_like(y) for y in responses]
+
+    def column(parts: Sequence[np.ndarray]) -> None:
+        columns.append(problem.stack(parts))
+
+    rates = [-LAG * np.gradient(y, step, axis=0) for y in responses]
+    for j in range(channels):
+        column([_only(GAIN * y, j) for y in responses])
+        column([_only(rate, j) for rate in rates])
+    for c, trial in enumerate(problem.trials):
+        if len(problem.trials) > 1 or problem.study.excitation is not None:
+            column([rate if k == c else zero for k, (rate, zero) in enumerate(zip(rates, zeros, strict=True))])
+        ramp = np.linspace(-1.0, 1.0, len(responses[c]))[:, None]
+        for shape in (np.ones_like(ramp), ramp):
+            for j in range(channels):
+                part = _only(OFFSET * shape * trial.sigma, j)
+                column([part if k == c else zero for k, zero in enumerate(zeros)])
+    return np.stack(columns, axis=1)
+
+
+def _only(y: np.ndarray, j: int) -> np.ndarray:
+    part = np.zeros_like(y)
+    part[:, j] = y[:, j]
+    return part
+
+
+def sensitivities(problem: Problem, model: Model, at: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, "n A"]:
+    """The change of the evidence for one tolerance of each base parameter, around a model whose evidence is `at`."""
+    models = [
+        replace(model, base=(*model.base[:i], model.base[i] + PERTURBED, *model.base[i + 1 :]))
+        for i in range(len(model.base))
+    ]
+    rows = [np.zeros_like(at) if y is None else (y - at) / PERTURBED for y in problem.many(models)]
+    return np.stack(rows, axis=1) if rows else np.zeros((len(at), 0))

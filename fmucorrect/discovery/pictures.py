@@ -1,0 +1,143 @@
+"""Pictures of effects: what the data ask for at a joint beside what the law gives there, along the joint's motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import closing
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float64
+
+from fmucorrect.catalogue import PORTS
+from fmucorrect.catalogue.numeric import force, step
+from fmucorrect.discovery.located import Inverted, Pushed, answer, bare, evidence, invert
+from fmucorrect.discovery.problem import Model, Problem, simulate
+from fmucorrect.discovery.simulator import Simulator
+from fmucorrect.discovery.terms import ForceTerm, SignalTerm
+from fmucorrect.discovery.trials import Trial
+from fmucorrect.signals import Channel
+from fmucorrect.study import Joint
+from fmucorrect.wrapping.laws import Wire
+from fmucorrect.wrapping.places import places
+
+SHOWN = 600
+"""Points of a picture, at most."""
+SECONDS = 2.0
+"""Of a condition that are shown; two periods of a tone where that is shorter."""
+ALIKE = 0.1
+"""Velocities of two joints that differ by less, in shares of their own, are alike."""
+ANGLES = ("rad", "deg")
+"""Units of displacement of a rotational joint."""
+
+Motion = dict[str, Float64[np.ndarray, " N"]]
+"""What a law reads at a joint, by the names of its inputs, SI."""
+
+
+def picture(problem: Problem, model: Model, term: ForceTerm, condition: int) -> dict[str, Any]:
+    """`picture` of a term of `model` in the report, from the condition of this number: displacement, velocity, force and law
+    in time order, SI, and their units.
+
+    displacement, velocity: of the term's (first) joint, simulated with `model`. law: its force along that. force: what the
+    measurement asks for there beyond `model` without the term; zeros where that cannot be told. Of a group, the joints that
+    move as the first one does share that force, and the others keep the law. The stretch is the one along which the law's
+    force changes most. Raises FmuError, and ValueError where there is no FMU.
+    """
+    trial = problem.trials[condition]
+    if problem.library is None or problem.study.fmu is None or trial.condition.simulated is not None:
+        raise ValueError("a picture needs an FMU")
+    h = problem.study.simulation.step_size
+    moved, units = motion(problem, model, trial, term.joints[0])
+    law = law_along(term, moved, h)[trial.rows]
+    free = [term.joints[0]]
+    for joint in term.joints[1:]:
+        other, _ = motion(problem, model, trial, joint)
+        apart = float(np.std(other["velocity"] - moved["velocity"]))
+        free += [joint] if apart < ALIKE * float(np.std(moved["velocity"])) else []
+    asked = asked_for(problem, model, term, free, condition).force
+    rows = _liveliest(law, moved["velocity"][trial.rows], h, trial.condition.frequency)
+    shown = {name: moved[name][trial.rows][rows] for name in ("displacement", "velocity")}
+    shown |= {"force": asked[rows], "law": law[rows]}
+    return {name: [float(f"{x:.6g}") for x in values] for name, values in shown.items()} | {"units": units}
+
+
+def asked_for(problem: Problem, model: Model, term: ForceTerm, free: Sequence[Joint], condition: int) -> Inverted:
+    """The force history, alike at the joints `free` of the term, that explains what `model` without the term there does not."""
+    trial = problem.trials[condition]
+    study = problem.study
+    rest = tuple(joint for joint in term.joints if joint not in free)
+    left = (replace(term, joints=rest),) if rest else ()
+    without = replace(model, terms=(*(other for other in model.terms if other != term), *left))
+    plain = bare(without, free)
+    with closing(Pushed(problem, trial, free)) as item:
+        y = simulate(study, item, trial.condition, without, problem.tolerated)
+        base = y if plain is without else simulate(study, item, trial.condition, plain, problem.tolerated)
+        residual = trial.measured - y[trial.rows]
+        kernel, _ = answer(item, plain, tuple(free), base, residual, 1.0)
+    return invert(trial, evidence(trial, residual, study.simulation.step_size), kernel)
+
+
+def motion(problem: Problem, model: Model, trial: Trial, joint: Joint) -> tuple[Motion, list[str]]:
+    """What laws read at a joint, simulated with the model, at all rows of the condition's simulation; and the units of
+    displacement, velocity and force."""
+    assert problem.library is not None
+    ports = {name: getattr(joint, name) for name in PORTS if getattr(joint, name)}
+    names = tuple(dict.fromkeys(ports.values()))
+    study = replace(problem.study, channels=tuple(Channel(name, unit="") for name in names))
+    seen = tuple(term for term in model.terms if not (isinstance(term, SignalTerm) and term.channels))
+    seconds = (trial.rows.stop - 1) * study.simulation.step_size
+    with closing(Simulator(study, trial.condition, problem.library, seconds, problem.substeps)) as item:
+        y = simulate(study, item, trial.condition, replace(model, terms=seen), problem.tolerated)
+        fmu, times = item.description, item.times
+    seen_by = joint.displacement, joint.velocity, joint.acceleration, joint.nominal_force
+    wire = Wire("", joint.name, joint.force, *seen_by, joint.sign, False)
+    (place,) = places(fmu, [wire])
+    moved = {
+        name: source.factor * y[:, names.index(source.variable.name)]
+        for name, source in zip(PORTS, place.ports, strict=True)
+        if source is not None
+    }
+    if "velocity" not in moved:
+        moved["velocity"] = np.gradient(moved["displacement"], study.simulation.step_size)
+    moved["time"] = times
+    moved["speed"] = np.full(len(times), trial.condition.speed / 3.6)
+    turns = fmu.variables[joint.displacement].unit in ANGLES
+    return moved, ["rad", "rad/s", "N.m"] if turns else ["m", "m/s", "N"]
+
+
+def law_along(term: ForceTerm, moved: Motion, size: float) -> Float64[np.ndarray, " N"]:
+    """The law's force along a motion with rows of `size` s, in the middle of each step, as the coupled model has it."""
+    law = term.law
+    middle = {name: x.copy() for name, x in moved.items() if name in law.inputs}
+    for x in middle.values():
+        x[:-1] = 0.5 * (x[:-1] + x[1:])
+    states = np.array([state.start for state in law.states])
+    if not law.states:
+        return force(law, middle, np.zeros((len(moved["time"]), 0)), term.values)
+    found = np.zeros(len(moved["time"]))
+    for k in range(len(found)):
+        now, states = step(law, {name: x[k] for name, x in middle.items()}, states, term.values, size)
+        found[k] = now
+    return found
+
+
+def _liveliest(
+    law: Float64[np.ndarray, " N"], velocity: Float64[np.ndarray, " N"], size: float, frequency: float
+) -> slice:
+    """The stretch along which the law's force varies most, and among equals the velocity; at most SHOWN points of it. Not at
+    the end, where a force has had no time yet to show."""
+    seconds = min(SECONDS, 2.0 / frequency) if frequency > 0.0 else SECONDS
+    count = min(max(round(seconds / size), 16), len(law))
+    spread = [_spread(x, count) for x in (law, velocity)]
+    inside = max(int(0.95 * len(law)) - count, 1)
+    first = int(np.argmax((spread[0] + 1e-3 * spread[1])[:inside]))
+    return slice(first, first + count, max(1, -(-count // SHOWN)))
+
+
+def _spread(x: Float64[np.ndarray, " N"], count: int) -> Float64[np.ndarray, " n"]:
+    """Variance of every stretch of `count` values, in shares of the largest."""
+    sums = [np.concatenate([[0.0], np.cumsum((x - x.mean()) ** power)]) for power in (1, 2)]
+    mean, square = ((total[count:] - total[:-count]) / count for total in sums)
+    variance = np.maximum(square - mean**2, 0.0)
+    return variance / max(float(variance.max()), 1e-300)

@@ -1,0 +1,262 @@
+"""What discovery looks at: the measured development conditions, and their simulation with any effects in it."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+from queue import SimpleQueue
+from types import TracebackType
+
+import numpy as np
+from jaxtyping import Float64
+
+from fmucorrect.discovery.simulator import Logged, Simulator
+from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, SignalTerm, Term
+from fmucorrect.discovery.trials import Trial, read
+from fmucorrect.errors import FmuError, StudyError
+from fmucorrect.fmu import FmuDescription, open_fmu
+from fmucorrect.signals import Condition
+from fmucorrect.study import Adjustable, Study
+
+
+@dataclass(frozen=True)
+class Model:
+    """The FMU with terms in it. base: (A,) adjustable parameters with a tolerance, in tolerances from their start values."""
+
+    terms: tuple[Term, ...] = ()
+    base: tuple[float, ...] = ()
+
+
+Runner = Simulator | Logged
+
+
+@dataclass
+class Problem:
+    """A study's development conditions, loaded. Close it, or use it in a with statement.
+
+    trials: their data. tolerated: adjustables that may differ by their tolerance anyway. workers: threads that simulate.
+    substeps: couplings of laws and FMU in a communication step.
+    """
+
+    study: Study
+    library: Path | None
+    trials: tuple[Trial, ...]
+    tolerated: tuple[Adjustable, ...]
+    workers: int
+    substeps: int = 1
+    _free: list[SimpleQueue[Runner]] = field(default_factory=lambda: [])
+
+    def __post_init__(self) -> None:
+        self._pool = ThreadPoolExecutor(self.workers)
+
+    def __enter__(self) -> Problem:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Release all solvers."""
+        self._pool.shutdown()
+        self._release()
+
+    def few(self, seconds: float) -> Problem | None:
+        """The same with only so many conditions that one model takes about `seconds`, two at least: the ones that differ
+        most in speed, amplitude, frequency and size of response. None where all of them are that fast."""
+        if len(self.trials) <= 2:
+            return None
+        self.responses(self.nominal)  # opens the solvers
+        begun = time.perf_counter()
+        self.responses(self.nominal)
+        took = time.perf_counter() - begun
+        count = max(2, int(seconds / took * len(self.trials)))
+        if count >= len(self.trials):
+            return None
+        sizes = [np.log(trial.measured.std(axis=0).mean() + 1e-300) for trial in self.trials]
+        rows = np.array([[*t.condition.features, size] for t, size in zip(self.trials, sizes, strict=True)])
+        spread = np.ptp(rows, axis=0)
+        rows = (rows - rows.mean(axis=0)) / np.where(spread > 0.0, spread, 1.0)
+        chosen = [int(np.argmax((rows**2).sum(axis=1)))]
+        while len(chosen) < count:
+            distance = ((rows[:, None] - rows[None, chosen]) ** 2).sum(axis=2).min(axis=1)
+            chosen.append(int(np.argmax(distance)))
+        trials = tuple(self.trials[k] for k in sorted(chosen))
+        return Problem(self.study, self.library, trials, self.tolerated, self.workers, self.substeps)
+
+    def couple(self, substeps: int) -> None:
+        """From now on so many couplings in a communication step."""
+        self._release()
+        self.substeps = substeps
+
+    def _release(self) -> None:
+        for queue in self._free:
+            while not queue.empty():
+                queue.get().close()
+        self._free.clear()
+
+    @property
+    def nominal(self) -> Model:
+        """The FMU as it is."""
+        return Model((), (0.0,) * len(self.tolerated))
+
+    def _runner(self, k: int) -> Runner:
+        trial = self.trials[k]
+        return runner(self.study, trial.condition, self.library, trial.rows.stop, self.substeps)
+
+    def _ready(self) -> list[SimpleQueue[Runner]]:
+        """Every condition's simulators, one a worker."""
+        while len(self._free) < len(self.trials):
+            queue: SimpleQueue[Runner] = SimpleQueue()
+            for _ in range(self.workers):
+                queue.put(self._runner(len(self._free)))
+            self._free.append(queue)
+        return self._free
+
+    def responses(self, model: Model) -> list[Float64[np.ndarray, "_ J"]]:
+        """The response at the measured rows of every condition, in the channels' units. Raises FmuError."""
+        queues = self._ready()
+        return [self._response(queue, k, model) for k, queue in enumerate(queues)]
+
+    def _response(self, queue: SimpleQueue[Runner], k: int, model: Model) -> Float64[np.ndarray, "N J"]:
+        trial = self.trials[k]
+        item = queue.get()
+        try:
+            return simulate(self.study, item, trial.condition, model, self.tolerated)[trial.rows]
+        finally:
+            queue.put(item)
+
+    def stack(self, responses: Sequence[Float64[np.ndarray, "_ J"]]) -> Float64[np.ndarray, " n"]:
+        """All evidence of responses as one vector, in units of the noise."""
+        return np.concatenate([t.evidence(y).ravel() for t, y in zip(self.trials, responses, strict=True)])
+
+    @property
+    def measured(self) -> Float64[np.ndarray, " n"]:
+        """All measured evidence as one vector, in units of the noise."""
+        return self.stack([trial.measured for trial in self.trials])
+
+    def many(
+        self, models: Sequence[Model], done: Callable[[int], object] = lambda _: None
+    ) -> Iterator[np.ndarray | None]:
+        """`stack(responses(model))` of many models, on all workers, in order; None where the solver gives up."""
+        queues = self._ready()
+
+        def one(task: tuple[Model, int]) -> np.ndarray | None:
+            model, k = task
+            try:
+                return self.trials[k].evidence(self._response(queues[k], k, model)).ravel()
+            except FmuError:
+                return None
+
+        tasks = [(model, k) for model in models for k in range(len(queues))]
+        parts = self._pool.map(one, tasks)
+        for _ in models:
+            rows = [next(parts) for _ in queues]
+            done(1)
+            yield None if any(row is None for row in rows) else np.concatenate(rows)  # type: ignore[arg-type]
+
+
+def runner(
+    study: Study, condition: Condition, library: Path | None, rows: int | None = None, substeps: int = 1
+) -> Runner:
+    """What simulates a condition: the FMU, or its simulated record. rows: how many, None for all that were measured."""
+    if condition.simulated is not None or study.fmu is None or library is None:
+        return Logged(study, condition)
+    duration = None if rows is None else (rows - 1) * study.simulation.step_size
+    return Simulator(study, condition, library, duration, substeps)
+
+
+def simulate(
+    study: Study, item: Runner, condition: Condition, model: Model, tolerated: Sequence[Adjustable]
+) -> Float64[np.ndarray, "T J"]:
+    """One condition with a model's terms in it, in the channels' units. Raises FmuError where the solver gives up."""
+    changed = overrides(study, item.description, condition, model, tolerated)
+    laws = [law for term in model.terms if isinstance(term, ForceTerm) for law in term.laws]
+    given, signals = _excited(study, item, model)
+    y = item.run(laws, changed, given)
+    for term in signals:
+        y = y.copy() if y is item.nominal else y
+        for j in term.channels or range(y.shape[1]):
+            y[:, j] = term.law.apply(y[:, j], study.simulation.step_size, term.values)
+    return y
+
+
+def _excited(study: Study, item: Runner, model: Model) -> tuple[np.ndarray | None, list[SignalTerm]]:
+    """All inputs as the excitation's terms change them (None: as they are), and the terms that change responses.
+
+    What excites the FMU by a parameter is not seen: there its gain and lag are taken to be those of every response.
+    """
+    signals = [term for term in model.terms if isinstance(term, SignalTerm)]
+    _, inputs = item.inputs
+    exciting = [term for term in signals if not term.channels]
+    if not exciting or not inputs.shape[1]:
+        return None, signals
+    inputs = inputs.copy()
+    for term in exciting:
+        for i in range(inputs.shape[1]):
+            inputs[:, i] = term.law.apply(inputs[:, i], study.simulation.step_size, term.values)
+    return inputs, [term for term in signals if term.channels]
+
+
+def overrides(
+    study: Study,
+    fmu: FmuDescription | None,
+    condition: Condition,
+    model: Model,
+    tolerated: Sequence[Adjustable],
+) -> Mapping[str, float]:
+    """Start values of a condition with the model's base parameters and offsets."""
+    changed: dict[str, float] = {}
+
+    def value(name: str) -> float:
+        return changed.get(name, start_value(study, fmu, condition, name))
+
+    for adjustable, z in zip(tolerated, model.base, strict=True):
+        if z != 0.0:
+            for name in adjustable.parameters:
+                changed[name] = value(name) + z * tolerance_of(adjustable, value(name))
+    for term in model.terms:
+        if isinstance(term, OffsetTerm):
+            single = len(term.adjustable.parameters) == 1
+            for name in term.adjustable.parameters:
+                offset = term.values["value"]
+                changed[name] = value(name) + (offset if single else offset * start_value(study, fmu, condition, name))
+    return changed
+
+
+def start_value(study: Study, fmu: FmuDescription | None, condition: Condition | None, name: str) -> float:
+    """An FMU parameter as a condition has it."""
+    own = condition.parameters if condition is not None else {}
+    if name in own:
+        return own[name]
+    if name in study.parameters:
+        return study.parameters[name]
+    assert fmu is not None
+    return float(fmu.variables[name].start or "nan")
+
+
+def tolerance_of(adjustable: Adjustable, value: float) -> float:
+    """One standard deviation of a parameter, in its unit."""
+    if adjustable.absolute_tolerance is not None and len(adjustable.parameters) == 1:
+        return adjustable.absolute_tolerance
+    share = adjustable.absolute_tolerance if adjustable.absolute_tolerance is not None else adjustable.tolerance
+    return (share or 0.0) * abs(value)
+
+
+def load(study: Study, library: Path | None, workers: int = 0) -> Problem:
+    """The development conditions of a study; the evaluation conditions are not read. Raises StudyError, RecordError."""
+    if not study.development:
+        raise StudyError(str(study.path), ["discovery needs at least one development condition"])
+    trials = tuple(read(study, condition) for condition in study.development)
+    tolerated = tuple(a for a in study.adjustable if a.tolerance or a.absolute_tolerance) if study.fmu else ()
+    return Problem(study, library, trials, tolerated, workers or min(os.cpu_count() or 1, 8))
+
+
+def description(study: Study) -> FmuDescription | None:
+    """The study's FMU, where it has one."""
+    return None if study.fmu is None else open_fmu(study.fmu)

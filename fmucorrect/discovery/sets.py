@@ -1,0 +1,153 @@
+"""Sets of effects: which are worth it, which are simpler, and what is fitted anew before they are compared."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from fmucorrect.discovery.evidence import independent
+from fmucorrect.discovery.fit import Fitted, Setting, fit, judge, price
+from fmucorrect.discovery.problem import Problem
+from fmucorrect.discovery.terms import ForceTerm
+
+WORTH = 0.04
+"""How much of the amplitude of all that was to be explained a further effect must take away: laws are idealised, their
+corners rounded, their force held over a step, and what that leaves is no reason for a further effect."""
+FINER = 4
+"""Couplings in a communication step, where one is too coarse."""
+COARSE = 0.3
+"""An error of the coupling, in units of the noise, above which it is made finer."""
+REFITTED = 4
+"""Sets that are fitted again with a finer coupling."""
+
+Progress = Callable[[str, int, int], object]
+"""Told the stage, what is done and how much there is to do."""
+
+
+def names(fitted: Fitted) -> frozenset[tuple[str, str]]:
+    """Effects and places of a set."""
+    return frozenset((term.effect, term.where) for term in fitted.model.terms)
+
+
+def first_of(found: Sequence[Fitted]) -> Fitted:
+    """The most likely."""
+    return min(found, key=lambda fitted: fitted.surprise)
+
+
+def admissible(base: Fitted, found: Sequence[Fitted]) -> list[Fitted]:
+    """The base and all sets whose every effect is worth it: no smaller set in `found` leaves about as little."""
+    least = WORTH**2 * float(np.mean(base.residual**2))
+    kept = [base]
+    for fitted in sorted(found, key=lambda f: sum(1 + len(term.estimated) for term in f.model.terms)):
+        if not any(less.s2 - fitted.s2 < least and _simpler(less, fitted) for less in kept):
+            kept.append(fitted)
+    return kept
+
+
+def _simpler(less: Fitted, more: Fitted) -> bool:
+    """Whether a set is another with effects left out, or with one that is a special case of what stands there."""
+    if names(less) < names(more):
+        return True
+    special = [
+        names(more) - {(term.effect, term.where)} | {(simple, term.where)}
+        for term in more.model.terms
+        if isinstance(term, ForceTerm)
+        for simple in term.law.special
+    ]
+    return any(names(less) <= other for other in special)
+
+
+def smaller(problem: Problem, setting: Setting, base: Fitted, found: Sequence[Fitted], count: int) -> list[Fitted]:
+    """The best set without one of its effects, each fitted from where the set stands, where that has not been done. Of one
+    effect alone that is the base model once more, by another way."""
+    best = first_of(admissible(base, found))
+    have = {names(fitted) for fitted in found}
+    fits: list[Fitted] = []
+    rows = setting.share * len(best.at)
+    for term in best.model.terms:
+        terms = tuple(other for other in best.model.terms if other is not term)
+        if terms and names(best) - {(term.effect, term.where)} in have:
+            continue
+        model = replace(best.model, terms=terms)
+        prices = [price(other, count, rows) for other in terms]
+        fitted = fit(problem, replace(setting, base=best.base), model, prices, 6)
+        fits += [] if fitted is None else [fitted]
+    return fits
+
+
+def finer(
+    problem: Problem, setting: Setting, base: Fitted, found: list[Fitted], count: int, progress: Progress
+) -> tuple[Setting, list[Fitted]]:
+    """Where the best set's response hangs on the coupling step, the likely sets fitted again with a finer one; what error is
+    left becomes part of the least error."""
+    best = min([base, *found], key=lambda fitted: fitted.surprise)
+    if not any(isinstance(term, ForceTerm) for term in best.model.terms):
+        return setting, found
+    error = _coupling(problem, best)
+    if error > COARSE:
+        problem.couple(problem.substeps * FINER)
+        rows = setting.share * len(best.at)
+        again: list[Fitted] = []
+        for i, old in enumerate(found[:REFITTED]):
+            progress("finer coupling", i, REFITTED)
+            prices = [price(term, count, rows) for term in old.model.terms]
+            new = fit(problem, replace(setting, base=old.base), old.model, prices, 5)
+            again += [] if new is None else [new]
+        if again:
+            found = merged(again)
+            error = _coupling(problem, found[0])
+    return replace(setting, floor=setting.floor + error**2), found
+
+
+def _coupling(problem: Problem, fitted: Fitted) -> float:
+    """How far the response is from that of a finer coupling, rms in units of the noise; 0 where that gives up."""
+    coarse = problem.substeps
+    problem.couple(coarse * FINER)
+    (finer,) = problem.many([fitted.model])
+    problem.couple(coarse)
+    return 0.0 if finer is None else float(np.sqrt(np.mean((finer - fitted.at) ** 2)))
+
+
+def settled(
+    problem: Problem, setting: Setting, base: Fitted, found: list[Fitted], count: int
+) -> tuple[Setting, Fitted, list[Fitted]]:
+    """All judged with the share of independent rows that the best set's residual tells."""
+    for _ in range(3):
+        best = min([base, *found], key=lambda fitted: fitted.surprise)
+        share = share_of(problem, setting, best.residual)
+        if abs(np.log(share / setting.share)) < 0.1:
+            break
+        setting = replace(setting, share=share)
+        base = judge(setting, base)
+        rows = share * len(base.at)
+        found = [judge(setting, replace(f, price=sum(price(t, count, rows) for t in f.model.terms))) for f in found]
+    return setting, base, sorted(found, key=lambda fitted: fitted.surprise)
+
+
+def share_of(problem: Problem, setting: Setting, residual: np.ndarray) -> float:
+    """Of independent rows, once the sensors have taken their part of a residual."""
+    belief = setting.sensors.believe(residual, 1.0)
+    return independent(blocks(problem, residual - setting.sensors.columns @ belief.fitted))
+
+
+def blocks(problem: Problem, stacked: np.ndarray) -> list[np.ndarray]:
+    """A stacked vector as (B, J) of every condition."""
+    channels = len(problem.study.channels)
+    sizes = [len(trial.measured) // trial.block for trial in problem.trials]
+    ends = np.cumsum([0, *(size * channels for size in sizes)])
+    return [stacked[a:b].reshape(-1, channels) for a, b in pairwise(ends)]
+
+
+def merged(fits: Sequence[Fitted]) -> list[Fitted]:
+    """The best fit of every set of names, sorted."""
+    names: set[frozenset[tuple[str, str]]] = set()
+    result: list[Fitted] = []
+    for fitted in sorted(fits, key=lambda f: f.surprise):
+        key = frozenset((term.effect, term.where) for term in fitted.model.terms)
+        if key not in names:
+            names.add(key)
+            result.append(fitted)
+    return result

@@ -1,0 +1,146 @@
+"""Terms: one effect at one place with its numbers, as a change of the simulation that a fit can move."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from fmucorrect.catalogue import Law, Parameter
+from fmucorrect.catalogue.signal import SignalLaw
+from fmucorrect.discovery.simulator import LawAt
+from fmucorrect.study import Adjustable, Joint
+
+OFFSET = "parameter_offset"
+EXCITATION = "excitation"
+
+
+@dataclass(frozen=True)
+class ForceTerm:
+    """A law at a joint, or alike at each joint of a group. values: all parameters of the law, SI."""
+
+    law: Law
+    where: str
+    joints: tuple[Joint, ...]
+    values: Mapping[str, float]
+
+    @property
+    def effect(self) -> str:
+        return self.law.name
+
+    @property
+    def estimated(self) -> tuple[str, ...]:
+        return self.law.estimated
+
+    def parameter(self, name: str) -> Parameter:
+        """What is known of one of its numbers."""
+        return next(parameter for parameter in self.law.parameters if parameter.name == name)
+
+    def allowed(self) -> bool:
+        """Whether its numbers keep the law's bounds."""
+        each = all(p.problem(self.values[p.name]) is None for p in self.law.parameters)
+        return each and self.law.check(self.values) is None
+
+    @property
+    def laws(self) -> tuple[LawAt, ...]:
+        """What the solver gets at each joint."""
+        return tuple(LawAt(self.law, joint, self.values) for joint in self.joints)
+
+
+@dataclass(frozen=True)
+class SignalTerm:
+    """A law of a sensor, or of the excitation. channels: the columns that it changes; () for the excitation."""
+
+    law: SignalLaw
+    where: str
+    channels: tuple[int, ...]
+    values: Mapping[str, float]
+
+    @property
+    def effect(self) -> str:
+        return self.law.name
+
+    @property
+    def estimated(self) -> tuple[str, ...]:
+        return self.law.estimated
+
+    def parameter(self, name: str) -> Parameter:
+        """What is known of one of its numbers."""
+        return next(parameter for parameter in self.law.parameters if parameter.name == name)
+
+    def allowed(self) -> bool:
+        """Whether its numbers keep the law's bounds."""
+        return all(p.problem(self.values[p.name]) is None for p in self.law.parameters)
+
+
+@dataclass(frozen=True)
+class OffsetTerm:
+    """Adjustable parameters that are off by more than was expected. values: `value` in the parameter's own unit, or for
+    several scaled together the change of their common factor. scale: one tolerance, or 5 %, in the same unit.
+    low, high: what `value` may be."""
+
+    adjustable: Adjustable
+    where: str
+    scale: float
+    low: float
+    high: float
+    values: Mapping[str, float]
+    unit: str = "1"
+
+    @property
+    def effect(self) -> str:
+        return OFFSET
+
+    @property
+    def estimated(self) -> tuple[str, ...]:
+        return ("value",)
+
+    def parameter(self, name: str) -> Parameter:
+        """What is known of its number."""
+        return Parameter(name, "Delta", self.unit, "added to the start value", None, self.low, self.high, neutral=0.0)
+
+    def allowed(self) -> bool:
+        """Whether the parameter stays within its bounds."""
+        return self.low <= self.values["value"] <= self.high
+
+
+Term = ForceTerm | SignalTerm | OffsetTerm
+
+
+def with_values(term: Term, values: Mapping[str, float]) -> Term:
+    """The same effect at the same place with other numbers."""
+    return replace(term, values={**term.values, **values})
+
+
+def coordinates(term: Term) -> tuple[float, ...]:
+    """The scale of each estimated number: 0 where its logarithm is moved, else one unit of the coordinate."""
+    known = [term.parameter(name) for name in term.estimated]
+    scales: list[float] = []
+    for parameter in known:
+        value = term.values[parameter.name]
+        if isinstance(term, OffsetTerm):
+            scales.append(term.scale)
+        elif math.isfinite(parameter.minimum) and math.isfinite(parameter.maximum):
+            scales.append(0.2 * (parameter.maximum - parameter.minimum))
+        elif parameter.positive and value > 0.0:
+            scales.append(0.0)
+        else:  # what has the same unit tells a size where the number itself is near 0
+            alike = max(abs(term.values[other.name]) for other in known if other.unit == parameter.unit)
+            scales.append(max(abs(value), alike / 3.0) or 1.0)
+    return tuple(scales)
+
+
+def moved(term: Term, scales: tuple[float, ...], steps: tuple[float, ...]) -> Term:
+    """The term after its coordinates went `steps` from where they were."""
+    values: dict[str, float] = {}
+    for name, scale, step in zip(term.estimated, scales, steps, strict=True):
+        value = term.values[name]
+        value = value * math.exp(step) if scale == 0.0 else value + scale * step
+        known = term.parameter(name)
+        values[name] = min(max(value, known.minimum), known.maximum)
+    return with_values(term, values)
+
+
+def same_place(a: Term, b: Term) -> bool:
+    """Whether two terms are the same effect at the same place."""
+    return a.effect == b.effect and a.where == b.where

@@ -1,0 +1,86 @@
+"""The measured data of a condition, as discovery weighs them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64
+
+from fmucorrect import experiment
+from fmucorrect.discovery.noise import estimate
+from fmucorrect.signals import Condition
+from fmucorrect.study import Study
+
+ROWS = 1200
+"""Rows a condition that the evidence is taken from: means of blocks of samples."""
+SETTLED = 8.0
+"""Seconds of a single tone that are looked at: what comes after repeats."""
+PERIODS = 16
+"""The same in periods of the tone, whichever is longer."""
+FAINT = 1e-4
+"""Share of a channel's variation that its noise is at least taken to be: solvers are no better."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One condition's data. measured: (N, J), at `rows` of its simulation, in the channels' units. sigma: (J,) sensor noise,
+    rms a sample. block: samples averaged into one row of evidence. known: whether the noise is known."""
+
+    condition: Condition
+    measured: Float64[np.ndarray, "N J"]
+    rows: slice
+    sigma: Float64[np.ndarray, " J"]
+    block: int
+    known: bool = True
+    notes: tuple[str, ...] = ()
+
+    def evidence(self, y: Float64[np.ndarray, "N J"]) -> Float64[np.ndarray, "B J"]:
+        """Block means in units of their noise."""
+        count = len(y) // self.block
+        means = y[: count * self.block].reshape(count, self.block, -1).mean(1)
+        return means / (self.sigma / np.sqrt(self.block))
+
+
+def read(study: Study, condition: Condition) -> Trial:
+    """A condition's data: the measurement registered on the simulation, and how much its sensors' noise is."""
+    pair = experiment.pair(study, condition)
+    step = study.simulation.step_size
+    measured, first = pair.measured, pair.rows.start
+    sigma, known, notes = sensor_noise(study, condition, measured, pair.response, first * step)
+    stop = len(measured)
+    if condition.frequency > 0.0:
+        seconds = condition.start + max(SETTLED, PERIODS / condition.frequency)
+        stop = min(stop, max(round(seconds / step) - first, 16))
+    begin = max(round((condition.start - 1.0) / step) - first, 0) if condition.start > 2.0 else 0
+    measured = measured[begin:stop]
+    return Trial(
+        condition,
+        measured,
+        slice(first + begin, first + stop),
+        sigma,
+        max(1, -(-len(measured) // ROWS)),
+        known,
+        notes,
+    )
+
+
+def sensor_noise(
+    study: Study,
+    condition: Condition,
+    measured: Float64[np.ndarray, "N J"],
+    response: Float64[np.ndarray, "N J"],
+    begins: float,
+) -> tuple[Float64[np.ndarray, " J"], bool, tuple[str, ...]]:
+    """Noise a sample (J,), whether it is known, and why not. As the study says it, else from the measurement."""
+    step = study.simulation.step_size
+    quiet = None
+    if condition.quiet is not None:
+        low, high = (max(round((t - begins) / step), 0) for t in condition.quiet)
+        quiet = slice(low, high) if high - low >= 64 else None
+    said = np.array([np.nan if c.noise is None else c.noise for c in study.channels])
+    found = estimate(measured, step, quiet, response)
+    sigma = np.where(np.isfinite(said), said, found.sigma)
+    known = bool(np.isfinite(sigma).all())
+    floor = FAINT * measured.std(0) + 1e-300
+    return np.maximum(np.where(np.isfinite(sigma), sigma, floor), floor), known, () if known else found.doubt

@@ -1,0 +1,216 @@
+"""What was found: each effect's name, equation and values, its law drawn through the force, rivals, source text."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from fmucorrect.report import discovery_figures as drawn
+from fmucorrect.report.discovery_parts import DiscoveryPage
+from fmucorrect.report.discovery_pictures import pictures
+from fmucorrect.report.discovery_text import (
+    OWN,
+    at,
+    known,
+    listed,
+    mapping,
+    number,
+    percent,
+    plain,
+    quantity,
+    rows,
+    short,
+    texts,
+    titled,
+)
+from fmucorrect.report.html import Row
+
+RIVALS = 12
+"""Most rivals in the table beside those that cannot be told from what was found."""
+HEADINGS = {"named": "What", "ambiguous": "What, most likely", "none": "What would fit best, though nothing is needed"}
+LETTERS = {
+    "d": "displacement",
+    "v": "velocity",
+    "a": "acceleration",
+    "F0": "the force of the model's own element",
+    "t": "time",
+    "V": "the vehicle's speed",
+}
+
+
+def effects_section(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
+    """A section an effect, and one for the parameters that moved; for verdicts without effects, what that means."""
+    verdict, effects = str(report.get("verdict") or ""), rows(report.get("effects"))
+    if not effects and verdict == "none":
+        page.section("What")
+        moved = (
+            " as it stands"
+            if not mapping(report.get("adjusted"))
+            else " once its parameters moved inside their tolerance"
+        )
+        page.text_block(
+            f"Nothing to add. The model{moved} agrees with the measurement as far as the noise lets anyone see. An "
+            "effect too weak to show above the noise in these conditions may be there all the same."
+        )
+        page.end()
+    elif not effects and verdict == "unexplained":
+        page.section("What")
+        page.text_block(
+            "The disagreement is real, well above the noise, but no effect of the catalogue, alone or with others, "
+            "removes it and carries over to conditions that were left out. Nothing was added to the model."
+        )
+        page.end()
+    for effect in effects:
+        _effect(page, effect, verdict)
+    _adjusted(page, report)
+
+
+def laws_section(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
+    """Force against displacement and velocity of effects that have a picture, and of joints where none was named."""
+    found = [(at(effect), mapping(effect.get("picture"))) for effect in rows(report.get("effects"))]
+    found += [(str(k), mapping(v)) for k, v in mapping(mapping(report.get("where")).get("pictures")).items()]
+    figures = [(name, pictures(picture)) for name, picture in found]
+    figures = [(name, each) for name, each in figures if each]
+    if not figures:
+        return
+    page.section(
+        "The force that the model lacks",
+        "Points: the force that the data ask for at that place, along one condition."
+        + " Line: what the law gives there." * any(len(drawn.numbers(picture.get("law"))) for _, picture in found),
+    )
+    for name, each in figures:
+        page.heading(titled(name))
+        page.side_by_side(each)
+    page.end()
+
+
+def rivals_section(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
+    """The candidates in a table: what was found, what cannot be told from it, what is behind."""
+    effects, candidates = rows(report.get("effects")), rows(report.get("candidates"))
+    alike = [item for effect in effects for item in rows(effect.get("indistinguishable_from"))]
+    if not candidates and not alike:
+        return
+    keys, same = [_key(item) for item in effects], [_key(item) for item in alike]
+    named = [item for item in candidates if _key(item) in keys]
+    equal = [item for item in candidates if _key(item) in same and _key(item) not in keys]
+    equal += [item for item in alike if _key(item) not in map(_key, candidates)]
+    others = [item for item in candidates if _key(item) not in keys and _key(item) not in same]
+    others.sort(
+        key=lambda item: (drawn.sortable(item.get("behind")) if known(item.get("behind")) else 1e300, _held(item))
+    )
+    page.section(
+        "Rivals",
+        "Held-out error: each candidate fitted without a condition, then scored at that one. Behind: worse than the "
+        "best in −2 log likelihood; 6 is odds of 20 to 1, 10 of 150 to 1.",
+    )
+    if equal:
+        names = listed([at(item) for item in equal], "or")
+        page.caution(f"These data cannot tell {listed([at(effect) for effect in effects])} from {names}.")
+    elif named and others and number(others[0].get("behind")) > 0:
+        page.text_block(f"The next is {at(others[0])}, {short(others[0]['behind'])} behind.")
+    table: list[Row] = []
+    verdict = str(report.get("verdict") or "")
+    title = "Found" if verdict in ("named", "ambiguous") else "Closest, not taken"
+    for text, items, kind in (
+        (title, named, "strong"),
+        ("Cannot be told from it", equal, ""),
+        ("Behind" if effects else "Tried", others[:RIVALS], ""),
+    ):
+        if items:
+            table += [Row([text], "group"), *(_rival(item, kind) for item in items)]
+    page.table(["", "held-out error, %", "error, %", "probability", "behind"], table)
+    if len(others) > RIVALS:
+        page.text_block(f"{len(others) - RIVALS} more candidates, further behind, are in report.json.")
+    page.end()
+
+
+def source_section(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
+    """The effects as text for other tools, folded."""
+    found = [
+        (f"{at(effect)}: {label}", str(effect[key]))
+        for effect in rows(report.get("effects"))
+        for key, label in (("c", "C"), ("modelica", "Modelica"), ("latex", "LaTeX"))
+        if effect.get(key)
+    ]
+    if not found:
+        return
+    page.section("The law for other tools", "The same equation as text; a click unfolds it.")
+    for summary, text in found:
+        page.fold(titled(summary), text)
+    page.end()
+
+
+def _effect(page: DiscoveryPage, effect: Mapping[str, Any], verdict: str) -> None:
+    heading = HEADINGS.get(verdict, "Closest, but not it")
+    page.section(f"{heading}: {at(effect)}", str(effect.get("description") or ""))
+    if verdict == "unexplained":
+        page.caution("This fits best, but leaves structure or does not carry over. It is no finding.")
+    if effect.get("equation"):
+        page.equation(str(effect["equation"]))
+    parameters = {str(name): mapping(item) for name, item in mapping(effect.get("parameters")).items()}
+    if parameters:
+        symbols = any(item.get("symbol") for item in parameters.values())
+        head = ["parameter", *(["in the equation"] if symbols else []), "value ± standard deviation", "relative"]
+        page.table(head, [_parameter(name, item, symbols) for name, item in parameters.items()])
+    meanings = [(plain(name), str(item["meaning"])) for name, item in parameters.items() if item.get("meaning")]
+    facts = meanings
+    if known(effect.get("probability")):
+        facts.append(("probability", f"{percent(effect['probability'])} that this effect at this place is right"))
+    if known(effect.get("severity")):
+        facts.append(("explains", f"{percent(effect['severity'])} of the disagreement's energy"))
+    rivals = [at(item) for item in rows(effect.get("indistinguishable_from"))]
+    facts += [("cannot be told from", listed(rivals, "or"))] if rivals else []
+    letters = _letters(str(effect.get("equation") or "")) if not plain(effect.get("effect")).startswith(OWN) else ""
+    facts += [("letters", letters)] if letters else []
+    page.facts(facts)
+    page.end()
+
+
+def _letters(equation: str) -> str:
+    """What the letters of an equation at a joint mean that are no parameters."""
+    used = re.findall(r"[A-Za-z]\w*", equation)
+    found = [f"{letter}: {meaning}" for letter, meaning in LETTERS.items() if letter in used]
+    sign = "F: the force that is added, positive where it opposes a positive displacement as a spring would"
+    return "; ".join([sign, *found] if "F" in used else found)
+
+
+def _parameter(name: str, item: Mapping[str, Any], symbols: bool) -> Row:
+    value, std, unit = item.get("value"), item.get("std"), str(item.get("unit") or "")
+    cells = [str(item.get("symbol") or "")] if symbols else []
+    cells.append(quantity(value, std, unit))
+    if not known(std):
+        cells.append("not estimated")
+    elif number(value):
+        cells.append(percent(abs(number(std) / number(value))))
+    else:
+        cells.append(quantity(std, None, unit))
+    return Row([plain(name), *cells])
+
+
+def _adjusted(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
+    after, before = mapping(report.get("adjusted")), mapping(report.get("adjusted_from"))
+    if not after:
+        return
+    page.section("Parameters of the model that moved along", "Inside the tolerance that the study gives them.")
+    table: list[Row] = []
+    for name, value in after.items():
+        old, new = number(before.get(name)), number(value)
+        change = f"{100.0 * (new / old - 1.0):+.2g} %".replace("-", "−") if known(old) and old and known(new) else ""
+        table.append(Row([str(name), short(old, 4), short(new, 4), change]))
+    page.table(["parameter", "before", "after", "change"], table)
+    page.end()
+
+
+def _rival(item: Mapping[str, Any], kind: str) -> Row:
+    cells = [short(item.get("held_out_error")), short(item.get("error"))]
+    cells += [percent(item.get("probability")), short(item.get("behind"))]
+    return Row([titled(at(item)), *cells], kind)
+
+
+def _held(item: Mapping[str, Any]) -> float:
+    return number(item["held_out_error"]) if known(item.get("held_out_error")) else 1e300
+
+
+def _key(item: Mapping[str, Any]) -> tuple[str, tuple[str, ...]]:
+    return str(item.get("effect")), tuple(texts(item.get("joint")))

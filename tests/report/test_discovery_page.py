@@ -1,0 +1,299 @@
+"""The page of a discovery: complete and honest for every verdict, tolerant of gaps, and readable in a real browser."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import subprocess
+from collections.abc import Mapping
+from html import unescape
+from pathlib import Path
+from typing import Any
+
+import discovery_example as example
+import numpy as np
+import pytest
+from test_page import BROWSER
+
+from fmucorrect.report import discovery_figures, discovery_page, discovery_pictures
+
+VERDICTS = ("named", "ambiguous", "none", "unexplained")
+ALL = {verdict: example.report(verdict) for verdict in VERDICTS} | {"recorded": example.recorded()}
+FIGURES = {"named": 16, "ambiguous": 14, "none": 6, "unexplained": 14, "recorded": 10}
+"""Joints, bands, harmonics, time, amplitude, speed, gap, five conditions, two pictures an effect, as far as known."""
+
+
+def words(report: Mapping[str, Any]) -> str:
+    """The page's text without tags, figures left out."""
+    body = discovery_page.build(report).text().split("</main>")[0].split("<main>")[1]
+    body = re.sub(r"</?(?:su[bp]|i)\b[^>]*>", "", body)  # of equations, inside words
+    return re.sub(r"\s+", " ", unescape(re.sub(r"<[^>]+>", " ", body)))
+
+
+def headings(report: Mapping[str, Any]) -> list[str]:
+    """Titles of the sections, in order."""
+    return [unescape(found) for found in re.findall(r"<h2>(.*?)</h2>", discovery_page.build(report).text())]
+
+
+def test_sections_stand_in_the_order_of_reading() -> None:
+    assert headings(ALL["named"]) == [
+        "Where",
+        "Joints",
+        "Channels and frequencies",
+        "Harmonics of the excitation",
+        "Over time",
+        "Amplitude and speed",
+        "What: Coulomb friction at “secondary, lateral”",
+        "What: cubic stiffness at “yaw damper, left, mount”",
+        "Parameters of the model that moved along",
+        "The gap, before and after",
+        "Measured, before and after",
+        "The force that the model lacks",
+        "Rivals",
+        "What is left",
+        "What to do next",
+        "The law for other tools",
+        "What this does not prove",
+        "Study",
+    ]
+
+
+def test_named_says_verdict_values_and_gap_at_once() -> None:
+    text = words(ALL["named"])
+    for said in (
+        "Found: Coulomb friction at “secondary, lateral” and cubic stiffness at “yaw damper, left, mount”",
+        "Held-out error, NRMSE 14.1 % → 1.31 % at 385; noise alone makes 1.10 %",
+        "Probability 91 % the least sure: cubic stiffness",
+        "Friction force 512 ± 9 N Coulomb friction at",
+        "at which joint secondary, lateral: a free force there explains 98 %; next primary, front, lateral (61 %)",
+        "at which frequencies 2-4 Hz (55 %), 4-8 Hz (21 %) and 0-2 Hz (18 %)",
+        "at which orders none of what turns, at most 0.4 %",
+        "F = Fc tanh(v / vs)",
+        "F = k3 d3",
+        "friction force 512 ± 9 N 1.8 %",
+        "smoothing velocity 1.00 mm/s not estimated",
+        "cubic stiffness 1.23 ± 0.04 TN/m³ 3.6 %",
+        "kpx 14.70·10⁶ 14.52·10⁶ −1.2 %",
+        "Evaluation: held out, not looked at until the verdict stood 385 14.1 1.31 1.10 1.2 −0.81 0.9921",
+        "The next is Stribeck friction at “secondary, lateral”, 7.40 behind.",
+        "7 more candidates, further behind",
+        "explained by what was found: 97 % left: 3.1 %",
+        "fmucorrect wrap roller_rig.fmu --effects OUT/effects.toml",
+        "fmucorrect train OUT/study.toml -o model",
+        "return d < v && v > 0.0;",
+        "end Law;",
+        "no evidence for safety, certification or acceptance",
+        "took 134 s",
+    ):
+        assert said in text, said
+    assert text.index("Evaluation: held out") < text.index("Development: the search")
+
+
+def test_ambiguous_names_the_class_and_the_test_that_splits_it() -> None:
+    text = words(ALL["ambiguous"])
+    both = "backlash at “yaw damper, right, mount” or Coulomb friction at “yaw damper, left”"
+    assert "Backlash at “yaw damper, left, mount”, or one of 2 others that these data cannot tell from it" in text
+    assert f"These data cannot tell backlash at “yaw damper, left, mount” from {both}." in text
+    assert f"cannot be told from {both}" in text
+    assert "Gap 0.103 mm 0.103 ± 0.002 mm, backlash at" in text  # too long for the tile's large letters
+    assert "Run 300 km/h at 0.01, 0.03 and 0.06 deg" in text
+    assert "speed 300, amplitude 0.0600" in text
+    assert "sure of that 96 %, by simulating the test" in text
+    assert "Found:" not in text
+    one = example.report("ambiguous")
+    del one["effects"][0]["indistinguishable_from"][1]
+    one["next_test"] = None
+    assert "Either backlash at “yaw damper, left, mount” or backlash at “yaw damper, right, mount”: these" in words(one)
+    assert "No test that would split the class was found" in words(one)
+
+
+def test_a_rival_that_is_no_candidate_is_in_the_table() -> None:
+    report = example.report("ambiguous")
+    report["candidates"] = report["candidates"][:1]
+    assert "Cannot be told from it Backlash at “yaw damper, right, mount” – – – –" in words(report)
+
+
+def test_none_claims_no_more_than_the_noise_allows() -> None:
+    text = words(ALL["none"])
+    assert "Nothing is missing" in text
+    assert "Held-out error, NRMSE 1.12 % at 385" in text
+    assert "too weak to show above the noise in these conditions may be there all the same" in text
+    assert "Probability" not in text
+    assert "augmented" not in text
+    assert "kpx 14.70·10⁶ 14.52·10⁶" in text
+    assert "Measured and simulated" in text
+    assert "Tried Preload" in text
+
+
+def test_unexplained_says_where_and_names_nothing() -> None:
+    text = words(ALL["unexplained"])
+    assert "Something is missing that no effect of the catalogue explains" in text
+    assert "Explained by a free force 98 % at secondary, lateral" in text
+    assert "Nothing was added to the model." in text
+    assert "explained by the best that was tried: 36 % left: 64 %" in text
+    assert "Tried Coulomb friction" in text
+    assert "Secondary, lateral" in text  # its force against displacement and velocity, without a law
+    assert "Line: what the law gives" not in text
+    assert "augmented" not in text
+    tried = example.report("unexplained") | {"effects": example.report("named")["effects"][:1]}
+    text = words(tried)
+    assert "Closest, but not it: Coulomb friction" in text
+    assert "It is no finding." in text
+    assert "Probability 97 %" not in text
+    assert "Closest, not taken" in text
+
+
+def test_recorded_simulations_have_no_places_and_no_augmented_model() -> None:
+    text = words(ALL["recorded"])
+    assert "Found: sensor gain of RB, excitation lag and parameter offset of equivalent_conicity" in text
+    assert "at which joint not known: without an FMU that has joints" in text
+    assert "u(t) = u0(t − τ)" in text
+    assert "lag 5.20 ± 0.11 ms" in text
+    assert "value 0.0210 not estimated" in text
+    assert "none: recorded simulations alone" in text
+    assert "re-simulated with what was found" not in text
+    assert "augmented" not in text
+    assert "fmucorrect train" not in text
+
+
+@pytest.mark.parametrize("verdict", [*VERDICTS, "", "of another kind"])
+def test_a_report_of_the_least_is_a_page(verdict: str) -> None:
+    text = words(example.bare(verdict))
+    assert "The report holds no comparison of simulation and measurement." in text
+    assert "What to do next" in text
+    assert "What this does not prove" in text
+    assert "nan" not in text
+    assert words({"verdict": verdict})
+
+
+@pytest.mark.parametrize("name", ["ambiguous", "unexplained", "recorded"])
+def test_any_key_may_be_missing_or_empty(name: str) -> None:
+    found = example.slim(ALL[name])
+    report = found | {"series": {}, "where": {"channels": found["where"]["channels"]}}  # few figures: they take time
+    for key in report:
+        discovery_page.build({k: v for k, v in report.items() if k != key})
+    discovery_page.build(dict.fromkeys(report) | {"verdict": name})
+    for key in found["where"]:
+        discovery_page.build({"verdict": name, "where": {key: found["where"][key]}})
+
+
+def holed(value: Any, hole: Any) -> Any:
+    """Every number replaced."""
+    if isinstance(value, dict):
+        return {key: holed(item, hole) for key, item in value.items()}
+    if isinstance(value, list):
+        return [holed(item, hole) for item in value]
+    return hole if isinstance(value, float | int) else value
+
+
+@pytest.mark.parametrize("hole", [None, math.nan, math.inf, 0.0, -1.0])
+@pytest.mark.parametrize("name", ALL)
+def test_no_number_is_no_trouble(name: str, hole: float | None) -> None:
+    text = words(holed(example.slim(ALL[name]), hole))
+    assert not re.search(r"\b(nan|None|inf)\b", text)
+
+
+def test_worse_and_not_held_out_are_said() -> None:
+    report = example.report("named")
+    report["gap"][1]["nrmse_after"] = 20.0
+    assert "At 250 the error is larger after the change than before it." in words(report)
+    for item in report["gap"]:
+        item["role"] = "development"
+    text = words(report)
+    assert "No condition was held out" in text
+    assert "Error, NRMSE, none held out" in text
+    assert "mean of 5 conditions" in text
+
+
+def test_nothing_that_comes_in_is_html_and_nothing_is_fetched() -> None:
+    report = json.loads(json.dumps(ALL["ambiguous"]).replace("yaw damper", "</script><b>yaw").replace("FW", "<i>x"))
+    text = discovery_page.build(report).text()
+    assert "<b>yaw" not in text.split("</main>")[0]
+    assert "<i>x</i>" not in text.split("</main>")[0]
+    assert text.count("</script>") == 2
+    assert not re.search(r'<(script|link|img)[^>]+(src|href)="(?!data:)', text)
+
+
+def test_bars_are_sorted_and_the_gap_joins_before_and_after() -> None:
+    joints = discovery_figures.shares({"a": 0.2, "b": 0.9, "c": math.nan}, "#000", "x")
+    assert list(joints.data[0].x) == [90.0, 20.0]
+    assert [label.strip() for label in joints.layout.yaxis.ticktext] == ["b", "a"]
+    gap = discovery_figures.gap(ALL["named"]["gap"])
+    assert [trace.name for trace in gap.data if trace.name] == ["noise floor", "before", "after"]
+    assert sum("<b>385</b>" in label for label in gap.layout.yaxis.ticktext) == 1
+    assert list(gap.data[4].x) == [14.13, 1.31]
+
+
+def test_a_law_is_drawn_through_its_points_in_readable_units() -> None:
+    effects = ALL["named"]["effects"]
+    force, velocity = discovery_pictures.pictures(effects[0]["picture"])
+    assert [trace.name for trace in velocity.data] == ["what the data ask for", "the law"]
+    assert np.all(np.diff(velocity.data[1].x) >= 0)  # a function of velocity: drawn along it
+    assert not np.all(np.diff(force.data[1].x) >= 0)  # none of displacement: a loop in time
+    assert velocity.layout.xaxis.title.text == "velocity, mm/s"
+    assert velocity.layout.yaxis.title.text == "force, N"
+    assert np.abs(velocity.data[1].y).max() == pytest.approx(512.3, rel=1e-3)
+    assert not discovery_pictures.pictures({"force": []})
+
+
+def test_channels_of_the_largest_share_are_drawn() -> None:
+    many = {f"c{i}": {"unit": "mm", "measured": [0.0, 1.0], "before": [1.0, 0.0]} for i in range(9)}
+    report = {
+        "series": {"1": {"t": [0.0, 1.0], "channels": many}},
+        "where": {"channels": {f"c{i}": {"share": i / 36} for i in range(9)}},
+    }
+    assert discovery_figures.drawn_channels(report) == ([f"c{i}" for i in range(3, 9)], 9)
+    assert "6 of 9 channels, those that disagreed most." in words(report)
+
+
+def test_a_page_of_many_conditions_is_small(tmp_path: Path) -> None:
+    report = example.report("named")
+    series = report["series"]["385"]
+    report["series"] = {f"run {i}": series for i in range(12)}
+    path = tmp_path / "report.html"
+    discovery_page.write_page(path, report)
+    assert path.stat().st_size < 8e6
+
+
+NARROW = """<body><iframe src="{page}" style="border:0;width:400px;height:900px"></iframe><pre id="said"></pre><script>
+addEventListener('message', (e) => { document.getElementById('said').textContent = e.data; });</script></body>"""
+REPORT = """<script>addEventListener('load', () => setTimeout(() => {
+  const pressed = [...document.querySelectorAll('.buttons button')];
+  if (pressed.length) pressed[1].click();
+  const drawn = [...document.querySelectorAll('.figure')];
+  const shown = document.querySelectorAll('[id^=choice-] > div');
+  parent.postMessage(JSON.stringify({
+    width: innerWidth, scroll: document.documentElement.scrollWidth, figures: drawn.length,
+    drawn: drawn.filter((f) => f.querySelector('svg.main-svg') && f.clientWidth > 100).length,
+    traces: drawn.filter((f) => f.querySelector('.trace, .point, .scatterlayer path')).length,
+    tiles: [...document.querySelectorAll('.tile .value')].filter((v) => v.scrollWidth > v.clientWidth).length,
+    share: document.querySelectorAll('[data-title^="Share"]').length,
+    wide: drawn.filter((f) => f.getBoundingClientRect().right > innerWidth).length,
+    chosen: [...shown].map((d) => d.getBoundingClientRect().height > 100)}), '*');
+}, 1500));</script>"""
+
+
+@pytest.mark.skipif(BROWSER is None, reason="no chromium or chrome is installed")
+@pytest.mark.parametrize("name", ALL)
+@pytest.mark.parametrize("narrow", [False, True])
+def test_it_reads_well_in_a_browser(tmp_path: Path, name: str, narrow: bool) -> None:
+    page = tmp_path / "report.html"
+    discovery_page.write_page(page, json.loads(json.dumps(ALL[name])))
+    page.write_text(page.read_text(encoding="utf-8") + REPORT, encoding="utf-8")
+    frame = tmp_path / "frame.html"
+    text = NARROW.replace("{page}", page.as_uri())
+    frame.write_text(text if narrow else text.replace("400px", "1240px"), encoding="utf-8")
+    options = ["--headless=new", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr", "--dump-dom"]
+    own = ["--virtual-time-budget=8000", "--window-size=1300,1000", f"--user-data-dir={tmp_path / 'profile'}"]
+    done = subprocess.run(
+        [str(BROWSER), *options, *own, frame.as_uri()], capture_output=True, text=True, timeout=60, check=True
+    )
+    assert not [line for line in done.stderr.splitlines() if "CONSOLE" in line]
+    said = json.loads(unescape(done.stdout.split('<pre id="said">')[1].split("</pre>")[0]))
+    assert said["width"] == (400 if narrow else 1240)
+    assert said["scroll"] <= said["width"]  # nothing sticks out
+    assert said["figures"] == said["drawn"] == said["traces"] == FIGURES[name]
+    assert said["tiles"] == said["wide"] == 0
+    assert said["share"] == 0  # no button that uploads the data
+    assert said["chosen"] == [False, True, False, False, False]
