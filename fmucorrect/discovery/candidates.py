@@ -29,6 +29,7 @@ class Curve:
     many are estimated."""
 
     effect: str
+    form: str
     where: str
     make: Make
     size: float
@@ -54,10 +55,14 @@ def places(study: Study) -> dict[str, tuple[Joint, ...]]:
 
 
 def candidates(
-    problem: Problem, motions: Mapping[str, Motion], responses: Sequence[np.ndarray], line: float = 0.0
+    problem: Problem,
+    motions: Mapping[str, Motion],
+    responses: Sequence[np.ndarray],
+    line: float = 0.0,
+    turns: Callable[[float], bool] = lambda circumference: True,
 ) -> list[Curve]:
     """All of a study. motions: of every joint, `mark` included. responses: of the model as it is, one a condition. line: Hz,
-    where the residual has one that nothing explains; 0 for none."""
+    where the residual has one that nothing explains; 0 for none. turns: whether it has one with a wave of so many m."""
     study = problem.study
     found: list[Curve] = []
     if motions:
@@ -67,10 +72,21 @@ def candidates(
             motion = _together([motions[joint.name] for joint in joints])
             for law in (law for forms in CATALOGUE.values() for law in forms if _fits(law, joints)):
                 for radius in (radii if speeds else []) if "speed" in law.inputs else [0.0]:
-                    found += _of_law(law, place, joints, replace(motion, radius=radius, frequency=line))
+                    found += [
+                        curve
+                        for curve in _of_law(law, place, joints, replace(motion, radius=radius, frequency=line))
+                        if radius == 0.0 or turns(_wave(curve))
+                    ]
     found += _of_parameters(problem)
     found += _of_signals(problem, responses)
     return found
+
+
+def _wave(curve: Curve) -> float:
+    """Of a law that follows the speed: metres that the vehicle goes in one period."""
+    term = curve.make(curve.size)
+    assert term is not None
+    return 2.0 * math.pi * term.values["radius"] / term.values["order"]
 
 
 def _fits(law: Law, joints: Sequence[Joint]) -> bool:
@@ -109,9 +125,9 @@ def _curve(law: Law | SignalLaw, place: str, make: Make, factor: float, numbers:
     """Where the severities are what is left (falling), the size is what is missing."""
     middle = law.severities[len(law.severities) // 2]
     if law.severities[0] > law.severities[-1]:
-        return Curve(law.name, place, lambda size: make(1.0 - size), 1.0 - middle, 0.95, law.signed, numbers)
+        return Curve(law.name, law.form, place, lambda size: make(1.0 - size), 1.0 - middle, 0.95, law.signed, numbers)
     most = 0.95 if isinstance(law, Law) and law.relative else math.inf
-    return Curve(law.name, place, make, factor * middle, most, law.signed, numbers)
+    return Curve(law.name, law.form, place, make, factor * middle, most, law.signed, numbers)
 
 
 def _of_parameters(problem: Problem) -> Iterator[Curve]:
@@ -130,7 +146,7 @@ def _of_parameters(problem: Problem) -> Iterator[Curve]:
             continue
         name = " and ".join(adjustable.parameters)
         most = max(high, -low) / scale
-        yield Curve("parameter_offset", name, _offset(adjustable, name, scale, low, high, unit), 5.0, most, True, 1)
+        yield Curve("parameter_offset", "", name, _offset(adjustable, name, scale, low, high, unit), 5.0, most, True, 1)
 
 
 def _offset(adjustable: Adjustable, name: str, scale: float, low: float, high: float, unit: str) -> Make:

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float, Float64
 
 Vector = Float64[np.ndarray, " n"]
 
@@ -98,6 +98,6 @@ def independent(blocks: Sequence[Float64[np.ndarray, "_ J"]]) -> float:
     return float(np.average(found, weights=weights)) if found else 1.0
 
 
-def gram(a: Float64[np.ndarray, "n p"], b: Float64[np.ndarray, "n q"]) -> Float64[np.ndarray, "p q"]:
+def gram(a: Float[np.ndarray, "n p"], b: Float[np.ndarray, "n q"]) -> Float64[np.ndarray, "p q"]:
     """a' b, in double precision whatever the columns are kept in."""
     return np.asarray(a.T @ b, dtype=np.float64)

@@ -19,9 +19,9 @@ LONGEST = 0.8
 """Longest step of a logarithm at once; of any other coordinate, and of a base parameter in tolerances, twice that."""
 FARTHEST = 4.0
 """Tolerances that a base parameter may be away from its start value."""
-STALE = 0.5
+STALE = 1.0
 """Tolerances that a base parameter may move before the sensitivities are taken anew."""
-HOPE, HOPELESS = 4.0, 60.0
+HOPE, HOPELESS = 8.0, 60.0
 """A fit is given up when so many more gains like its last one would leave it so far behind its rival."""
 GAINED = 0.3
 """A step that lowers the surprise by less is the last one."""
@@ -108,7 +108,7 @@ def fit(
     if at is None:
         return None
     volume = _volume(setting, setting.base)
-    first = Fitted(model, at, setting.measured - at, 1.0, 0.0, setting.base, volume, model.base, sum(prices))
+    first = Fitted(model, at, setting.measured - at, 1.0, 0.0, setting.base, volume, model.base, float(sum(prices)))
     state = judge(setting, first)
     damping = 1e-2
     slopes = _slopes(problem, state)
@@ -124,7 +124,7 @@ def fit(
                     state, damping = tried, max(damping / 6.0, 1e-6)
                     break
             damping = max(damping, 1e-3) * 10.0
-        if gained < GAINED or (iteration >= 1 and state.surprise - HOPE * gained > rival + HOPELESS):
+        if gained < GAINED or (iteration >= 2 and state.surprise - HOPE * gained > rival + HOPELESS):
             break
         if max((abs(a - b) for a, b in zip(state.model.base, state.around, strict=True)), default=0.0) > STALE:
             base = sensitivities(problem, state.model, state.at)

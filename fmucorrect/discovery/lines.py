@@ -11,6 +11,8 @@ from fmucorrect.discovery.trials import Trial
 
 STANDS = 25.0
 """How far a line stands above the spectrum about it, in power."""
+ORDER = 3.0
+"""The same where the frequency is known beforehand."""
 ABOUT = 12
 """Bins to each side that it is compared with."""
 POINTS = 4096
@@ -47,6 +49,28 @@ def line(trials: Sequence[Trial], blocks: Sequence[Float64[np.ndarray, "_ J"]], 
         shift = 0.5 * (a - c) / (a - 2.0 * b + c) if a - 2.0 * b + c != 0.0 else 0.0
         return float(grid[best] + np.clip(shift, -0.5, 0.5) * (grid[1] - grid[0]))
     return float(grid[best])
+
+
+def stands(
+    trials: Sequence[Trial],
+    blocks: Sequence[Float64[np.ndarray, "_ J"]],
+    step: float,
+    frequencies: Sequence[float],
+) -> bool:
+    """Whether the residual has a line at a frequency (Hz) of its own in each condition: an order of a rotation."""
+    scores: list[float] = []
+    for trial, values, frequency in zip(trials, blocks, frequencies, strict=True):
+        rate = 1.0 / (step * trial.block)
+        if not 0.0 < frequency < 0.45 * rate:
+            return False
+        window = np.hanning(len(values))[:, None]
+        t = np.arange(len(values)) / rate
+        size = (values - values.mean(0)) * window
+        apart = 1.0 / t[-1]
+        offsets = [0.0, *(k * apart for k in range(3, 9)), *(-k * apart for k in range(3, 9))]
+        power = [float((np.abs(np.exp(-2j * np.pi * (frequency + f) * t) @ size) ** 2).sum()) for f in offsets]
+        scores.append(power[0] / max(float(np.median(power[1:])), 1e-300))
+    return float(np.median(scores)) > ORDER
 
 
 def _about(power: Float64[np.ndarray, " F"], width: int) -> Float64[np.ndarray, " F"]:

@@ -124,12 +124,11 @@ def _condition(
         return [invert(trial, x, None) for _ in joints]
     workers = min(problem.workers, len(joints))
     with ExitStack() as stack:
+        opened = [stack.enter_context(closing(Pushed(problem, trial, joints))) for _ in range(workers)]
+        base = opened[0].response(model)
         items: SimpleQueue[Pushed] = SimpleQueue()
-        for _ in range(workers):
-            items.put(stack.enter_context(closing(Pushed(problem, trial, joints))))
-        item = items.get()
-        base = item.response(model)
-        items.put(item)
+        for item in opened:
+            items.put(item)
 
         def one(i: int) -> Inverted:
             item = items.get()
@@ -159,8 +158,7 @@ def block(trial: Trial) -> int:
 
 def _means(trial: Trial, y: Float64[np.ndarray, "N J"]) -> Float64[np.ndarray, "J M"]:
     """Means over blocks in units of their noise."""
-    size = block(trial)
-    count = len(y) // size
+    size, count = block(trial), len(y) // block(trial)
     sigma = np.where(trial.sigma > 1e-200, trial.sigma, np.inf)  # a channel that shows nothing at all
     means = y[: count * size].reshape(count, size, -1).mean(1) / (sigma / np.sqrt(size))
     return np.ascontiguousarray(means.T)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from fmucorrect.discovery import nuisances
 from fmucorrect.discovery.candidates import Curve, candidates
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fit import Fitted, Setting, fit, price
-from fmucorrect.discovery.lines import line
+from fmucorrect.discovery.lines import line, stands
 from fmucorrect.discovery.marks import PROMISING, Marks, Target, marks, with_marks
 from fmucorrect.discovery.motion import motions
 from fmucorrect.discovery.problem import Problem
@@ -21,12 +22,12 @@ from fmucorrect.discovery.sets import Progress, admissible, blocks, finer, first
 
 MOST = 3
 """Effects at once."""
-LISTED = (8, 6, 4)
+LISTED = (7, 5, 3)
 """Sets of one effect, two and three that are fitted in the loop."""
 EXPLAINED = 1.3
 """A variance of the error, over its least, at which no larger set is looked for at once."""
-QUICK = 0.12
-"""Seconds of simulation, of one model at all conditions, above which the candidates are looked at in fewer."""
+QUICK = 45_000
+"""Steps of one model at all conditions, above which the candidates are looked at in fewer."""
 LIKELY, TRANSFERRED = 200.0, 6
 """How far behind, and how many, sets are fitted to all conditions."""
 RIVALS = 5
@@ -90,7 +91,7 @@ def _on_all(problem: Problem, naming: Naming, progress: Progress) -> Naming:
     found = [*found, *smaller(problem, setting, base, found, naming.candidates)]
     base = first_of([base, *(fitted for fitted in found if not fitted.model.terms)])
     setting, base, found = settled(problem, setting, base, [f for f in found if f.model.terms], naming.candidates)
-    kept = [f for f in merged(admissible(base, found)) if f.model.terms]
+    kept = [f for f in merged(admissible(base, found, setting.share * len(base.at))) if f.model.terms]
     return Naming(base, tuple(kept), naming.motions, naming.candidates, setting)
 
 
@@ -115,8 +116,14 @@ def _name(problem: Problem, progress: Progress) -> Naming:
     moves = with_marks(problem, moves, at, base.residual) if can_act else moves
 
     def looked_for(around: Fitted) -> list[Curve]:
-        found = line(problem.trials, blocks(problem, around.residual), problem.study.simulation.step_size)
-        return candidates(problem, moves, start, found)
+        rest, step = blocks(problem, around.residual), problem.study.simulation.step_size
+
+        @cache
+        def turns(wave: float) -> bool:
+            frequencies = [trial.condition.speed / 3.6 / wave for trial in problem.trials]
+            return stands(problem.trials, rest, step, frequencies)
+
+        return candidates(problem, moves, start, line(problem.trials, rest, step), turns)
 
     curves = looked_for(base)
     first, found = _round(problem, setting, base, curves, LISTED, progress)
@@ -127,18 +134,18 @@ def _name(problem: Problem, progress: Progress) -> Naming:
         found = [*found, *smaller(problem, setting, base, found, len(curves))]
         base = first_of([base, *(fitted for fitted in found if not fitted.model.terms)])
         found = [fitted for fitted in found if fitted.model.terms]
-        best = first_of(admissible(base, found))
+        best = first_of(admissible(base, found, setting.share * len(base.at)))
         if not best.model.terms or len(best.model.terms) >= MOST:
             break
         around = replace(setting, base=best.base)
         _, more = _round(problem, around, best, looked_for(best), LISTED[:1], progress)
         found = merged([*found, *more])
-        after = first_of(admissible(base, found))
+        after = first_of(admissible(base, found, setting.share * len(base.at)))
         if after.surprise > best.surprise - CLEAR or len(after.model.terms) <= len(best.model.terms):
             break
     setting, base, found = settled(problem, setting, base, found, len(curves))
     found += _rivals(problem, setting, base, found, first, len(curves), progress)
-    kept = [f for f in merged(admissible(base, found)) if f.model.terms]
+    kept = [f for f in merged(admissible(base, found, setting.share * len(base.at))) if f.model.terms]
     return Naming(base, tuple(kept), moves, len(curves), setting)
 
 
@@ -152,7 +159,7 @@ def _rivals(
     progress: Progress,
 ) -> list[Fitted]:
     """Of a best set of several effects: sets in which one of them gives way to another candidate."""
-    best = first_of(admissible(base, found))
+    best = first_of(admissible(base, found, setting.share * len(base.at)))
     if len(best.model.terms) < 2:
         return []
     fits: list[Fitted] = []

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -21,6 +20,10 @@ from fmucorrect.errors import FmuError, StudyError
 from fmucorrect.fmu import FmuDescription, open_fmu
 from fmucorrect.signals import Condition
 from fmucorrect.study import Adjustable, Study
+
+
+LARGEST = 1e8
+"""A response, in units of the noise, beyond which a model is not stable."""
 
 
 @dataclass(frozen=True)
@@ -66,16 +69,12 @@ class Problem:
         self._pool.shutdown()
         self._release()
 
-    def few(self, seconds: float) -> Problem | None:
-        """The same with only so many conditions that one model takes about `seconds`, two at least: the ones that differ
-        most in speed, amplitude, frequency and size of response. None where all of them are that fast."""
+    def few(self, steps: int) -> Problem | None:
+        """The same with only so many conditions that one model takes about so many `steps`, two at least: the ones that
+        differ most in speed, amplitude, frequency and size of response. None where all of them take no more."""
         if len(self.trials) <= 2:
             return None
-        self.responses(self.nominal)  # opens the solvers
-        begun = time.perf_counter()
-        self.responses(self.nominal)
-        took = time.perf_counter() - begun
-        count = max(2, int(seconds / took * len(self.trials)))
+        count = max(2, int(steps / sum(trial.rows.stop for trial in self.trials) * len(self.trials)))
         if count >= len(self.trials):
             return None
         sizes = [np.log(trial.measured.std(axis=0).mean() + 1e-300) for trial in self.trials]
@@ -143,15 +142,17 @@ class Problem:
     def many(
         self, models: Sequence[Model], done: Callable[[int], object] = lambda _: None
     ) -> Iterator[np.ndarray | None]:
-        """`stack(responses(model))` of many models, on all workers, in order; None where the solver gives up."""
+        """`stack(responses(model))` of many models, on all workers, in order; None where the solver gives up, or
+        where the response grows beyond all measure."""
         queues = self._ready()
 
         def one(task: tuple[Model, int]) -> np.ndarray | None:
             model, k = task
             try:
-                return self.trials[k].evidence(self._response(queues[k], k, model)).ravel()
+                rows = self.trials[k].evidence(self._response(queues[k], k, model)).ravel()
             except FmuError:
                 return None
+            return rows if float(np.abs(rows).max(initial=0.0)) < LARGEST else None
 
         tasks = [(model, k) for model in models for k in range(len(queues))]
         parts = self._pool.map(one, tasks)

@@ -127,12 +127,13 @@ class Search:
         return weights
 
     def _distinct(self, found: object) -> list[Found]:
-        """Sorted; of sets that name the same effects at the same places the best only."""
-        names: set[frozenset[tuple[str, str]]] = set()
+        """Sorted; of sets of the same forms of effects at the same places the best only."""
+        names: set[frozenset[tuple[str, str, str]]] = set()
         result: list[Found] = []
         for item in sorted(found, key=lambda found: found.surprise):  # type: ignore[call-overload]
-            key = frozenset(self.marks.curves[place.curve].key for place in item.members)
-            if key not in names and len(key) == len(item.members):
+            curves = [self.marks.curves[place.curve] for place in item.members]
+            key = frozenset((curve.effect, curve.form, curve.where) for curve in curves)
+            if key not in names and len({curve.key for curve in curves}) == len(curves):
                 names.add(key)
                 result.append(item)
         return result

@@ -11,7 +11,7 @@ import numpy as np
 from fmucorrect.discovery.evidence import independent
 from fmucorrect.discovery.fit import Fitted, Setting, fit, judge, price
 from fmucorrect.discovery.problem import Problem
-from fmucorrect.discovery.terms import ForceTerm
+from fmucorrect.discovery.terms import ForceTerm, Term
 
 WORTH = 0.04
 """How much of the amplitude of all that was to be explained a further effect must take away: laws are idealised, their
@@ -37,14 +37,22 @@ def first_of(found: Sequence[Fitted]) -> Fitted:
     return min(found, key=lambda fitted: fitted.surprise)
 
 
-def admissible(base: Fitted, found: Sequence[Fitted]) -> list[Fitted]:
-    """The base and all sets whose every effect is worth it: no smaller set in `found` leaves about as little."""
-    least = WORTH**2 * float(np.mean(base.residual**2))
+def admissible(base: Fitted, found: Sequence[Fitted], count: float) -> list[Fitted]:
+    """The base and all sets whose every effect is worth it: no smaller set in `found` leaves about as little. count: of
+    independent rows."""
+    energy = base.s2
     kept = [base]
     for fitted in sorted(found, key=lambda f: sum(1 + len(term.estimated) for term in f.model.terms)):
-        if not any(less.s2 - fitted.s2 < least and _simpler(less, fitted) for less in kept):
+        if not any(_simpler(less, fitted) and not _worth(less, fitted, energy, count) for less in kept):
             kept.append(fitted)
     return kept
+
+
+def _worth(less: Fitted, more: Fitted, energy: float, count: float) -> bool:
+    """Whether a larger set takes away enough: of the error, or of what sensors and base parameters had to take on. energy:
+    mean square of the residual that was to be explained. count: of independent rows."""
+    least = WORTH**2 * energy
+    return less.s2 - more.s2 >= least or less.surprise - more.surprise >= count * float(np.log1p(least / more.s2))
 
 
 def _simpler(less: Fitted, more: Fitted) -> bool:
@@ -60,16 +68,21 @@ def _simpler(less: Fitted, more: Fitted) -> bool:
     return any(names(less) <= other for other in special)
 
 
+def _forms(terms: Sequence[Term]) -> frozenset[tuple[str, str]]:
+    """Laws, by form, and places of a set."""
+    return frozenset((t.law.label if isinstance(t, ForceTerm) else t.effect, t.where) for t in terms)
+
+
 def smaller(problem: Problem, setting: Setting, base: Fitted, found: Sequence[Fitted], count: int) -> list[Fitted]:
     """The best set without one of its effects, each fitted from where the set stands, where that has not been done. Of one
     effect alone that is the base model once more, by another way."""
-    best = first_of(admissible(base, found))
-    have = {names(fitted) for fitted in found}
+    rows = setting.share * len(base.at)
+    best = first_of(admissible(base, found, rows))
+    have = {_forms(fitted.model.terms) for fitted in found}
     fits: list[Fitted] = []
-    rows = setting.share * len(best.at)
     for term in best.model.terms:
         terms = tuple(other for other in best.model.terms if other is not term)
-        if terms and names(best) - {(term.effect, term.where)} in have:
+        if terms and _forms(terms) in have:
             continue
         model = replace(best.model, terms=terms)
         prices = [price(other, count, rows) for other in terms]
@@ -123,7 +136,9 @@ def settled(
         setting = replace(setting, share=share)
         base = judge(setting, base)
         rows = share * len(base.at)
-        found = [judge(setting, replace(f, price=sum(price(t, count, rows) for t in f.model.terms))) for f in found]
+        found = [
+            judge(setting, replace(f, price=float(sum(price(t, count, rows) for t in f.model.terms)))) for f in found
+        ]
     return setting, base, sorted(found, key=lambda fitted: fitted.surprise)
 
 

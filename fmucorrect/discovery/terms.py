@@ -131,14 +131,18 @@ def coordinates(term: Term) -> tuple[float, ...]:
 
 
 def moved(term: Term, scales: tuple[float, ...], steps: tuple[float, ...]) -> Term:
-    """The term after its coordinates went `steps` from where they were."""
-    values: dict[str, float] = {}
-    for name, scale, step in zip(term.estimated, scales, steps, strict=True):
-        value = term.values[name]
-        value = value * math.exp(step) if scale == 0.0 else value + scale * step
-        known = term.parameter(name)
-        values[name] = min(max(value, known.minimum), known.maximum)
-    return with_values(term, values)
+    """The term after its coordinates went `steps` from where they were, or as far of it as its numbers allow."""
+    for share in (1.0, 0.5, 0.25):
+        values: dict[str, float] = {}
+        for name, scale, step in zip(term.estimated, scales, steps, strict=True):
+            value = term.values[name]
+            value = value * math.exp(share * step) if scale == 0.0 else value + share * scale * step
+            known = term.parameter(name)
+            values[name] = min(max(value, known.minimum), known.maximum)
+        changed = with_values(term, values)
+        if changed.allowed():
+            return changed
+    return term
 
 
 def same_place(a: Term, b: Term) -> bool:

@@ -1,0 +1,212 @@
+"""Discovery from a study file to a proved model, on two masses whose truth is integrated by scipy, not by this package."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from scipy.integrate import solve_ivp
+
+pytest.importorskip("ziglang")
+pytest.importorskip("sympy")
+
+import fmpy
+
+from fmucorrect import records
+from fmucorrect.cli import main
+from fmucorrect.discovery import discover
+from fmucorrect.discovery.evidence import Nuisances, independent
+from fmucorrect.errors import StudyError
+from fmucorrect.signals import Channel, Record
+from fmucorrect.study import load_study
+
+FMU = Path(__file__).resolve().parent.parent.parent / "fmus" / "oscillator" / "oscillator.fmu"
+STEP, SECONDS, NOISE = 0.001, 6.0, 0.01  # s, s, mm
+M, K, C, WALL = (1.0, 1.5), (1200.0, 800.0), (5.0, 4.0), (1500.0, 3.0)
+CUBIC = 2.0e7  # N/m3, at joint 2
+FRICTION = 0.25  # N, at joint 1
+
+
+def push(name, t):
+    """Force on mass 2, N (the FMU holds its inputs, so the study gives them half a step ahead): sweeps of two sizes from 0.5 to 8 Hz, and another one that is held out."""
+    size, sign = {"large": (6.0, 1.0), "small": (1.5, 1.0), "held out": (4.0, -1.0)}[name]
+    s = t / SECONDS
+    low, high = (0.5, 8.0) if sign > 0.0 else (8.0, 0.5)
+    return size * np.sin(2.0 * np.pi * SECONDS * (low * s + 0.5 * (high - low) * s**2)) * np.minimum(1.0, 10.0 * s)
+
+
+def truth(name, law):
+    """Displacements (T, 2) of both masses in mm. law: force in both joints from their (d, v), opposing them."""
+    t = np.arange(round(SECONDS / STEP) + 1) * STEP
+
+    def rate(at, x):
+        d, v = np.array([x[0], x[1] - x[0]]), np.array([x[2], x[3] - x[2]])
+        f = np.array(K) * d + np.array(C) * v + law(d, v)
+        right = WALL[0] * x[1] + WALL[1] * x[3]
+        return [x[2], x[3], (f[1] - f[0]) / M[0], (push(name, at) - f[1] - right) / M[1]]
+
+    return 1e3 * solve_ivp(rate, (0.0, t[-1]), np.zeros(4), "LSODA", t, rtol=1e-8, atol=1e-11).y[:2].T
+
+
+def write(path, record):
+    with records.writer(path) as out:
+        out.write("/data", record)
+
+
+def write_study(folder, law, unit="mm", garbage=False):
+    scale = {"mm": 1.0, "m": 1e-3}[unit]
+    t_ns = np.arange(round(SECONDS / STEP) + 1) * round(STEP * 1e9)
+    rng = np.random.default_rng(3)
+    start = f"masses = 2.0, m1 = {M[0]}, m2 = {M[1]}, k1 = {K[0]}, k2 = {K[1]}, c1 = {C[0]}, c2 = {C[1]}"
+    text = f"""format = 1
+name = "two masses"
+[simulation]
+fmu = {json.dumps(str(FMU))}
+step_size = {STEP}
+parameters = {{ {start}, k_end = {WALL[0]}, c_end = {WALL[1]} }}
+"""
+    for i in (1, 2):
+        text += (
+            f'[[channels]]\nname = "x{i}"\nsimulation = "mass{i}.x"\nmeasurement = "s{i}"\nquantity = "displacement"\n'
+        )
+        text += f'unit = "{unit}"\nnoise = {NOISE * scale}\n'
+        text += f'[[joints]]\nname = "joint {i}"\nforce = "joint{i}.f"\ndisplacement = "joint{i}.d"\n'
+        text += f'velocity = "joint{i}.v"\nnominal_force = "joint{i}.F"\n'
+        text += f'[[adjustable]]\nparameter = "k{i}"\nminimum = 100.0\nmaximum = 5000.0\ntolerance = 0.02\n'
+    for name in ("large", "small", "held out"):
+        role = "evaluation" if name == "held out" else "development"
+        measured = truth(name, law) + rng.normal(0.0, NOISE, (len(t_ns), 2))
+        if garbage and role == "evaluation":
+            measured = rng.normal(0.0, 1.0, measured.shape)
+        file = f"{name.replace(' ', '_')}"
+        channels = (Channel("s1", unit=unit), Channel("s2", unit=unit))
+        write(folder / f"{file}.mcap", Record(t_ns, measured * scale, channels))
+        force = Record(t_ns, push(name, t_ns * 1e-9 + 0.5 * STEP)[:, None], (Channel("mass2.f", unit="N"),))
+        write(folder / f"{file}.csv", force)
+        text += (
+            f'[[conditions]]\nname = "{name}"\nrole = "{role}"\ninputs = "{file}.csv"\nmeasurement = "{file}.mcap"\n'
+        )
+    (folder / "study.toml").write_text(text)
+    return folder / "study.toml"
+
+
+def cubic(d, v):
+    return np.array([0.0, CUBIC * d[1] ** 3])
+
+
+def friction(d, v):
+    return np.array([FRICTION * np.tanh(v[0] / 1e-4), 0.0])
+
+
+def nothing(d, v):
+    return np.zeros(2)
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("cubic")
+    return folder, discover(write_study(folder, cubic), folder / "out")
+
+
+def test_a_cubic_spring_is_named_with_its_value_and_proved(found):
+    folder, report = found
+    (effect,) = report["effects"]
+    assert (report["verdict"], effect["effect"], effect["joint"]) == ("named", "cubic_stiffness", "joint 2")
+    value = effect["parameters"]["cubic_stiffness"]
+    assert value["unit"] == "N/m3"
+    assert value["value"] == pytest.approx(CUBIC, rel=0.03)
+    assert abs(value["value"] - CUBIC) < 5.0 * value["std"]
+    (gap,) = [row for row in report["gap"] if row["role"] == "evaluation"]
+    assert gap["nrmse_before"] > 3.0 * gap["noise_floor"]
+    assert gap["nrmse_after"] < 1.15 * gap["noise_floor"]
+    assert report == json.loads((folder / "out" / "report.json").read_text())
+    assert "cubic stiffness" in (folder / "out" / "report.html").read_text()
+
+
+def test_the_augmented_fmu_and_its_study_need_nothing_of_this(found):
+    """In fmpy, with the inputs of the condition that was held out: as close to the truth as the report says."""
+    folder, report = found
+    t = np.arange(round(SECONDS / STEP) + 1) * STEP
+    signals = np.array(list(zip(t, push("held out", t), strict=True)), dtype=[("time", float), ("mass2.f", float)])
+    start = load_study(folder / "out" / "study.toml").parameters
+    result = fmpy.simulate_fmu(
+        str(folder / "out" / "augmented.fmu"),
+        stop_time=SECONDS,
+        output_interval=STEP,
+        step_size=STEP,
+        start_values=dict(start),
+        input=signals,
+        output=["mass1.x", "mass2.x"],
+    )
+    shown = 1e3 * np.stack([result["mass1.x"], result["mass2.x"]], axis=1)
+    real = truth("held out", cubic)
+    error = np.mean(np.sqrt(np.mean((shown - real) ** 2, axis=0)) / np.ptp(real, axis=0)) * 100.0
+    (gap,) = [row for row in report["gap"] if row["role"] == "evaluation"]
+    assert error < 0.5 * gap["nrmse_before"]
+
+
+def test_friction_is_named(tmp_path):
+    report = discover(write_study(tmp_path, friction), tmp_path / "out")
+    (effect,) = report["effects"]
+    assert (report["verdict"], effect["effect"], effect["joint"]) == ("named", "coulomb_friction", "joint 1")
+    assert effect["parameters"]["friction_force"]["value"] == pytest.approx(FRICTION, rel=0.05)
+
+
+def test_where_nothing_is_missing_nothing_is_named(tmp_path):
+    report = discover(write_study(tmp_path, nothing), tmp_path / "out")
+    assert (report["verdict"], report["effects"]) == ("none", [])
+    assert not (tmp_path / "out" / "augmented.fmu").exists() or report["adjusted"]
+
+
+def test_the_evaluation_condition_decides_nothing_before_the_end(tmp_path, found):
+    """With a meaningless evaluation measurement the same is found, and it is no longer called named."""
+    report = discover(write_study(tmp_path, cubic, garbage=True), tmp_path / "out")
+    assert report["verdict"] == "unexplained"
+    (suspect,), (effect,) = report["suspects"], found[1]["effects"]
+    assert suspect["parameters"] == effect["parameters"]
+
+
+def test_other_units_change_nothing(tmp_path, found):
+    report = discover(write_study(tmp_path, cubic, unit="m"), tmp_path / "out")
+    (effect,), (before,) = report["effects"], found[1]["effects"]
+    assert (effect["effect"], effect["joint"]) == (before["effect"], before["joint"])
+    names = ("value", "std")
+    for name in names:
+        assert effect["parameters"]["cubic_stiffness"][name] == pytest.approx(
+            before["parameters"]["cubic_stiffness"][name], rel=1e-3
+        )
+
+
+def test_the_command_prints_the_verdict_and_explains_a_missing_column(tmp_path):
+    study = write_study(tmp_path, nothing)
+    done = CliRunner().invoke(main, ["discover", str(study), "-o", str(tmp_path / "out"), "--json"])
+    assert done.exit_code == 0, done.output
+    assert json.loads(done.stdout)["verdict"] == "none"
+    study.write_text(study.read_text().replace('measurement = "s1"', 'measurement = "s9"'))
+    with pytest.raises(StudyError, match="s9"):
+        discover(study, tmp_path / "again")
+    failed = CliRunner().invoke(main, ["discover", str(study), "-o", str(tmp_path / "again")])
+    assert failed.exit_code == 2
+    assert "Traceback" not in failed.output
+
+
+def test_only_independent_rows_count():
+    rng = np.random.default_rng(0)
+    white = rng.normal(size=(4000, 2))
+    assert independent([white]) > 0.9
+    again = np.tile(white[:40], (100, 1))  # one period, a hundred times
+    assert independent([again]) < 0.05
+
+
+def test_what_nuisances_explain_is_no_surprise():
+    rng = np.random.default_rng(1)
+    columns = rng.normal(size=(500, 3)) * 5.0
+    noise = rng.normal(size=500)
+    nuisances = Nuisances(columns)
+    quiet, moved = nuisances.believe(noise, 1.0), nuisances.believe(noise + columns @ [1.0, -1.0, 0.5], 1.0)
+    assert moved.surprise - quiet.surprise < 12.0
+    assert moved.s2 == pytest.approx(quiet.s2, rel=0.02)
+    np.testing.assert_allclose(moved.fitted, [1.0, -1.0, 0.5], atol=0.05)
+    foreign = nuisances.believe(noise + 5.0 * rng.normal(size=500), 1.0)
+    assert foreign.s2 > 15.0
