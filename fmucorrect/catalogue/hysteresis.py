@@ -42,6 +42,7 @@ def _yielding_at(share: float, exponent: float = 1.0) -> Guess:
 LAWS = (
     Law(
         name="bouc_wen_hysteresis",
+        special=("linear_stiffness", "coulomb_friction"),
         family="hysteresis",
         description="The joint yields: its force depends on the way it came, and takes energy in every loop.",
         acts="any joint",

@@ -25,8 +25,8 @@ LAWS = (
         signed=True,
         note=(
             "a is positive in the direction in which d grows. Exact at a joint to the ground; between two bodies the"
-            " other one takes the reaction. In a loop that reads a from the last step, |m| must be below the mass that"
-            " is there."
+            " other one takes the reaction. In a loop that reads a from the last steps, m must be between the"
+            " mass that is there, with a minus sign, and half of it."
         ),
     ),
 )

@@ -54,6 +54,7 @@ def _relaxing_over(radians: float) -> Guess:
 LAWS = (
     Law(
         name="series_stiffness",
+        special=("linear_stiffness", "viscous_damping"),
         form="nominal",
         family="damper",
         description="The joint's own damper sits on something soft, its mount or its oil, and so relaxes.",
@@ -85,6 +86,7 @@ LAWS = (
     ),
     Law(
         name="series_stiffness",
+        special=("linear_stiffness", "viscous_damping"),
         form="damping",
         family="damper",
         description="The joint's own linear damper sits on something soft, its mount or its oil, and so relaxes.",
@@ -106,6 +108,7 @@ LAWS = (
     ),
     Law(
         name="series_stiffness",
+        special=("linear_stiffness", "viscous_damping"),
         form="branch",
         family="damper",
         description="Beside the joint's element a spring acts through a damper and so relaxes, as the air in an air spring.",

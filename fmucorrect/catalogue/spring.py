@@ -144,6 +144,7 @@ LAWS = (
     ),
     Law(
         name="backlash",
+        special=("linear_stiffness",),
         family="spring",
         description="The joint's spring has free play: inside the gap it gives no force.",
         acts="a joint whose own element has stiffness; for play in series with others, the deflection at the play",
@@ -168,6 +169,7 @@ LAWS = (
     ),
     Law(
         name="bump_stop",
+        special=("linear_stiffness",),
         family="spring",
         description="Beyond a free travel the joint meets a stop, at both sides.",
         acts=_ANYWHERE,

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from fmucorrect.discovery.fit import Fitted
-from fmucorrect.discovery.naming import CLEAR, Naming
+from fmucorrect.discovery.naming import CLEAR, MOST, Naming
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.sets import blocks
 from fmucorrect.discovery.terms import Term
@@ -21,6 +21,8 @@ CLOSE = 12.0
 """Sets whose surprise is higher by less cannot be told from the best one."""
 AGREES = 1.3
 """Variance of the error, over its least, up to which simulation and measurement agree to the noise."""
+OPEN = 2.0
+"""Variance of the error, over its least, above which as many effects as are looked for at once are not believed."""
 LEFT = 0.15
 """Share of the residual's energy above the noise that a named effect may leave."""
 
@@ -60,11 +62,13 @@ def decide(naming: Naming) -> Decision:
     weights /= weights.sum()
     rivals = tuple(Rival(f, float(w), float(b)) for f, w, b in zip(sets, weights, behind, strict=True))
     unexplained = left(best, base)
-    probability = tuple(sum(r.probability for r in rivals if _has(r.chosen, term)) for term in best.model.terms)
+    probability = tuple(
+        min(sum(r.probability for r in rivals if _has(r.chosen, term)), 1.0) for term in best.model.terms
+    )
     classes = tuple(_class(best, t, rivals) for t in range(len(best.model.terms)))
     if not best.model.terms:
         verdict = "none" if best.s2 <= AGREES * naming.setting.floor else "unexplained"
-    elif unexplained > LEFT:
+    elif unexplained > LEFT or (len(best.model.terms) >= MOST and best.s2 > OPEN * naming.setting.floor):
         verdict = "unexplained"
     else:
         verdict = "ambiguous" if any(classes) else "named"

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
+import logging
 import tempfile
 import time
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Generator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -51,7 +52,7 @@ def discover(
         seconds[stage] = seconds.get(stage, 0.0) + now - begun
         begun = now
 
-    with _library(study) as library:
+    with _quietly(), _library(study) as library:
         lap("compile")
         with load(study, library) as problem:
             lap("load")
@@ -87,6 +88,18 @@ def _check(study: Study) -> None:
     problems = [*missing, *check_study(study, variables, columns)]
     if problems:
         raise StudyError(str(study.path), problems)
+
+
+@contextmanager
+def _quietly() -> Generator[None]:
+    """Without what solvers say when a candidate makes them unstable, which is no one's fault."""
+    solvers = logging.getLogger("fmucorrect.fmu")
+    before = solvers.level
+    solvers.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        solvers.setLevel(before)
 
 
 def _library(study: Study) -> AbstractContextManager[Path | None]:

@@ -21,7 +21,6 @@ from fmucorrect.fmu import FmuDescription, open_fmu
 from fmucorrect.signals import Condition
 from fmucorrect.study import Adjustable, Study
 
-
 LARGEST = 1e8
 """A response, in units of the noise, beyond which a model is not stable."""
 

@@ -120,6 +120,8 @@ def coordinates(term: Term) -> tuple[float, ...]:
         value = term.values[parameter.name]
         if isinstance(term, OffsetTerm):
             scales.append(term.scale)
+        elif parameter.unit == "Hz" and isinstance(term, ForceTerm):  # a phase that runs away along a record
+            scales.append(1e-3 * value)
         elif math.isfinite(parameter.minimum) and math.isfinite(parameter.maximum):
             scales.append(0.2 * (parameter.maximum - parameter.minimum))
         elif parameter.positive and value > 0.0:

@@ -108,8 +108,9 @@ def test_laws_that_can_only_take_energy_have_no_opposite():
 
 
 def test_shapes_differ():
-    ways = [values["beta"] + values["gamma"] for values in LAWS["bouc_wen_hysteresis"].starts(JOINT, 100.0)]
-    assert ways == pytest.approx([1 / (share * JOINT.d) for share in (0.1, 0.3, 1.0)])
+    shapes = LAWS["bouc_wen_hysteresis"].starts(JOINT, 100.0)
+    ways = [(values["beta"] + values["gamma"]) ** (1 / values["exponent"]) for values in shapes]
+    assert ways == pytest.approx([1 / (share * JOINT.d) for share in (0.1, 0.3, 1.0, 0.3)])
     orders = [(values["order"], values["phase"]) for values in LAWS["periodic_force_order"].starts(JOINT, 100.0)]
     assert len(set(orders)) == 6
 

@@ -126,7 +126,7 @@ def test_forms_are_told_apart_by_their_parameters():
 def test_what_does_not_fit_is_said_all_at_once():
     with pytest.raises(WrapError, match=r"gap is missing.*no parameter 'gab'.*stiffness must be at least 0, got -1"):
         LAWS["backlash"].complete({"gab": 1.0, "stiffness": -1.0})
-    with pytest.raises(WrapError, match="gamma must be between -beta and beta"):
+    with pytest.raises(WrapError, match="gamma must be at most beta"):
         LAWS["bouc_wen_hysteresis"].complete({"stiffness": 1.0, "beta": 1.0, "gamma": 2.0})
     with pytest.raises(WrapError, match="breakaway_force must be at least friction_force"):
         LAWS["stribeck_friction"].complete({"friction_force": 2.0, "breakaway_force": 1.0})

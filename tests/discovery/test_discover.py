@@ -29,7 +29,8 @@ FRICTION = 0.25  # N, at joint 1
 
 
 def push(name, t):
-    """Force on mass 2, N (the FMU holds its inputs, so the study gives them half a step ahead): sweeps of two sizes from 0.5 to 8 Hz, and another one that is held out."""
+    """Force on mass 2, N: sweeps of two sizes from 0.5 to 8 Hz, and another one that is held out. The FMU holds its inputs, so
+    the study gives them half a step ahead."""
     size, sign = {"large": (6.0, 1.0), "small": (1.5, 1.0), "held out": (4.0, -1.0)}[name]
     s = t / SECONDS
     low, high = (0.5, 8.0) if sign > 0.0 else (8.0, 0.5)
