@@ -20,6 +20,7 @@ from fmucorrect.discovery.decide import CLOSE, Decision, decide
 from fmucorrect.discovery.located import located
 from fmucorrect.discovery.naming import Naming, name
 from fmucorrect.discovery.nexttest import next_test
+from fmucorrect.discovery.outputmap import output_maps
 from fmucorrect.discovery.pictures import picture
 from fmucorrect.discovery.problem import Problem, description, load
 from fmucorrect.discovery.sets import blocks
@@ -178,7 +179,7 @@ def _report(
         "series": output.series(study, checked),
         "unexplained": decision.unexplained,
         "next_test": _next(problem, naming, decision) if verdict == "ambiguous" else None,
-        "notes": _notes(study, problem, decision),
+        "notes": _notes(study, problem, decision) + _in_words(study, verdict, residuals),
         "_write": named or (verdict == "none" and bool(now)),
         "_effects": output.effects_of(
             study, problem, best.model.terms if named else (), best.model.base, rows if named else ()
@@ -243,6 +244,13 @@ def sentence(report: dict[str, Any], checked: Sequence[Gap]) -> str:
         return f"Simulation and measurement agree to the sensors' noise{moved}: nothing is missing that these data can show."
     left = f"{100 * report['unexplained']:.2g} % of the residual's energy stays"
     return f"Simulation and measurement disagree, and nothing in the catalogue explains it: {left}."
+
+
+def _in_words(study: Study, verdict: str, residuals: Sequence[Residual]) -> list[str]:
+    """Where no force can act, and there is something to say: each channel's residual as shapes of its response."""
+    if study.joints or verdict == "none":
+        return []
+    return [item.sentence for item in output_maps(residuals, study.channels)]
 
 
 def _notes(study: Study, problem: Problem, decision: Decision) -> list[str]:

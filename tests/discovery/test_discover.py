@@ -1,6 +1,7 @@
 """Discovery from a study file to a proved model, on two masses whose truth is integrated by scipy, not by this package."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from fmucorrect.cli import main
 from fmucorrect.discovery import discover
 from fmucorrect.discovery.evidence import Nuisances, independent
 from fmucorrect.errors import StudyError
+from fmucorrect.experiment import simulate
 from fmucorrect.signals import Channel, Record
 from fmucorrect.study import load_study
 
@@ -190,6 +192,26 @@ def test_the_command_prints_the_verdict_and_explains_a_missing_column(tmp_path):
     failed = CliRunner().invoke(main, ["discover", str(study), "-o", str(tmp_path / "again")])
     assert failed.exit_code == 2
     assert "Traceback" not in failed.output
+
+
+def test_recorded_simulations_alone_are_described_in_words(tmp_path):
+    """A cubic spring that only the simulation lacks, without an FMU to run: no effect is named, the shape is told."""
+    study = load_study(write_study(tmp_path, cubic))
+    text = study.path.read_text()
+    head, rest = text.split("[[channels]]", 1)
+    text = f"{head.split('[simulation]')[0]}[simulation]\nstep_size = {STEP}\n[[channels]]{rest}"
+    for table in ("joints", "adjustable"):
+        text = re.sub(rf"(?s)\[\[{table}\]\].*?(?=\[\[)", "", text)
+    for condition in study.conditions:
+        file = condition.name.replace(" ", "_")
+        write(tmp_path / f"simulated_{file}.mcap", simulate(study, condition))
+        text = text.replace(f'inputs = "{file}.csv"', f'simulated = "simulated_{file}.mcap"')
+    text = re.sub(r'simulation = "mass(\d).x"', r'simulation = "x\1"', text)
+    study.path.write_text(text)
+    report = discover(study.path, tmp_path / "out")
+    assert (report["verdict"], report["effects"]) == ("unexplained", [])
+    assert any("force ports" in note for note in report["notes"])
+    assert sum("x1" in note or "x2" in note for note in report["notes"]) >= 2
 
 
 def test_only_independent_rows_count():
