@@ -62,11 +62,10 @@ def discover(
             lap("name")
             report = _report(study, problem, naming, decision, library, progress, lap)
     written, notes = [], []
-    if report.pop("_write"):
+    found = report.pop("_effects", None)
+    if found is not None:
         progress("augmented FMU", 0, 1)
-        found = report.pop("_effects")
         written, notes = output.write_model(study, found, folder)
-    report.pop("_effects", None)
     report["notes"] += notes
     report["files"] = ["report.json", "report.html", *written]
     lap("write")
@@ -180,11 +179,11 @@ def _report(
         "unexplained": decision.unexplained,
         "next_test": _next(problem, naming, decision) if verdict == "ambiguous" else None,
         "notes": _notes(study, problem, decision) + _in_words(study, verdict, residuals),
-        "_write": named or (verdict == "none" and bool(now)),
-        "_effects": output.effects_of(
-            study, problem, best.model.terms if named else (), best.model.base, rows if named else ()
-        ),
     }
+    terms = best.model.terms if named else ()
+    changed = bool(now) or any(not isinstance(term, SignalTerm) for term in terms)
+    if study.fmu is not None and changed and verdict != "unexplained":
+        report["_effects"] = output.effects_of(study, problem, terms, best.model.base, rows if named else ())
     report["sentence"] = sentence(report, checked)
     return report
 

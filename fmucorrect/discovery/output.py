@@ -177,14 +177,16 @@ def adjusted(study: Study, problem: Problem, base: Sequence[float]) -> tuple[dic
 def effects_of(
     study: Study, problem: Problem, terms: Sequence[Term], base: Sequence[float], rows: Sequence[Mapping[str, Any]]
 ) -> Effects:
-    """What the solver can be given: forces and parameters; what sits in sensors cannot be put into an FMU."""
+    """What the solver can be given: forces, and parameters with the study's own start values, so that the FMU starts as the
+    study's model; what sits in sensors cannot be put into an FMU."""
     forces: list[ForceEffect] = []
-    offsets: dict[str, float] = {}
     used: set[str] = set()
     now, before = adjusted(study, problem, base)
-    for name, value in now.items():
-        offsets[name] = value - before[name]
     fmu = description(study)
+    assert fmu is not None
+    offsets = {name: value - float(fmu.variables[name].start or "nan") for name, value in study.parameters.items()}
+    for name, value in now.items():
+        offsets[name] = offsets.get(name, 0.0) + value - before[name]
     for term, row in zip(terms, rows, strict=True):
         if isinstance(term, ForceTerm):
             given = row["parameters"]
@@ -207,7 +209,7 @@ def effects_of(
     rotations = tuple(r for r in study.rotations if r.name in {force.rotation for force in forces})
     return Effects(
         tuple(forces),
-        tuple(ParameterOffset(name, value) for name, value in offsets.items()),
+        tuple(ParameterOffset(name, value) for name, value in offsets.items() if value != 0.0),
         tuple(joint for joint in study.joints if joint.name in used),
         groups,
         rotations,
@@ -221,8 +223,7 @@ def write_model(study: Study, found: Effects, out: Path) -> tuple[list[str], lis
 
     written: list[str] = []
     notes: list[str] = []
-    if study.fmu is None or not (found.forces or found.offsets):
-        return written, notes
+    assert study.fmu is not None
     effects_file.write(found, out / "effects.toml")
     written.append("effects.toml")
     try:
@@ -236,8 +237,9 @@ def write_model(study: Study, found: Effects, out: Path) -> tuple[list[str], lis
 
 
 def augmented_study(study: Study, out: Path) -> str:
-    """The study file with the augmented FMU in place of the solver's; everything else stays, paths made relative to `out`."""
-    text = study.path.read_text(encoding="utf-8")
+    """The study file with the augmented FMU in place of the solver's, which brings the start values with it; everything else
+    stays, paths made relative to `out`."""
+    text = _without_start_values(study.path.read_text(encoding="utf-8"))
 
     def moved(match: re.Match[str]) -> str:
         target = (study.path.parent / json.loads(match[3])).resolve()
@@ -247,6 +249,16 @@ def augmented_study(study: Study, out: Path) -> str:
     return re.sub(
         r'(?m)^(\s*(?:inputs|measurement|simulated)\s*)(=\s*)("(?:[^"\\]|\\.)*")', _only_conditions(moved, text), text
     )
+
+
+def _without_start_values(text: str) -> str:
+    """Without `parameters` of [simulation], in either way that TOML has to write them."""
+    text = re.sub(r"(?ms)^[ \t]*\[simulation\.parameters\].*?(?=^[ \t]*\[|\Z)", "", text)
+    section = re.search(r"(?ms)^[ \t]*\[simulation\].*?(?=^[ \t]*\[|\Z)", text)
+    if section is None:
+        return text
+    bare = re.sub(r"(?ms)^[ \t]*parameters[ \t]*=[ \t]*\{.*?\}[^\n]*\n", "", section[0])
+    return text[: section.start()] + bare + text[section.end() :]
 
 
 def _only_conditions(moved: Any, text: str) -> Any:
