@@ -232,7 +232,7 @@ name = "bare"
         (23, "damper_saturation needs the nominal_force of joint 'bare'"),
         (24, "force is missing; damper_saturation takes force, or velocity"),
         (25, "must be between 0 and 1, got 2"),
-        (30, "gamma must be between -beta and beta"),
+        (30, "gamma must be at most beta"),
         (31, "has no meaning for bouc_wen_hysteresis"),
         (33, "key rotation: is missing"),
         (41, "parameters.valu: is not known; did you mean 'value'?"),

@@ -87,7 +87,7 @@ def test_structure_of_fmi_2_as_of_fmi_3() -> None:
 def test_an_independent_variable_is_taken_where_there_is_one() -> None:
     description = wrapped(inner("oscillator"), 3, Added(CHANNELS, ("mass1.x", "mass2.x")))
     assert all(row.kind != TIME for row in description.wired)
-    assert [row.reference for row in description.wired] == list(range(66))
+    assert [row.reference for row in description.wired] == list(range(67))
     taken = AWKWARD_2.replace('name="pi"', 'name="time"')
     assert by_name(validated(wrapped(taken, 3, ADDED)))["time_"].causality == "independent"
 
