@@ -12,7 +12,7 @@ from fmucorrect.catalogue import CATALOGUE, Law
 from fmucorrect.catalogue.law import starts
 from fmucorrect.catalogue.motion import Guess, Motion
 from fmucorrect.catalogue.signal import SIGNALS, SignalLaw, extent
-from fmucorrect.discovery.problem import Problem, description, start_value, tolerance_of
+from fmucorrect.discovery.problem import Problem, start_value, tolerance_of
 from fmucorrect.discovery.terms import EXCITATION, ForceTerm, OffsetTerm, SignalTerm, Term
 from fmucorrect.study import Adjustable, Joint, Study
 
@@ -131,8 +131,7 @@ def _curve(law: Law | SignalLaw, place: str, make: Make, factor: float, numbers:
 
 
 def _of_parameters(problem: Problem) -> Iterator[Curve]:
-    study = problem.study
-    fmu = description(study)
+    study, fmu = problem.study, problem.fmu
     if fmu is None:
         return
     for adjustable in study.adjustable:

@@ -52,49 +52,45 @@ def gaps(
     study: Study,
     library: Path | None,
     conditions: Sequence[Condition],
-    before: Model,
-    after: Model,
+    model: Model,
     tolerated: Sequence[Adjustable],
     sensors: Float64[np.ndarray, "J 2"],
     substeps: int = 1,
 ) -> list[Gap]:
-    """Every condition before and after. sensors: gain error and lag (s) of each channel, as the development conditions
-    tell them: `after` is shown through such sensors. Raises FmuError where the solver gives up."""
-    return [_gap(study, library, condition, before, after, tolerated, sensors, substeps) for condition in conditions]
+    """Every condition as the study has it, and with `model`. sensors: gain error and lag (s) of each channel, as the
+    development conditions tell them: `after` is shown through such sensors. Raises FmuError where the solver gives up."""
+    return [_gap(study, library, condition, model, tolerated, sensors, substeps) for condition in conditions]
 
 
 def _gap(
     study: Study,
     library: Path | None,
     condition: Condition,
-    before: Model,
-    after: Model,
+    model: Model,
     tolerated: Sequence[Adjustable],
     sensors: Float64[np.ndarray, "J 2"],
-    substeps: int = 1,
+    substeps: int,
 ) -> Gap:
     item = runner(study, condition, library, None, substeps)
     try:
-        old = simulate(study, item, condition, before, tolerated)
-        new = simulate(study, item, condition, after, tolerated)
+        new = simulate(study, item, condition, model, tolerated)
     finally:
         item.close()
     pair = experiment.pair(study, condition)
-    rows = slice(pair.rows.start, min(pair.rows.stop, len(old)))
-    measured = pair.measured[: rows.stop - rows.start]
+    rows, measured, before = pair.rows, pair.measured, pair.response
     step = study.simulation.step_size
     rate = np.gradient(new, step, axis=0)
     shown = (new * (1.0 + sensors[:, 0]) - rate * sensors[:, 1])[rows]
-    sigma, _, _ = sensor_noise(study, condition, measured, old[rows], rows.start * step)
+    sigma, _, _ = sensor_noise(study, condition, measured, before, rows.start * step)
     varies = np.ptp(measured, axis=0) > 0.0
     if not varies.any():
         raise SignalError("the measurement does not vary", where=f"condition {condition.name!r}")
-    was, now, floor = (metrics.score(y[:, varies], measured[:, varies]) for y in (old[rows], shown, measured + sigma))
+    was, now, floor = (metrics.score(y[:, varies], measured[:, varies]) for y in (before, shown, measured + sigma))
     return Gap(
         condition,
         pair.t_ns[: len(measured)] * 1e-9,
         measured,
-        old[rows],
+        before,
         shown,
         sigma,
         was.mean_nrmse,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float64
@@ -12,7 +11,7 @@ from jaxtyping import Float64
 from fmucorrect.discovery.fit import Fitted
 from fmucorrect.discovery.naming import CLEAR, MOST, Naming
 from fmucorrect.discovery.problem import Problem
-from fmucorrect.discovery.sets import blocks
+from fmucorrect.discovery.sets import names
 from fmucorrect.discovery.terms import Term
 
 TEMPER = 2.0
@@ -63,7 +62,7 @@ def decide(naming: Naming) -> Decision:
     rivals = tuple(Rival(f, float(w), float(b)) for f, w, b in zip(sets, weights, behind, strict=True))
     unexplained = left(best, base)
     probability = tuple(
-        min(sum(r.probability for r in rivals if _has(r.chosen, term)), 1.0) for term in best.model.terms
+        min(sum(r.probability for r in rivals if term.key in names(r.chosen)), 1.0) for term in best.model.terms
     )
     classes = tuple(_class(best, t, rivals) for t in range(len(best.model.terms)))
     if not best.model.terms:
@@ -77,54 +76,40 @@ def decide(naming: Naming) -> Decision:
 
 def left(fitted: Fitted, base: Fitted) -> float:
     """Share of the residual's energy above the noise that a fit leaves; 0 where there was none."""
-    before, after = (
-        float(np.mean(base.residual**2)) - 1.0,
-        max(fitted.s2, float(np.mean(fitted.residual**2)) * 0.0) - 1.0,
-    )
+    before, after = float(np.mean(base.residual**2)) - 1.0, fitted.s2 - 1.0
     return 0.0 if before <= 0.0 else min(max(after, 0.0) / before, 1.0)
-
-
-def _has(fitted: Fitted, term: Term) -> bool:
-    return any(other.effect == term.effect and other.where == term.where for other in fitted.model.terms)
 
 
 def _class(best: Fitted, t: int, rivals: Sequence[Rival]) -> tuple[Term, ...]:
     """What may stand in the place of member t, the others staying as they are."""
-    term = best.model.terms[t]
-    others = {(x.effect, x.where) for k, x in enumerate(best.model.terms) if k != t}
-    found: list[Term] = []
-    for rival in rivals:
-        if rival.behind > CLOSE or len(rival.chosen.model.terms) != len(best.model.terms) or _has(rival.chosen, term):
-            continue
-        extra = [x for x in rival.chosen.model.terms if (x.effect, x.where) not in others]
-        if len(extra) == 1 and not any(x.effect == extra[0].effect and x.where == extra[0].where for x in found):
-            found.append(extra[0])
-    return tuple(found)
+    terms = best.model.terms
+    others = {x.key for x in terms if x is not terms[t]}
+    found: dict[tuple[str, str], Term] = {}
+    for chosen in (rival.chosen for rival in rivals if rival.behind <= CLOSE):
+        extra = [x for x in chosen.model.terms if x.key not in others]
+        if len(chosen.model.terms) == len(terms) and len(extra) == 1 and extra[0].key != terms[t].key:
+            found.setdefault(extra[0].key, extra[0])
+    return tuple(found.values())
 
 
 def held_out(problem: Problem, naming: Naming, fitted: Fitted) -> Float64[np.ndarray, " C"]:
     """NRMSE, % of the measured range, of each condition when everything is fitted to the others only, to first order around
     the fit (no simulation); NaN with a single condition."""
     setting = naming.setting
-    sizes = [len(block.ravel()) for block in blocks(problem, fitted.at)]
-    if len(sizes) < 2:
+    if len(problem.trials) < 2:
         return np.full(1, np.nan)
     jacobian = np.concatenate([fitted.slopes, fitted.base, setting.sensors.columns], axis=1)
     prior = np.ones(jacobian.shape[1])
     prior[: fitted.slopes.shape[1]] = 1e-9
-    target = fitted.residual + fitted.base @ np.asarray(fitted.model.base)
-    if fitted.slopes.shape[1] == 0 and fitted.base.shape[1] == 0:
-        target = fitted.residual
+    target = fitted.linear
     level = fitted.s2 / setting.share
-    ends = np.cumsum([0, *sizes])
     whole = jacobian.T @ jacobian / level + np.diag(prior)
     right = jacobian.T @ target / level
     found: list[float] = []
-    for c, (a, b) in enumerate(pairwise(ends)):
-        own = jacobian[a:b]
-        solved = np.linalg.solve(whole - own.T @ own / level, right - own.T @ target[a:b] / level)
-        left_over = (target[a:b] - own @ solved).reshape(-1, len(problem.study.channels))
-        trial = problem.trials[c]
+    for trial, rows in zip(problem.trials, problem.rows, strict=True):
+        own = jacobian[rows]
+        solved = np.linalg.solve(whole - own.T @ own / level, right - own.T @ target[rows] / level)
+        left_over = (target[rows] - own @ solved).reshape(-1, len(problem.study.channels))
         measured = trial.evidence(trial.measured)
         span = np.ptp(measured, axis=0)
         found.append(

@@ -7,13 +7,12 @@ import logging
 import tempfile
 import time
 from collections.abc import Callable, Generator, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from fmucorrect import records
 from fmucorrect.discovery import native, output
 from fmucorrect.discovery.confirm import Gap, gaps, sensor_errors
 from fmucorrect.discovery.decide import CLOSE, Decision, decide
@@ -22,14 +21,14 @@ from fmucorrect.discovery.naming import Naming, name
 from fmucorrect.discovery.nexttest import next_test
 from fmucorrect.discovery.outputmap import output_maps
 from fmucorrect.discovery.pictures import picture
-from fmucorrect.discovery.problem import Problem, description, load
-from fmucorrect.discovery.sets import blocks
+from fmucorrect.discovery.problem import Problem, load
+from fmucorrect.discovery.sets import Progress
 from fmucorrect.discovery.terms import ForceTerm, SignalTerm
 from fmucorrect.discovery.where import Residual, where
+from fmucorrect.effects import Effects
 from fmucorrect.errors import StudyError
-from fmucorrect.study import Study, check_study, load_study
-
-Progress = Callable[[str, int, int], object]
+from fmucorrect.inspection import study_problems
+from fmucorrect.study import Study, load_study
 
 
 def discover(
@@ -41,7 +40,9 @@ def discover(
     The evaluation conditions are read after the naming is done. Raises StudyError, RecordError, SignalError, FmuError.
     """
     study = load_study(study_file)
-    _check(study)
+    problems = study_problems(study)
+    if problems:
+        raise StudyError(str(study.path), problems)
     folder = Path(out)
     folder.mkdir(parents=True, exist_ok=True)
     seconds: dict[str, float] = {}
@@ -53,16 +54,15 @@ def discover(
         seconds[stage] = seconds.get(stage, 0.0) + now - begun
         begun = now
 
-    with _quietly(), _library(study) as library:
-        lap("compile")
-        with load(study, library) as problem:
-            lap("load")
-            naming = name(problem, progress)
-            decision = decide(naming)
-            lap("name")
-            report = _report(study, problem, naming, decision, library, progress, lap)
+    library = _library(study)
+    lap("compile")
+    with _quietly(), load(study, library) as problem:
+        lap("load")
+        naming = name(problem, progress)
+        decision = decide(naming)
+        lap("name")
+        report, found = _report(study, problem, naming, decision, library, progress, lap)
     written, notes = [], []
-    found = report.pop("_effects", None)
     if found is not None:
         progress("augmented FMU", 0, 1)
         written, notes = output.write_model(study, found, folder)
@@ -70,24 +70,9 @@ def discover(
     report["files"] = ["report.json", "report.html", *written]
     lap("write")
     report["stages"] = {stage: round(value, 3) for stage, value in seconds.items()}
+    report = _plain(report)
     write(folder, report)
     return report
-
-
-def _check(study: Study) -> None:
-    """Raises StudyError with everything that the FMU or the records do not have."""
-    fmu = description(study)
-    files = {path for c in study.conditions for path in (c.measurement, c.inputs, c.simulated) if path is not None}
-    missing = [f"{path}: there is no such file" for path in sorted(files) if not path.exists()]
-    columns = {
-        path: {column.name: column.unit for item in records.describe(path).topics for column in item.topic.columns}
-        for path in files
-        if path.exists()
-    }
-    variables = None if fmu is None else {name: variable.unit for name, variable in fmu.variables.items()}
-    problems = [*missing, *check_study(study, variables, columns)]
-    if problems:
-        raise StudyError(str(study.path), problems)
 
 
 @contextmanager
@@ -102,20 +87,20 @@ def _quietly() -> Generator[None]:
         solvers.setLevel(before)
 
 
-def _library(study: Study) -> AbstractContextManager[Path | None]:
+def _library(study: Study) -> Path | None:
     """The native loop with the laws, kept between runs where there is a cache folder."""
     if study.fmu is None:
-        return nullcontext(None)
+        return None
     cache = Path(tempfile.gettempdir()) / "fmucorrect"
     cache.mkdir(exist_ok=True)
-    return nullcontext(native.build(cache))
+    return native.build(cache)
 
 
 def write(folder: Path, report: dict[str, Any]) -> None:
-    """report.json and report.html."""
+    """report.json and report.html of a report that JSON can hold."""
     from fmucorrect.report.discovery_page import write_page
 
-    (folder / "report.json").write_text(json.dumps(_plain(report), indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    (folder / "report.json").write_text(json.dumps(report, indent=1, allow_nan=False) + "\n", encoding="utf-8")
     write_page(folder / "report.html", report)
 
 
@@ -138,20 +123,19 @@ def _report(
     library: Path | None,
     progress: Progress,
     lap: Callable[[str], None],
-) -> dict[str, Any]:
+) -> tuple[dict[str, Any], Effects | None]:
+    """The report, and what an FMU can be given of what was found."""
     best = decision.best
     sensors = sensor_errors(
         naming.setting.sensors.believe(best.residual, naming.setting.share).fitted, len(study.channels)
     )
     progress("confirm", 0, len(study.conditions))
-    checked = gaps(
-        study, library, study.conditions, problem.nominal, best.model, problem.tolerated, sensors, problem.substeps
-    )
+    checked = gaps(study, library, study.conditions, best.model, problem.tolerated, sensors, problem.substeps)
     verdict = confirmed(decision, checked)
     lap("confirm")
     std = best.std()
     rows = [
-        output.effect_row(study, term, std[i], decision.probability[i], decision.classes[i])
+        output.effect_row(problem, term, std[i], decision.probability[i], decision.classes[i])
         for i, term in enumerate(best.model.terms)
     ]
     _pictures(problem, decision, rows)
@@ -162,7 +146,7 @@ def _report(
         Residual(t.condition, np.arange(t.rows.start, t.rows.stop) * step, y, t.measured, t.sigma)
         for t, y in zip(problem.trials, start, strict=True)
     ]
-    now, before = output.adjusted(study, problem, best.model.base)
+    now, before = output.adjusted(problem, best.model.base)
     report: dict[str, Any] = {
         "format": 1,
         "verdict": verdict,
@@ -182,10 +166,11 @@ def _report(
     }
     terms = best.model.terms if named else ()
     changed = bool(now) or any(not isinstance(term, SignalTerm) for term in terms)
+    found = None
     if study.fmu is not None and changed and verdict != "unexplained":
-        report["_effects"] = output.effects_of(study, problem, terms, best.model.base, rows if named else ())
+        found = output.effects_of(problem, terms, best.model.base, rows if named else ())
     report["sentence"] = sentence(report, checked)
-    return report
+    return report, found
 
 
 def _joints(problem: Problem, naming: Naming) -> dict[str, float]:
@@ -200,7 +185,7 @@ def _joints(problem: Problem, naming: Naming) -> dict[str, float]:
 
 def _pictures(problem: Problem, decision: Decision, rows: Sequence[dict[str, Any]]) -> None:
     """Adds to every force's row its picture, from the condition whose residual is the largest."""
-    sizes = [float(np.mean(block**2)) for block in blocks(problem, problem.measured)]
+    sizes = [float(np.mean(block**2)) for block in problem.split(problem.measured)]
     for term, row in zip(decision.best.model.terms, rows, strict=True):
         if isinstance(term, ForceTerm):
             row["picture"] = picture(problem, decision.best.model, term, int(np.argmax(sizes)))

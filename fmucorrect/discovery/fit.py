@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -11,7 +10,7 @@ from jaxtyping import Float64
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.nuisances import sensitivities
 from fmucorrect.discovery.problem import Model, Problem
-from fmucorrect.discovery.terms import Term, coordinates, moved
+from fmucorrect.discovery.terms import coordinates, moved
 
 PROBE = 0.02
 """By how much a coordinate is moved for its sensitivity."""
@@ -30,13 +29,15 @@ GAINED = 0.3
 @dataclass(frozen=True)
 class Setting:
     """What all fits of a problem share. measured: (n,). sensors: what may be off at them. share: of independent rows.
-    floor: least variance of the error, in units of the noise. base: (n, A) one tolerance of each base parameter."""
+    floor: least variance of the error, in units of the noise. base: (n, A) one tolerance of each base parameter.
+    candidates: how many effects at places are tried."""
 
     measured: Float64[np.ndarray, " n"]
     sensors: Nuisances
     base: Float64[np.ndarray, "n A"]
     share: float
     floor: float = 1.0
+    candidates: int = 1
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,6 @@ class Fitted:
     base: Float64[np.ndarray, "n A"]
     volume: Float64[np.ndarray, " m"]
     around: tuple[float, ...]
-    price: float = 0.0
     slopes: Float64[np.ndarray, "_ p"] = field(default_factory=lambda: np.zeros((0, 0)))
     covariance: Float64[np.ndarray, "_ _"] = field(default_factory=lambda: np.zeros((0, 0)))
 
@@ -77,23 +77,24 @@ class Fitted:
         return found
 
 
-def price(term: Term, candidates: int, count: float) -> float:
+def price(setting: Setting, numbers: int) -> float:
     """What a member costs in -2 log p: its name among all candidates, and its numbers (Schwarz 1978)."""
-    return 2.0 * float(np.log(max(candidates, 2))) + len(term.estimated) * float(np.log(max(count, 2.0)))
+    count = setting.share * len(setting.measured)
+    return 2.0 * float(np.log(max(setting.candidates, 2))) + numbers * float(np.log(max(count, 2.0)))
 
 
 def judge(setting: Setting, fitted: Fitted) -> Fitted:
     """The same model's surprise and s2 under a setting; nothing is simulated."""
     belief = setting.sensors.believe(fitted.residual, setting.share, setting.floor, fitted.volume)
     far = float(np.sum(np.square(fitted.model.base)))
-    return replace(fitted, s2=belief.s2, surprise=belief.surprise + far + fitted.price)
+    prices = sum(price(setting, len(term.estimated)) for term in fitted.model.terms)
+    return replace(fitted, s2=belief.s2, surprise=belief.surprise + far + prices)
 
 
 def fit(
     problem: Problem,
     setting: Setting,
     model: Model,
-    prices: Sequence[float],
     iterations: int,
     start: Float64[np.ndarray, " n"] | None = None,
     rival: float = np.inf,
@@ -108,8 +109,7 @@ def fit(
     if at is None:
         return None
     volume = _volume(setting, setting.base)
-    first = Fitted(model, at, setting.measured - at, 1.0, 0.0, setting.base, volume, model.base, float(sum(prices)))
-    state = judge(setting, first)
+    state = judge(setting, Fitted(model, at, setting.measured - at, 1.0, 0.0, setting.base, volume, model.base))
     damping = 1e-2
     slopes = _slopes(problem, state)
     for iteration in range(iterations):
@@ -144,22 +144,19 @@ def _volume(setting: Setting, base: Float64[np.ndarray, "n A"]) -> Float64[np.nd
 def _slopes(problem: Problem, state: Fitted) -> Float64[np.ndarray, "n p"]:
     model, at = state.model, state.at
     count = sum(len(term.estimated) for term in model.terms)
-    probes = problem.many([_moved(model, step) for step in np.eye(count) * PROBE])
+    probes = problem.many([stepped(model, step) for step in np.eye(count) * PROBE])
     columns = [np.zeros_like(at) if y is None else (y - at) / PROBE for y in probes]
     for k, column in enumerate(columns):
         if not column.any():  # at a bound, or not stable further on
-            (y,) = problem.many([_moved(model, -np.eye(count)[k] * PROBE)])
+            (y,) = problem.many([stepped(model, -np.eye(count)[k] * PROBE)])
             columns[k] = column if y is None else (at - y) / PROBE
     return np.stack(columns, axis=1) if columns else np.zeros((len(at), 0))
 
 
-def _moved(model: Model, steps: np.ndarray) -> Model:
-    terms: list[Term] = []
-    k = 0
-    for term in model.terms:
-        count = len(term.estimated)
-        terms.append(moved(term, coordinates(term), tuple(float(x) for x in steps[k : k + count])))
-        k += count
+def stepped(model: Model, steps: Float64[np.ndarray, " p"]) -> Model:
+    """The model after its members' coordinates went `steps`."""
+    rest = iter(float(x) for x in steps)
+    terms = [moved(term, coordinates(term), tuple(next(rest) for _ in term.estimated)) for term in model.terms]
     return replace(model, terms=tuple(terms))
 
 
@@ -192,7 +189,7 @@ def _step(setting: Setting, state: Fitted, slopes: Float64[np.ndarray, "n p"], d
     base = np.clip(
         np.asarray(state.model.base) + np.clip(steps[count:], -2 * LONGEST, 2 * LONGEST), -FARTHEST, FARTHEST
     )
-    return replace(_moved(state.model, steps[:count]), base=tuple(float(x) for x in base))
+    return replace(stepped(state.model, steps[:count]), base=tuple(float(x) for x in base))
 
 
 def covariance(setting: Setting, state: Fitted) -> Float64[np.ndarray, "p p"]:

@@ -8,7 +8,6 @@ from functools import cache
 
 import numpy as np
 
-from fmucorrect.catalogue.motion import Motion
 from fmucorrect.discovery import nuisances
 from fmucorrect.discovery.candidates import Curve, candidates
 from fmucorrect.discovery.evidence import Nuisances
@@ -18,7 +17,7 @@ from fmucorrect.discovery.marks import PROMISING, Marks, Target, marks, with_mar
 from fmucorrect.discovery.motion import motions
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.search import Search
-from fmucorrect.discovery.sets import Progress, admissible, blocks, finer, first_of, merged, settled, share_of, smaller
+from fmucorrect.discovery.sets import Progress, admissible, finer, first_of, merged, names, settled, share_of, smaller
 
 MOST = 3
 """Effects at once."""
@@ -41,19 +40,16 @@ CLEAR = 8.0
 @dataclass(frozen=True)
 class Naming:
     """base: the FMU without any effect, its adjustables moved within their tolerances. sets: fitted sets of effects, the
-    most likely first. motions: of the joints. candidates: how many were tried. setting: with which the surprises were
-    formed."""
+    most likely first. setting: with which the surprises were formed."""
 
     base: Fitted
     sets: tuple[Fitted, ...]
-    motions: dict[str, Motion]
-    candidates: int
     setting: Setting
 
     @property
     def best(self) -> Fitted:
         """The most likely set, which may be none."""
-        return min([self.base, *self.sets], key=lambda fitted: fitted.surprise)
+        return first_of([self.base, *self.sets])
 
 
 def name(problem: Problem, progress: Progress = lambda stage, done, total: None) -> Naming:
@@ -73,26 +69,24 @@ def name(problem: Problem, progress: Progress = lambda stage, done, total: None)
 
 def _on_all(problem: Problem, naming: Naming, progress: Progress) -> Naming:
     """The likely sets of a few conditions, fitted to all."""
-    setting, at, _ = _begun(problem)
-    rows = naming.setting.share * len(at)
-    setting = replace(setting, share=naming.setting.share, floor=naming.setting.floor)
-    base = fit(problem, setting, replace(problem.nominal, base=naming.base.model.base), (), 8)
+    setting, _, _ = _begun(problem)
+    before = naming.setting
+    setting = replace(setting, share=before.share, floor=before.floor, candidates=before.candidates)
+    base = fit(problem, setting, replace(problem.nominal, base=naming.base.model.base), 8)
     assert base is not None
     likely = [f for f in naming.sets if f.surprise < naming.best.surprise + LIKELY][:TRANSFERRED]
     found: list[Fitted] = []
     for i, old in enumerate(likely):
         progress("all conditions", i, len(likely))
-        prices = [price(term, naming.candidates, rows) for term in old.model.terms]
         own = replace(setting, base=found[0].base if found else base.base)
-        leading = min([base.surprise, *(f.surprise for f in found)])
-        fitted = fit(problem, own, old.model, prices, 6, rival=leading)
+        fitted = fit(problem, own, old.model, 6, rival=first_of([base, *found]).surprise)
         found += [] if fitted is None else [fitted]
-    setting, base, found = settled(problem, setting, base, found, naming.candidates)
-    found = [*found, *smaller(problem, setting, base, found, naming.candidates)]
+    setting, base, found = settled(problem, setting, base, found)
+    found = [*found, *smaller(problem, setting, base, found)]
     base = first_of([base, *(fitted for fitted in found if not fitted.model.terms)])
-    setting, base, found = settled(problem, setting, base, [f for f in found if f.model.terms], naming.candidates)
+    setting, base, found = settled(problem, setting, base, [f for f in found if f.model.terms])
     kept = [f for f in merged(admissible(base, found, setting.share * len(base.at))) if f.model.terms]
-    return Naming(base, tuple(kept), naming.motions, naming.candidates, setting)
+    return Naming(base, tuple(kept), setting)
 
 
 def _begun(problem: Problem) -> tuple[Setting, np.ndarray, list[np.ndarray]]:
@@ -109,14 +103,14 @@ def _name(problem: Problem, progress: Progress) -> Naming:
     can_act = problem.study.fmu is not None and bool(problem.study.joints)
     moves = motions(problem.study, [trial.condition for trial in problem.trials]) if can_act else {}
     setting = replace(setting, share=share_of(problem, setting, setting.measured - at))
-    base = fit(problem, setting, problem.nominal, (), 8, at)
+    base = fit(problem, setting, problem.nominal, 8, at)
     assert base is not None
     setting = replace(setting, base=base.base)
-    setting, base, _ = settled(problem, setting, base, [], 0)
+    setting, base, _ = settled(problem, setting, base, [])
     moves = with_marks(problem, moves, at, base.residual) if can_act else moves
 
     def looked_for(around: Fitted) -> list[Curve]:
-        rest, step = blocks(problem, around.residual), problem.study.simulation.step_size
+        rest, step = problem.split(around.residual), problem.study.simulation.step_size
 
         @cache
         def turns(wave: float) -> bool:
@@ -126,12 +120,13 @@ def _name(problem: Problem, progress: Progress) -> Naming:
         return candidates(problem, moves, start, line(problem.trials, rest, step), turns)
 
     curves = looked_for(base)
+    setting = replace(setting, candidates=len(curves))
     first, found = _round(problem, setting, base, curves, LISTED, progress)
-    setting, base, found = settled(problem, setting, base, found, len(curves))
-    setting, found = finer(problem, setting, base, found, len(curves), progress)
+    setting, base, found = settled(problem, setting, base, found)
+    setting, found = finer(problem, setting, base, found, progress)
     for _ in range(ROUNDS):
-        setting, base, found = settled(problem, setting, base, found, len(curves))
-        found = [*found, *smaller(problem, setting, base, found, len(curves))]
+        setting, base, found = settled(problem, setting, base, found)
+        found = [*found, *smaller(problem, setting, base, found)]
         base = first_of([base, *(fitted for fitted in found if not fitted.model.terms)])
         found = [fitted for fitted in found if fitted.model.terms]
         best = first_of(admissible(base, found, setting.share * len(base.at)))
@@ -143,10 +138,10 @@ def _name(problem: Problem, progress: Progress) -> Naming:
         after = first_of(admissible(base, found, setting.share * len(base.at)))
         if after.surprise > best.surprise - CLEAR or len(after.model.terms) <= len(best.model.terms):
             break
-    setting, base, found = settled(problem, setting, base, found, len(curves))
-    found += _rivals(problem, setting, base, found, first, len(curves), progress)
+    setting, base, found = settled(problem, setting, base, found)
+    found += _rivals(problem, setting, base, found, first, progress)
     kept = [f for f in merged(admissible(base, found, setting.share * len(base.at))) if f.model.terms]
-    return Naming(base, tuple(kept), moves, len(curves), setting)
+    return Naming(base, tuple(kept), setting)
 
 
 def _rivals(
@@ -155,7 +150,6 @@ def _rivals(
     base: Fitted,
     found: Sequence[Fitted],
     marks: Marks,
-    count: int,
     progress: Progress,
 ) -> list[Fitted]:
     """Of a best set of several effects: sets in which one of them gives way to another candidate."""
@@ -164,9 +158,8 @@ def _rivals(
         return []
     fits: list[Fitted] = []
     ends = np.cumsum([0, *(len(term.estimated) for term in best.model.terms)])
-    rows = setting.share * len(best.at)
-    penalty = [2.0 * np.log(max(count, 2)) + c.numbers * np.log(max(rows, 2.0)) for c in marks.curves]
-    have = {(term.effect, term.where) for term in best.model.terms}
+    penalty = [price(setting, curve.numbers) for curve in marks.curves]
+    have = names(best)
     for t in range(len(best.model.terms)):
         others = (*best.model.terms[:t], *best.model.terms[t + 1 :])
         (without,) = problem.many([replace(best.model, terms=others)])
@@ -183,9 +176,7 @@ def _rivals(
             term = marks.curves[place.curve].term(place.size)
             if term is not None:
                 model = replace(best.model, terms=(*others, term))
-                prices = [price(x, count, rows) for x in model.terms]
-                own = replace(setting, base=best.base)
-                fitted = fit(problem, own, model, prices, 8, rival=best.surprise)
+                fitted = fit(problem, replace(setting, base=best.base), model, 8, rival=best.surprise)
                 fits += [] if fitted is None else [fitted]
     return fits
 
@@ -199,7 +190,7 @@ def _round(
     progress: Progress,
 ) -> tuple[Marks, list[Fitted]]:
     """Candidates beside what `around` has already: marks, search, fits of the short list."""
-    have = {(term.effect, term.where) for term in around.model.terms}
+    have = names(around)
     free = [curve for curve in curves if curve.key not in have]
     total = 2 * len(free) + 3 * min(len(free), PROMISING)
     count = [0]
@@ -211,8 +202,7 @@ def _round(
     whole = Nuisances(np.concatenate([around.base, setting.sensors.columns], axis=1))
     target = Target(around.linear, whole, setting.share, setting.floor)
     found = marks(problem, around.model, around.at, target, free, done)
-    number = setting.share * len(around.at)
-    penalty = [2.0 * np.log(max(len(curves), 2)) + c.numbers * np.log(max(number, 2.0)) for c in found.curves]
+    penalty = [price(setting, curve.numbers) for curve in found.curves]
     search = Search(around.linear, whole, found, setting.share, penalty, setting.floor)
     fits: list[Fitted] = []
     todo = search.best(listed)
@@ -224,9 +214,7 @@ def _round(
         if any(term is None for term in terms):
             continue
         model = replace(around.model, terms=(*around.model.terms, *(term for term in terms if term is not None)))
-        prices = [price(term, len(curves), number) for term in model.terms]
-        leading = min([around.surprise, *(f.surprise for f in fits)])
-        fitted = fit(problem, setting, model, prices, 8, rival=leading)
+        fitted = fit(problem, setting, model, 8, rival=first_of([around, *fits]).surprise)
         if fitted is not None:
             fits.append(fitted)
     return found, merged(fits)

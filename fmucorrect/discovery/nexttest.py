@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64
 
-from fmucorrect.discovery.fit import LONGEST, PROBE, Fitted, Setting
+from fmucorrect.discovery.fit import LONGEST, PROBE, Fitted, Setting, stepped
 from fmucorrect.discovery.nuisances import PERTURBED, sensors
 from fmucorrect.discovery.problem import Model, Problem, simulate
 from fmucorrect.discovery.simulator import Simulator
-from fmucorrect.discovery.terms import OffsetTerm, Term, coordinates, moved, same_place
+from fmucorrect.discovery.terms import OffsetTerm, Term
 from fmucorrect.discovery.trials import Trial
 from fmucorrect.errors import FmuError
 from fmucorrect.signals import Condition
@@ -190,8 +190,7 @@ def _looked(problem: Problem, setting: Setting, models: Sequence[Fitted], repeat
     if responses is None or max(map(np.ptp, responses)) > most:
         return None
     apart = Apart(repeat, tuple(repeat.trial.evidence(y).ravel() for y in responses), responses[0])
-    ends = np.cumsum([0, *(trial.evidence(trial.measured).size for trial in problem.trials)])
-    rows = slice(ends[repeat.k], ends[repeat.k + 1])
+    rows = problem.rows[repeat.k]
     own = [repeat.scale * fitted.slopes[rows] @ directions(fitted) for fitted in models]
     return _judged(problem, setting, models, apart, np.hstack([repeat.scale * models[0].base[rows], *own]))
 
@@ -207,7 +206,7 @@ def _refined(
         for direction in directions(fitted).T:
             size = float(np.linalg.norm(direction))
             step = min(max(size, PROBE), LONGEST)
-            asked.append((_stepped(fitted.model, direction * (step / size)), size / step, at))
+            asked.append((stepped(fitted.model, direction * (step / size)), size / step, at))
     share = max(1, -(-len(asked) // problem.workers))
     parts = [[model for model, _, _ in asked[i : i + share]] for i in range(0, len(asked), share)]
     columns = [np.zeros_like(apart.at[0])]
@@ -229,19 +228,12 @@ def directions(fitted: Fitted) -> Float64[np.ndarray, "p q"]:
     return (vectors * np.minimum(np.sqrt(np.maximum(values, 0.0)), WIDEST))[:, values > 1e-16]
 
 
-def _stepped(model: Model, steps: Float64[np.ndarray, " p"]) -> Model:
-    """The model after its members' coordinates went `steps`."""
-    rest = iter(float(x) for x in steps)
-    terms = [moved(term, coordinates(term), tuple(next(rest) for _ in term.estimated)) for term in model.terms]
-    return replace(model, terms=tuple(terms))
-
-
 def _judged(
     problem: Problem, setting: Setting, models: Sequence[Fitted], apart: Apart, own: Float64[np.ndarray, "n q"]
 ) -> Apart:
     """The separations, when the sensors and these columns may take their share of each difference."""
     trial, scale = apart.repeat.trial, max(apart.repeat.scale, 1.0)
-    with Problem(problem.study, problem.library, (trial,), (), 1) as single:
+    with replace(problem, trials=(trial,), workers=1, _free=[]) as single:
         columns = np.hstack([sensors(single, [apart.response]), own])
     none = np.zeros(columns.shape[1])
     found: list[float] = []
@@ -291,7 +283,8 @@ def _report(study: Study, models: Sequence[Fitted], chosen: Apart, tried: Sequen
 
 def _own(fitted: Fitted, other: Fitted) -> list[Term]:
     """What only one of two models has."""
-    return [term for term in fitted.model.terms if not any(same_place(term, x) for x in other.model.terms)]
+    have = {x.key for x in other.model.terms}
+    return [term for term in fitted.model.terms if term.key not in have]
 
 
 def _names(fitted: Fitted, other: Fitted) -> str:

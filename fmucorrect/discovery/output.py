@@ -18,7 +18,8 @@ from fmucorrect.catalogue.text import latex, modelica
 from fmucorrect.discovery.confirm import Gap
 from fmucorrect.discovery.decide import Decision, Rival, held_out
 from fmucorrect.discovery.naming import Naming
-from fmucorrect.discovery.problem import Problem, description, start_value, tolerance_of
+from fmucorrect.discovery.pictures import units_at
+from fmucorrect.discovery.problem import Problem, start_value, tolerance_of
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, SignalTerm, Term
 from fmucorrect.effects import Effects, ForceEffect, ParameterOffset, Remarks
 from fmucorrect.errors import FmucorrectError
@@ -29,11 +30,10 @@ SHOWN = 2000
 """Points of a time series in the report."""
 SECONDS = 4.0
 """Of a condition that are shown in time."""
-ROTATIONAL = ("rad", "deg")
 
 
 def effect_row(
-    study: Study, term: Term, std: Mapping[str, float], probability: float, rivals: Sequence[Term]
+    problem: Problem, term: Term, std: Mapping[str, float], probability: float, rivals: Sequence[Term]
 ) -> dict[str, Any]:
     """One entry of the report's effects."""
     row: dict[str, Any] = {
@@ -43,7 +43,7 @@ def effect_row(
             name: {
                 "value": term.values[name],
                 "std": std.get(name, 0.0),
-                "unit": unit_of(study, term, name),
+                "unit": unit_of(problem, term, name),
                 "symbol": term.parameter(name).symbol,
                 "meaning": term.parameter(name).meaning,
             }
@@ -58,7 +58,9 @@ def effect_row(
             "description": term.law.description,
             "latex": latex(term.law),
             "c": "\n".join(functions(term.law)),
-            "modelica": modelica(term.law, term.values, _identifier(term.law.label), *units_at(study, term)),
+            "modelica": modelica(
+                term.law, term.values, _identifier(term.law.label), *units_at(problem, term.joints[0])
+            ),
         }
     elif isinstance(term, SignalTerm):
         row |= {"description": term.law.description, "latex": latex(term.law)}
@@ -72,22 +74,15 @@ def equation(term: Term) -> str:
     return f"{term.where} + Delta" if isinstance(term, OffsetTerm) else term.law.equation
 
 
-def unit_of(study: Study, term: Term, name: str) -> str:
+def unit_of(problem: Problem, term: Term, name: str) -> str:
     """The unit of a number of a term."""
     if isinstance(term, OffsetTerm):
         return term.unit
     template = term.parameter(name).unit
     if isinstance(term, SignalTerm):
-        return signal_unit(template, study.channels[term.channels[0]].unit if term.channels else "1")
-    text = unit(template, *units_at(study, term))
+        return signal_unit(template, problem.study.channels[term.channels[0]].unit if term.channels else "1")
+    text = unit(template, *units_at(problem, term.joints[0]))
     return text.replace("^n", f"^{term.values.get('exponent', 1.0):g}") if "^n" in text else text
-
-
-def units_at(study: Study, term: ForceTerm) -> tuple[str, str]:
-    """Of force and displacement at a term's joint, SI."""
-    fmu = description(study)
-    variable = None if fmu is None else fmu.variables.get(term.joints[0].displacement)
-    return ("N.m", "rad") if variable is not None and variable.unit in ROTATIONAL else ("N", "m")
 
 
 def _identifier(text: str) -> str:
@@ -159,30 +154,29 @@ def _short(x: np.ndarray) -> list[float]:
     return [float(f"{value:.6g}") for value in x]
 
 
-def adjusted(study: Study, problem: Problem, base: Sequence[float]) -> tuple[dict[str, float], dict[str, float]]:
+def adjusted(problem: Problem, base: Sequence[float]) -> tuple[dict[str, float], dict[str, float]]:
     """The tolerated parameters that moved noticeably: where they are, and where they were."""
-    fmu = description(study)
     now: dict[str, float] = {}
     before: dict[str, float] = {}
     for adjustable, z in zip(problem.tolerated, base, strict=True):
         if abs(z) < 0.05:
             continue
         for name in adjustable.parameters:
-            start = start_value(study, fmu, None, name)
+            start = start_value(problem.study, problem.fmu, None, name)
             if np.isfinite(start):
                 before[name], now[name] = start, start + z * tolerance_of(adjustable, start)
     return now, before
 
 
 def effects_of(
-    study: Study, problem: Problem, terms: Sequence[Term], base: Sequence[float], rows: Sequence[Mapping[str, Any]]
+    problem: Problem, terms: Sequence[Term], base: Sequence[float], rows: Sequence[Mapping[str, Any]]
 ) -> Effects:
     """What the solver can be given: forces, and parameters with the study's own start values, so that the FMU starts as the
     study's model; what sits in sensors cannot be put into an FMU."""
     forces: list[ForceEffect] = []
     used: set[str] = set()
-    now, before = adjusted(study, problem, base)
-    fmu = description(study)
+    now, before = adjusted(problem, base)
+    study, fmu = problem.study, problem.fmu
     assert fmu is not None
     offsets = {name: value - float(fmu.variables[name].start or "nan") for name, value in study.parameters.items()}
     for name, value in now.items():

@@ -28,7 +28,7 @@ SECONDS = 2.0
 """Of a condition that are shown; two periods of a tone where that is shorter."""
 ALIKE = 0.1
 """Velocities of two joints that differ by less, in shares of their own, are alike."""
-ANGLES = ("rad", "deg")
+ROTATIONAL = ("rad", "deg")
 """Units of displacement of a rotational joint."""
 
 Motion = dict[str, Float64[np.ndarray, " N"]]
@@ -102,8 +102,14 @@ def motion(problem: Problem, model: Model, trial: Trial, joint: Joint) -> tuple[
         moved["velocity"] = np.gradient(moved["displacement"], study.simulation.step_size)
     moved["time"] = times
     moved["speed"] = np.full(len(times), trial.condition.speed / 3.6)
-    turns = fmu.variables[joint.displacement].unit in ANGLES
-    return moved, ["rad", "rad/s", "N.m"] if turns else ["m", "m/s", "N"]
+    force, length = units_at(problem, joint)
+    return moved, [length, f"{length}/s", force]
+
+
+def units_at(problem: Problem, joint: Joint) -> tuple[str, str]:
+    """Of force and displacement at a joint, SI."""
+    assert problem.fmu is not None
+    return ("N.m", "rad") if problem.fmu.variables[joint.displacement].unit in ROTATIONAL else ("N", "m")
 
 
 def law_along(term: ForceTerm, moved: Motion, size: float) -> Float64[np.ndarray, " N"]:

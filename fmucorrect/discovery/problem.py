@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 from queue import SimpleQueue
 from types import TracebackType
@@ -40,11 +41,13 @@ Runner = Simulator | Logged
 class Problem:
     """A study's development conditions, loaded. Close it, or use it in a with statement.
 
-    trials: their data. tolerated: adjustables that may differ by their tolerance anyway. workers: threads that simulate.
+    fmu: the study's, None where it has none. trials: their data. tolerated: adjustables that may differ by their tolerance
+    anyway. workers: threads that simulate.
     substeps: couplings of laws and FMU in a communication step.
     """
 
     study: Study
+    fmu: FmuDescription | None
     library: Path | None
     trials: tuple[Trial, ...]
     tolerated: tuple[Adjustable, ...]
@@ -85,7 +88,11 @@ class Problem:
             distance = ((rows[:, None] - rows[None, chosen]) ** 2).sum(axis=2).min(axis=1)
             chosen.append(int(np.argmax(distance)))
         trials = tuple(self.trials[k] for k in sorted(chosen))
-        return Problem(self.study, self.library, trials, self.tolerated, self.workers, self.substeps)
+        return self.of(trials)
+
+    def of(self, trials: tuple[Trial, ...]) -> Problem:
+        """The same of these conditions only, with solvers of its own."""
+        return replace(self, trials=trials, _free=[])
 
     def couple(self, substeps: int) -> None:
         """From now on so many couplings in a communication step."""
@@ -132,6 +139,16 @@ class Problem:
     def stack(self, responses: Sequence[Float64[np.ndarray, "_ J"]]) -> Float64[np.ndarray, " n"]:
         """All evidence of responses as one vector, in units of the noise."""
         return np.concatenate([t.evidence(y).ravel() for t, y in zip(self.trials, responses, strict=True)])
+
+    @property
+    def rows(self) -> list[slice]:
+        """Where each condition's evidence lies in a stacked vector."""
+        ends = np.cumsum([0, *(trial.blocks * len(self.study.channels) for trial in self.trials)])
+        return [slice(a, b) for a, b in pairwise(ends)]
+
+    def split(self, stacked: Float64[np.ndarray, " n"]) -> list[Float64[np.ndarray, "_ J"]]:
+        """A stacked vector as (B, J) of every condition."""
+        return [stacked[rows].reshape(-1, len(self.study.channels)) for rows in self.rows]
 
     @property
     def measured(self) -> Float64[np.ndarray, " n"]:
@@ -253,10 +270,6 @@ def load(study: Study, library: Path | None, workers: int = 0) -> Problem:
     if not study.development:
         raise StudyError(str(study.path), ["discovery needs at least one development condition"])
     trials = tuple(read(study, condition) for condition in study.development)
-    tolerated = tuple(a for a in study.adjustable if a.tolerance or a.absolute_tolerance) if study.fmu else ()
-    return Problem(study, library, trials, tolerated, workers or min(os.cpu_count() or 1, 8))
-
-
-def description(study: Study) -> FmuDescription | None:
-    """The study's FMU, where it has one."""
-    return None if study.fmu is None else open_fmu(study.fmu)
+    fmu = None if study.fmu is None else open_fmu(study.fmu)
+    tolerated = tuple(a for a in study.adjustable if a.tolerance or a.absolute_tolerance) if fmu else ()
+    return Problem(study, fmu, library, trials, tolerated, workers or min(os.cpu_count() or 1, 8))

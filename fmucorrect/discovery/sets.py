@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 
 from fmucorrect.discovery.evidence import independent
-from fmucorrect.discovery.fit import Fitted, Setting, fit, judge, price
+from fmucorrect.discovery.fit import Fitted, Setting, fit, judge
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.terms import ForceTerm, Term
 
@@ -29,7 +28,7 @@ Progress = Callable[[str, int, int], object]
 
 def names(fitted: Fitted) -> frozenset[tuple[str, str]]:
     """Effects and places of a set."""
-    return frozenset((term.effect, term.where) for term in fitted.model.terms)
+    return frozenset(term.key for term in fitted.model.terms)
 
 
 def first_of(found: Sequence[Fitted]) -> Fitted:
@@ -60,7 +59,7 @@ def _simpler(less: Fitted, more: Fitted) -> bool:
     if names(less) < names(more):
         return True
     special = [
-        names(more) - {(term.effect, term.where)} | {(simple, term.where)}
+        names(more) - {term.key} | {(simple, term.where)}
         for term in more.model.terms
         if isinstance(term, ForceTerm)
         for simple in term.law.special
@@ -73,41 +72,36 @@ def _forms(terms: Sequence[Term]) -> frozenset[tuple[str, str]]:
     return frozenset((t.law.label if isinstance(t, ForceTerm) else t.effect, t.where) for t in terms)
 
 
-def smaller(problem: Problem, setting: Setting, base: Fitted, found: Sequence[Fitted], count: int) -> list[Fitted]:
+def smaller(problem: Problem, setting: Setting, base: Fitted, found: Sequence[Fitted]) -> list[Fitted]:
     """The best set without one of its effects, each fitted from where the set stands, where that has not been done. Of one
     effect alone that is the base model once more, by another way."""
-    rows = setting.share * len(base.at)
-    best = first_of(admissible(base, found, rows))
+    best = first_of(admissible(base, found, setting.share * len(base.at)))
     have = {_forms(fitted.model.terms) for fitted in found}
     fits: list[Fitted] = []
     for term in best.model.terms:
         terms = tuple(other for other in best.model.terms if other is not term)
         if terms and _forms(terms) in have:
             continue
-        model = replace(best.model, terms=terms)
-        prices = [price(other, count, rows) for other in terms]
-        fitted = fit(problem, replace(setting, base=best.base), model, prices, 6)
+        fitted = fit(problem, replace(setting, base=best.base), replace(best.model, terms=terms), 6)
         fits += [] if fitted is None else [fitted]
     return fits
 
 
 def finer(
-    problem: Problem, setting: Setting, base: Fitted, found: list[Fitted], count: int, progress: Progress
+    problem: Problem, setting: Setting, base: Fitted, found: list[Fitted], progress: Progress
 ) -> tuple[Setting, list[Fitted]]:
     """Where the best set's response hangs on the coupling step, the likely sets fitted again with a finer one; what error is
     left becomes part of the least error."""
-    best = min([base, *found], key=lambda fitted: fitted.surprise)
+    best = first_of([base, *found])
     if not any(isinstance(term, ForceTerm) for term in best.model.terms):
         return setting, found
     error = _coupling(problem, best)
     if error > COARSE:
         problem.couple(problem.substeps * FINER)
-        rows = setting.share * len(best.at)
         again: list[Fitted] = []
         for i, old in enumerate(found[:REFITTED]):
             progress("finer coupling", i, REFITTED)
-            prices = [price(term, count, rows) for term in old.model.terms]
-            new = fit(problem, replace(setting, base=old.base), old.model, prices, 5)
+            new = fit(problem, replace(setting, base=old.base), old.model, 5)
             again += [] if new is None else [new]
         if again:
             found = merged(again)
@@ -125,44 +119,29 @@ def _coupling(problem: Problem, fitted: Fitted) -> float:
 
 
 def settled(
-    problem: Problem, setting: Setting, base: Fitted, found: list[Fitted], count: int
+    problem: Problem, setting: Setting, base: Fitted, found: list[Fitted]
 ) -> tuple[Setting, Fitted, list[Fitted]]:
     """All judged with the share of independent rows that the best set's residual tells."""
     for _ in range(3):
-        best = min([base, *found], key=lambda fitted: fitted.surprise)
+        best = first_of([base, *found])
         share = share_of(problem, setting, best.residual)
         if abs(np.log(share / setting.share)) < 0.1:
             break
         setting = replace(setting, share=share)
         base = judge(setting, base)
-        rows = share * len(base.at)
-        found = [
-            judge(setting, replace(f, price=float(sum(price(t, count, rows) for t in f.model.terms)))) for f in found
-        ]
+        found = [judge(setting, fitted) for fitted in found]
     return setting, base, sorted(found, key=lambda fitted: fitted.surprise)
 
 
 def share_of(problem: Problem, setting: Setting, residual: np.ndarray) -> float:
     """Of independent rows, once the sensors have taken their part of a residual."""
     belief = setting.sensors.believe(residual, 1.0)
-    return independent(blocks(problem, residual - setting.sensors.columns @ belief.fitted))
-
-
-def blocks(problem: Problem, stacked: np.ndarray) -> list[np.ndarray]:
-    """A stacked vector as (B, J) of every condition."""
-    channels = len(problem.study.channels)
-    sizes = [len(trial.measured) // trial.block for trial in problem.trials]
-    ends = np.cumsum([0, *(size * channels for size in sizes)])
-    return [stacked[a:b].reshape(-1, channels) for a, b in pairwise(ends)]
+    return independent(problem.split(residual - setting.sensors.columns @ belief.fitted))
 
 
 def merged(fits: Sequence[Fitted]) -> list[Fitted]:
     """The best fit of every set of names, sorted."""
-    names: set[frozenset[tuple[str, str]]] = set()
-    result: list[Fitted] = []
+    best: dict[frozenset[tuple[str, str]], Fitted] = {}
     for fitted in sorted(fits, key=lambda f: f.surprise):
-        key = frozenset((term.effect, term.where) for term in fitted.model.terms)
-        if key not in names:
-            names.add(key)
-            result.append(fitted)
-    return result
+        best.setdefault(names(fitted), fitted)
+    return list(best.values())

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Generic, TypeVar
 
 from fmucorrect.catalogue import Law, Parameter
 from fmucorrect.catalogue.signal import SignalLaw
@@ -15,45 +16,28 @@ OFFSET = "parameter_offset"
 EXCITATION = "excitation"
 
 
-@dataclass(frozen=True)
-class ForceTerm:
-    """A law at a joint, or alike at each joint of a group. values: all parameters of the law, SI."""
+L = TypeVar("L", Law, SignalLaw)
 
-    law: Law
+
+class _Keyed:
+    """What tells terms apart."""
+
     where: str
-    joints: tuple[Joint, ...]
-    values: Mapping[str, float]
 
     @property
     def effect(self) -> str:
-        return self.law.name
+        raise NotImplementedError
 
     @property
-    def estimated(self) -> tuple[str, ...]:
-        return self.law.estimated
-
-    def parameter(self, name: str) -> Parameter:
-        """What is known of one of its numbers."""
-        return next(parameter for parameter in self.law.parameters if parameter.name == name)
-
-    def allowed(self) -> bool:
-        """Whether its numbers keep the law's bounds."""
-        each = all(p.problem(self.values[p.name]) is None for p in self.law.parameters)
-        return each and self.law.check(self.values) is None
-
-    @property
-    def laws(self) -> tuple[LawAt, ...]:
-        """What the solver gets at each joint."""
-        return tuple(LawAt(self.law, joint, self.values) for joint in self.joints)
+    def key(self) -> tuple[str, str]:
+        """Effect and place."""
+        return self.effect, self.where
 
 
-@dataclass(frozen=True)
-class SignalTerm:
-    """A law of a sensor, or of the excitation. channels: the columns that it changes; () for the excitation."""
+class _OfLaw(_Keyed, Generic[L]):
+    """What a term has from its law."""
 
-    law: SignalLaw
-    where: str
-    channels: tuple[int, ...]
+    law: L
     values: Mapping[str, float]
 
     @property
@@ -74,7 +58,36 @@ class SignalTerm:
 
 
 @dataclass(frozen=True)
-class OffsetTerm:
+class ForceTerm(_OfLaw[Law]):
+    """A law at a joint, or alike at each joint of a group. values: all parameters of the law, SI."""
+
+    law: Law
+    where: str
+    joints: tuple[Joint, ...]
+    values: Mapping[str, float]
+
+    def allowed(self) -> bool:
+        """Whether its numbers keep the law's bounds, each and together."""
+        return super().allowed() and self.law.check(self.values) is None
+
+    @property
+    def laws(self) -> tuple[LawAt, ...]:
+        """What the solver gets at each joint."""
+        return tuple(LawAt(self.law, joint, self.values) for joint in self.joints)
+
+
+@dataclass(frozen=True)
+class SignalTerm(_OfLaw[SignalLaw]):
+    """A law of a sensor, or of the excitation. channels: the columns that it changes; () for the excitation."""
+
+    law: SignalLaw
+    where: str
+    channels: tuple[int, ...]
+    values: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class OffsetTerm(_Keyed):
     """Adjustable parameters that are off by more than was expected. values: `value` in the parameter's own unit, or for
     several scaled together the change of their common factor. scale: one tolerance, or 5 %, in the same unit.
     low, high: what `value` may be."""
@@ -107,11 +120,6 @@ class OffsetTerm:
 Term = ForceTerm | SignalTerm | OffsetTerm
 
 
-def with_values(term: Term, values: Mapping[str, float]) -> Term:
-    """The same effect at the same place with other numbers."""
-    return replace(term, values={**term.values, **values})
-
-
 def coordinates(term: Term) -> tuple[float, ...]:
     """The scale of each estimated number: 0 where its logarithm is moved, else one unit of the coordinate."""
     known = [term.parameter(name) for name in term.estimated]
@@ -141,12 +149,7 @@ def moved(term: Term, scales: tuple[float, ...], steps: tuple[float, ...]) -> Te
             value = value * math.exp(share * step) if scale == 0.0 else value + share * scale * step
             known = term.parameter(name)
             values[name] = min(max(value, known.minimum), known.maximum)
-        changed = with_values(term, values)
+        changed = replace(term, values={**term.values, **values})
         if changed.allowed():
             return changed
     return term
-
-
-def same_place(a: Term, b: Term) -> bool:
-    """Whether two terms are the same effect at the same place."""
-    return a.effect == b.effect and a.where == b.where

@@ -35,6 +35,11 @@ class Trial:
     known: bool = True
     notes: tuple[str, ...] = ()
 
+    @property
+    def blocks(self) -> int:
+        """Rows of evidence."""
+        return len(self.measured) // self.block
+
     def evidence(self, y: Float64[np.ndarray, "N J"]) -> Float64[np.ndarray, "B J"]:
         """Block means in units of their noise."""
         count = len(y) // self.block

@@ -12,7 +12,7 @@ pytest.importorskip("sympy")
 from fmucorrect.catalogue import find
 from fmucorrect.discovery import native, nuisances
 from fmucorrect.discovery.evidence import Nuisances
-from fmucorrect.discovery.fit import Setting, fit, price
+from fmucorrect.discovery.fit import Setting, fit
 from fmucorrect.discovery.nexttest import SPLIT, exciting, next_test, repeats
 from fmucorrect.discovery.problem import Model, load, runner, simulate
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm
@@ -101,11 +101,11 @@ def problem_of(folder: Path, library: Path, conditions: dict[str, float], truth:
 def setting_of(problem) -> Setting:
     start = problem.responses(problem.nominal)
     base = nuisances.sensitivities(problem, problem.nominal, problem.stack(start))
-    return Setting(problem.measured, Nuisances(nuisances.sensors(problem, start)), base, 1.0)
+    return Setting(problem.measured, Nuisances(nuisances.sensors(problem, start)), base, 1.0, candidates=10)
 
 
 def fitted_with(problem, setting, term):
-    fitted = fit(problem, setting, replace(problem.nominal, terms=(term,)), [price(term, 10, 1000.0)], 12)
+    fitted = fit(problem, setting, replace(problem.nominal, terms=(term,)), 12)
     assert fitted is not None
     return fitted
 
