@@ -13,11 +13,13 @@ from fmucorrect.catalogue.law import starts
 from fmucorrect.catalogue.motion import Guess, Motion
 from fmucorrect.catalogue.signal import SIGNALS, SignalLaw, extent
 from fmucorrect.discovery.problem import Problem, start_value, tolerance_of
-from fmucorrect.discovery.terms import EXCITATION, ForceTerm, OffsetTerm, SignalTerm, Term
-from fmucorrect.study import Adjustable, Joint, Study
+from fmucorrect.discovery.terms import EXCITATION, OFFSET, ForceTerm, OffsetTerm, SignalTerm, Term
+from fmucorrect.study import Joint, Study
 
 UNKNOWN = 0.05
 """Relative tolerance that scales the offset of a parameter without one."""
+FIRST = 5.0
+"""Tolerances at which an offset is looked at first."""
 
 Make = Callable[[float], Term | None]
 
@@ -70,7 +72,7 @@ def candidates(
         speeds = all(trial.condition.speed > 0.0 for trial in problem.trials)
         for place, joints in places(study).items():
             motion = _together([motions[joint.name] for joint in joints])
-            for law in (law for forms in CATALOGUE.values() for law in forms if _fits(law, joints)):
+            for law in (law for forms in CATALOGUE.values() for law in forms if may_act(law, joints)):
                 for radius in (radii if speeds else []) if "speed" in law.inputs else [0.0]:
                     found += [
                         curve
@@ -89,7 +91,8 @@ def _wave(curve: Curve) -> float:
     return 2.0 * math.pi * term.values["radius"] / term.values["order"]
 
 
-def _fits(law: Law, joints: Sequence[Joint]) -> bool:
+def may_act(law: Law, joints: Sequence[Joint]) -> bool:
+    """Whether a law may act at each of these joints, and reads only what they show."""
     if any(joint.kinds and law.family not in joint.kinds for joint in joints):
         return False
     return all(
@@ -130,30 +133,33 @@ def _curve(law: Law | SignalLaw, place: str, make: Make, factor: float, numbers:
     return Curve(law.name, law.form, place, make, factor * middle, most, law.signed, numbers)
 
 
-def _of_parameters(problem: Problem) -> Iterator[Curve]:
+def adjustables(problem: Problem) -> list[OffsetTerm]:
+    """Every adjustable of the study as an offset, of 0 yet."""
     study, fmu = problem.study, problem.fmu
-    if fmu is None:
-        return
-    for adjustable in study.adjustable:
+    found: list[OffsetTerm] = []
+    for adjustable in study.adjustable if fmu is not None else ():
+        first = adjustable.parameters[0]
         single = len(adjustable.parameters) == 1
-        start = start_value(study, fmu, problem.trials[0].condition, adjustable.parameters[0])
-        at = start if single else 1.0
-        scale = tolerance_of(adjustable, at) or UNKNOWN * abs(at)
-        unit = fmu.variables[adjustable.parameters[0]].unit if single else "1"
-        low, high = adjustable.minimum - at, adjustable.maximum - at
-        if scale <= 0.0:
-            continue
-        name = " and ".join(adjustable.parameters)
-        most = max(high, -low) / scale
-        yield Curve("parameter_offset", "", name, _offset(adjustable, name, scale, low, high, unit), 5.0, most, True, 1)
+        start = start_value(study, fmu, problem.trials[0].condition, first) if single else 1.0
+        scale = tolerance_of(adjustable, start) or UNKNOWN * abs(start)
+        unit = fmu.variables[first].unit if single and fmu is not None else "1"
+        low, high = adjustable.minimum - start, adjustable.maximum - start
+        if scale > 0.0:
+            name = " and ".join(adjustable.parameters)
+            found.append(OffsetTerm(adjustable, name, scale, low, high, {"value": 0.0}, unit))
+    return found
 
 
-def _offset(adjustable: Adjustable, name: str, scale: float, low: float, high: float, unit: str) -> Make:
-    def make(size: float) -> Term:
-        value = min(max(size * scale, low), high)
-        return OffsetTerm(adjustable, name, scale, low, high, {"value": value}, unit)
+def _of_parameters(problem: Problem) -> Iterator[Curve]:
+    for term in adjustables(problem):
+        for form, way, most in (("up", term.scale, term.high), ("down", -term.scale, -term.low)):
+            if most > 0.0:  # two curves: seldom each other's mirror
+                size = min(FIRST, most / term.scale)
+                yield Curve(OFFSET, form, term.where, _offset(term, way), size, most / term.scale, False, 1)
 
-    return make
+
+def _offset(none: OffsetTerm, way: float) -> Make:
+    return lambda size: replace(none, values={"value": min(max(size * way, none.low), none.high)})
 
 
 def _of_signals(problem: Problem, responses: Sequence[np.ndarray]) -> Iterator[Curve]:

@@ -9,9 +9,9 @@ import numpy as np
 from jaxtyping import Float64
 
 from fmucorrect.discovery.fit import Fitted
-from fmucorrect.discovery.naming import CLEAR, MOST, Naming
+from fmucorrect.discovery.naming import CLEAR, Naming
 from fmucorrect.discovery.problem import Problem
-from fmucorrect.discovery.sets import names
+from fmucorrect.discovery.sets import names, room
 from fmucorrect.discovery.terms import Term
 
 TEMPER = 2.0
@@ -67,7 +67,7 @@ def decide(naming: Naming) -> Decision:
     classes = tuple(_class(best, t, rivals) for t in range(len(best.model.terms)))
     if not best.model.terms:
         verdict = "none" if best.s2 <= AGREES * naming.setting.floor else "unexplained"
-    elif unexplained > LEFT or (len(best.model.terms) >= MOST and best.s2 > OPEN * naming.setting.floor):
+    elif unexplained > LEFT or (not room(best) and best.s2 > OPEN * naming.setting.floor):
         verdict = "unexplained"
     else:
         verdict = "ambiguous" if any(classes) else "named"

@@ -16,7 +16,7 @@ PROBE = 0.02
 """By how much a coordinate is moved for its sensitivity."""
 LONGEST = 0.8
 """Longest step of a logarithm at once; of any other coordinate, and of a base parameter in tolerances, twice that."""
-FARTHEST = 4.0
+FARTHEST = 6.0
 """Tolerances that a base parameter may be away from its start value."""
 STALE = 1.0
 """Tolerances that a base parameter may move before the sensitivities are taken anew."""
@@ -160,7 +160,7 @@ def stepped(model: Model, steps: Float64[np.ndarray, " p"]) -> Model:
     return replace(model, terms=tuple(terms))
 
 
-def _normal(
+def normal(
     setting: Setting, state: Fitted, slopes: Float64[np.ndarray, "n p"]
 ) -> tuple[Float64[np.ndarray, "q q"], Float64[np.ndarray, " q"]]:
     """J' K^-1 J and J' K^-1 r of members and base parameters together, sensors in K, the base parameters' prior added."""
@@ -178,7 +178,7 @@ def _normal(
 
 
 def _step(setting: Setting, state: Fitted, slopes: Float64[np.ndarray, "n p"], damping: float) -> Model:
-    H, g = _normal(setting, state, slopes)
+    H, g = normal(setting, state, slopes)
     if not len(g):
         return state.model
     count = slopes.shape[1]
@@ -194,6 +194,6 @@ def _step(setting: Setting, state: Fitted, slopes: Float64[np.ndarray, "n p"], d
 
 def covariance(setting: Setting, state: Fitted) -> Float64[np.ndarray, "p p"]:
     """Of the members' coordinates, base parameters and sensors integrated out."""
-    H, _ = _normal(setting, state, state.slopes)
+    H, _ = normal(setting, state, state.slopes)
     count = state.slopes.shape[1]
     return np.linalg.pinv(H, hermitian=True)[:count, :count]

@@ -2,37 +2,46 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
 
 from fmucorrect.discovery import nuisances
-from fmucorrect.discovery.candidates import Curve, candidates
+from fmucorrect.discovery.calibration import calibrated
+from fmucorrect.discovery.candidates import Curve, candidates, places
 from fmucorrect.discovery.evidence import Nuisances
-from fmucorrect.discovery.fit import Fitted, Setting, fit, price
+from fmucorrect.discovery.fit import Fitted, Setting, fit
 from fmucorrect.discovery.lines import line, stands
-from fmucorrect.discovery.marks import PROMISING, Marks, Target, marks, with_marks
+from fmucorrect.discovery.look import EXPLAINED, elsewhere, look, rivals
+from fmucorrect.discovery.marks import with_marks
 from fmucorrect.discovery.motion import motions
 from fmucorrect.discovery.problem import Problem
-from fmucorrect.discovery.search import Search
-from fmucorrect.discovery.sets import Progress, admissible, finer, first_of, merged, names, settled, share_of, smaller
+from fmucorrect.discovery.sets import (
+    Progress,
+    admissible,
+    distinct,
+    finer,
+    first_of,
+    merged,
+    names,
+    room,
+    settled,
+    share_of,
+    smaller,
+)
 
-MOST = 3
-"""Effects at once."""
 LISTED = (7, 5, 3)
 """Sets of one effect, two and three that are fitted in the loop."""
-EXPLAINED = 1.3
-"""A variance of the error, over its least, at which no larger set is looked for at once."""
-QUICK = 45_000
-"""Steps of one model at all conditions, above which the candidates are looked at in fewer."""
+QUICK, PLACES = 45_000, 16
+"""Steps of one model at all conditions, above which the candidates are looked at in fewer; less in proportion where there
+are more than so many joints and groups."""
 LIKELY, TRANSFERRED = 200.0, 6
 """How far behind, and how many, sets are fitted to all conditions."""
-RIVALS = 5
-"""Candidates that are fitted in the place of each effect of a set of several."""
-ROUNDS = 3
-"""How often the candidates are looked at again around the best set."""
+LOOKS, BESIDE = 5, 3
+"""How often all candidates are looked at beside a set, and how many of the best sets that may be."""
+CALIBRATED = 0.02
+"""Share of the residual's energy, left by moved parameters alone, below which the first look is beside these."""
 CLEAR = 8.0
 """A drop of -2 log p below which a further effect is not believed."""
 
@@ -58,7 +67,14 @@ def name(problem: Problem, progress: Progress = lambda stage, done, total: None)
     Where all conditions together take long, the candidates are looked at in a few that differ most, and the likely sets
     fitted to all of them.
     """
-    few = problem.few(QUICK)
+    naming = _somewhere(problem, progress)
+    found = elsewhere(problem, naming.setting, naming.best)
+    return replace(naming, sets=tuple(merged([*naming.sets, *found])))
+
+
+def _somewhere(problem: Problem, progress: Progress) -> Naming:
+    """By all conditions, or by few first."""
+    few = problem.few(round(QUICK * min(1.0, PLACES / max(len(places(problem.study)), 1))))
     if few is None:
         return _name(problem, progress)
     with few:
@@ -121,100 +137,36 @@ def _name(problem: Problem, progress: Progress) -> Naming:
 
     curves = looked_for(base)
     setting = replace(setting, candidates=len(curves))
-    first, found = _round(problem, setting, base, curves, LISTED, progress)
-    setting, base, found = settled(problem, setting, base, found)
+    progress("calibration", 0, 1)
+    moved = calibrated(problem, setting, base)
+    setting, base, found = settled(problem, setting, base, [] if moved is None else [moved])
+    raw = float(np.mean((setting.measured - at) ** 2))
+    parent = found[0] if found and found[0].s2 < CALIBRATED * raw else base
+    around = replace(setting, base=parent.base)
+    first, more = look(problem, around, parent, curves if parent is base else looked_for(parent), LISTED, progress)
+    setting, base, found = settled(problem, setting, base, merged([*found, *more]))
     setting, found = finer(problem, setting, base, found, progress)
-    for _ in range(ROUNDS):
+    done = [names(parent)]
+    while len(done) < LOOKS:
         setting, base, found = settled(problem, setting, base, found)
         found = [*found, *smaller(problem, setting, base, found)]
         base = first_of([base, *(fitted for fitted in found if not fitted.model.terms)])
         found = [fitted for fitted in found if fitted.model.terms]
         best = first_of(admissible(base, found, setting.share * len(base.at)))
-        if not best.model.terms or len(best.model.terms) >= MOST:
+        if best.s2 > EXPLAINED * setting.floor and best.model.terms:
+            progress("calibration", len(done), LOOKS)
+            moved = calibrated(problem, replace(setting, base=best.base), best)
+            found = merged(found if moved is None else [*found, moved])
+        kept = sorted(admissible(base, found, setting.share * len(base.at)), key=lambda fitted: fitted.surprise)
+        beside = [fitted for fitted in distinct(kept)[:BESIDE] if names(fitted) not in done and room(fitted)]
+        if not beside or (beside[0] is not kept[0] and kept[0].s2 < EXPLAINED * setting.floor):
             break
-        around = replace(setting, base=best.base)
-        _, more = _round(problem, around, best, looked_for(best), LISTED[:1], progress)
+        parent = beside[0]
+        around = replace(setting, base=parent.base)
+        _, more = look(problem, around, parent, looked_for(parent), LISTED[:1], progress)
         found = merged([*found, *more])
-        after = first_of(admissible(base, found, setting.share * len(base.at)))
-        if after.surprise > best.surprise - CLEAR or len(after.model.terms) <= len(best.model.terms):
-            break
+        done.append(names(parent))
     setting, base, found = settled(problem, setting, base, found)
-    found += _rivals(problem, setting, base, found, first, progress)
+    found += rivals(problem, setting, base, found, first, progress)
     kept = [f for f in merged(admissible(base, found, setting.share * len(base.at))) if f.model.terms]
     return Naming(base, tuple(kept), setting)
-
-
-def _rivals(
-    problem: Problem,
-    setting: Setting,
-    base: Fitted,
-    found: Sequence[Fitted],
-    marks: Marks,
-    progress: Progress,
-) -> list[Fitted]:
-    """Of a best set of several effects: sets in which one of them gives way to another candidate."""
-    best = first_of(admissible(base, found, setting.share * len(base.at)))
-    if len(best.model.terms) < 2:
-        return []
-    fits: list[Fitted] = []
-    ends = np.cumsum([0, *(len(term.estimated) for term in best.model.terms)])
-    penalty = [price(setting, curve.numbers) for curve in marks.curves]
-    have = names(best)
-    for t in range(len(best.model.terms)):
-        others = (*best.model.terms[:t], *best.model.terms[t + 1 :])
-        (without,) = problem.many([replace(best.model, terms=others)])
-        if without is None:
-            continue
-        beside = np.delete(best.slopes, range(ends[t], ends[t + 1]), axis=1)
-        columns = np.concatenate([best.base, setting.sensors.columns, beside], axis=1)
-        rest = setting.measured - without + best.base @ np.asarray(best.model.base)
-        search = Search(rest, Nuisances(columns), marks, setting.share, penalty, setting.floor)
-        listed = [item for item in search.best((RIVALS + 4,)) if marks.curves[item.members[0].curve].key not in have]
-        for i, item in enumerate(listed[:RIVALS]):
-            progress("rivals", i, RIVALS)
-            (place,) = item.members
-            term = marks.curves[place.curve].term(place.size)
-            if term is not None:
-                model = replace(best.model, terms=(*others, term))
-                fitted = fit(problem, replace(setting, base=best.base), model, 8, rival=best.surprise)
-                fits += [] if fitted is None else [fitted]
-    return fits
-
-
-def _round(
-    problem: Problem,
-    setting: Setting,
-    around: Fitted,
-    curves: Sequence[Curve],
-    listed: Sequence[int],
-    progress: Progress,
-) -> tuple[Marks, list[Fitted]]:
-    """Candidates beside what `around` has already: marks, search, fits of the short list."""
-    have = names(around)
-    free = [curve for curve in curves if curve.key not in have]
-    total = 2 * len(free) + 3 * min(len(free), PROMISING)
-    count = [0]
-
-    def done(n: int) -> None:
-        count[0] += n
-        progress("marks", count[0], total)
-
-    whole = Nuisances(np.concatenate([around.base, setting.sensors.columns], axis=1))
-    target = Target(around.linear, whole, setting.share, setting.floor)
-    found = marks(problem, around.model, around.at, target, free, done)
-    penalty = [price(setting, curve.numbers) for curve in found.curves]
-    search = Search(around.linear, whole, found, setting.share, penalty, setting.floor)
-    fits: list[Fitted] = []
-    todo = search.best(listed)
-    for i, item in enumerate(todo):
-        progress("fits", i, len(todo))
-        if len(item.members) > 1 and min((f.s2 for f in fits), default=np.inf) < EXPLAINED * setting.floor:
-            break
-        terms = [found.curves[place.curve].term(place.size) for place in item.members]
-        if any(term is None for term in terms):
-            continue
-        model = replace(around.model, terms=(*around.model.terms, *(term for term in terms if term is not None)))
-        fitted = fit(problem, setting, model, 8, rival=first_of([around, *fits]).surprise)
-        if fitted is not None:
-            fits.append(fitted)
-    return found, merged(fits)

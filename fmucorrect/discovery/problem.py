@@ -76,7 +76,7 @@ class Problem:
         differ most in speed, amplitude, frequency and size of response. None where all of them take no more."""
         if len(self.trials) <= 2:
             return None
-        count = max(2, int(steps / sum(trial.rows.stop for trial in self.trials) * len(self.trials)))
+        count = max(2, int(steps / sum(trial.rows.stop - trial.skip for trial in self.trials) * len(self.trials)))
         if count >= len(self.trials):
             return None
         sizes = [np.log(trial.measured.std(axis=0).mean() + 1e-300) for trial in self.trials]
@@ -112,7 +112,7 @@ class Problem:
 
     def _runner(self, k: int) -> Runner:
         trial = self.trials[k]
-        return runner(self.study, trial.condition, self.library, trial.rows.stop, self.substeps)
+        return runner(self.study, trial.condition, self.library, trial.rows.stop, self.substeps, trial.skip)
 
     def _ready(self) -> list[SimpleQueue[Runner]]:
         """Every condition's simulators, one a worker."""
@@ -179,13 +179,19 @@ class Problem:
 
 
 def runner(
-    study: Study, condition: Condition, library: Path | None, rows: int | None = None, substeps: int = 1
+    study: Study,
+    condition: Condition,
+    library: Path | None,
+    rows: int | None = None,
+    substeps: int = 1,
+    skip: int = 0,
 ) -> Runner:
-    """What simulates a condition: the FMU, or its simulated record. rows: how many, None for all that were measured."""
+    """What simulates a condition: the FMU, or its simulated record. rows: how many, None for all that were measured. skip:
+    rows of rest that need not be simulated."""
     if condition.simulated is not None or study.fmu is None or library is None:
         return Logged(study, condition)
     duration = None if rows is None else (rows - 1) * study.simulation.step_size
-    return Simulator(study, condition, library, duration, substeps)
+    return Simulator(study, condition, library, duration, substeps, skip=skip)
 
 
 def simulate(

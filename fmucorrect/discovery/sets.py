@@ -10,11 +10,14 @@ import numpy as np
 from fmucorrect.discovery.evidence import independent
 from fmucorrect.discovery.fit import Fitted, Setting, fit, judge
 from fmucorrect.discovery.problem import Problem
-from fmucorrect.discovery.terms import ForceTerm, Term
+from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, Term
 
 WORTH = 0.04
 """How much of the amplitude of all that was to be explained a further effect must take away: laws are idealised, their
-corners rounded, their force held over a step, and what that leaves is no reason for a further effect."""
+corners rounded, their force held over a step, and what that leaves is no reason for a further effect. What parameters that
+are off explain is exact, and does not count."""
+MOST = 3
+"""Effects at once, beside parameters that are off."""
 FINER = 4
 """Couplings in a communication step, where one is too coarse."""
 COARSE = 0.3
@@ -39,12 +42,18 @@ def first_of(found: Sequence[Fitted]) -> Fitted:
 def admissible(base: Fitted, found: Sequence[Fitted], count: float) -> list[Fitted]:
     """The base and all sets whose every effect is worth it: no smaller set in `found` leaves about as little. count: of
     independent rows."""
-    energy = base.s2
     kept = [base]
     for fitted in sorted(found, key=lambda f: sum(1 + len(term.estimated) for term in f.model.terms)):
-        if not any(_simpler(less, fitted) and not _worth(less, fitted, energy, count) for less in kept):
+        simpler = [less for less in kept if _simpler(less, fitted)]
+        moved = [less.s2 for less in simpler if _exact(less)]
+        if _exact(fitted) or all(_worth(less, fitted, min(moved), count) for less in simpler):
             kept.append(fitted)
     return kept
+
+
+def _exact(fitted: Fitted) -> bool:
+    """Whether a set says only that parameters are off."""
+    return all(isinstance(term, OffsetTerm) for term in fitted.model.terms)
 
 
 def _worth(less: Fitted, more: Fitted, energy: float, count: float) -> bool:
@@ -137,6 +146,19 @@ def share_of(problem: Problem, setting: Setting, residual: np.ndarray) -> float:
     """Of independent rows, once the sensors have taken their part of a residual."""
     belief = setting.sensors.believe(residual, 1.0)
     return independent(problem.split(residual - setting.sensors.columns @ belief.fitted))
+
+
+def room(fitted: Fitted) -> bool:
+    """Whether a set may have one more effect."""
+    return sum(not isinstance(term, OffsetTerm) for term in fitted.model.terms) < MOST
+
+
+def distinct(found: Sequence[Fitted]) -> list[Fitted]:
+    """Without sets that differ from an earlier one in a place only and are as likely: two joints that always move alike."""
+    kept: dict[tuple[tuple[str, ...], int], Fitted] = {}
+    for fitted in found:
+        kept.setdefault((tuple(sorted(term.effect for term in fitted.model.terms)), round(fitted.surprise)), fitted)
+    return list(kept.values())
 
 
 def merged(fits: Sequence[Fitted]) -> list[Fitted]:

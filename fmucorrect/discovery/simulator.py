@@ -80,6 +80,7 @@ class Simulator:
     library: what native.build made. times: (T,) s, of every row that run() gives. substeps: in how many
     the solver takes each of the study's steps, inputs held, laws asked in each: the wrapped FMU's coupling_step.
     extra: names of further FMU inputs, 0 unless run() is given others: columns of `inputs` behind the condition's own.
+    skip: rows at the beginning, along which nothing happens, that are not simulated: run() fills them with the row after.
     """
 
     def __init__(
@@ -90,11 +91,12 @@ class Simulator:
         duration: float | None = None,
         substeps: int = 1,
         extra: Sequence[str] = (),
+        skip: int = 0,
     ) -> None:
         if substeps < 1:
             raise ValueError(f"substeps must be at least 1, got {substeps}")
         fmu = _fmu(study)
-        self._substeps = substeps
+        self._substeps, self._skip = substeps, skip
         chunk = join(list(sources.inputs(study, condition, duration)))
         self._condition, self._step_ns = condition, study.simulation.step_ns
         self._names = (*chunk.names, *(name for name in dict.fromkeys(extra) if name not in chunk.names))
@@ -134,11 +136,11 @@ class Simulator:
         laws the model is not stable, say.
         """
         condition = replace(self._condition, parameters={**self._condition.parameters, **parameters})
-        given = self._inputs if inputs is None else np.ascontiguousarray(inputs)
+        given = np.ascontiguousarray((self._inputs if inputs is None else inputs)[self._skip :])
         early = round(RUN_IN * NANOSECONDS / self._step_ns) if any(item.law.family == "load" for item in laws) else 0
         if early:
             given = np.ascontiguousarray(np.concatenate([np.repeat(given[:1], early, axis=0), given]))
-        begin = int(self._t_ns[0]) - early * self._step_ns
+        begin = int(self._t_ns[self._skip]) - early * self._step_ns
         self._stepper.reset(condition)
         self._stepper.step(begin, given[0])
         native = self._stepper.native()
@@ -146,7 +148,7 @@ class Simulator:
         reads = list(self._responses)
         forces: list[int] = []
         placed, kept = self._placed(laws, reads, forces)
-        steps, count = early + len(self._t_ns) - 1, len(self._responses)
+        steps, count = early + len(self._t_ns) - self._skip - 1, len(self._responses)
         values, out, pushed = np.zeros(len(reads)), np.zeros((steps + 1, count)), np.zeros(max(len(forces), 1))
         road = _Road(
             begin / NANOSECONDS,
@@ -172,7 +174,8 @@ class Simulator:
                 f"the solver gave up at t = {(begin + max(reached, 0) * self._step_ns) / NANOSECONDS:.6g} s",
                 where=f"{self._description.path}, condition {self._condition.name!r}",
             )
-        return out[early:] * self._factors
+        shown = out[early:] * self._factors
+        return np.concatenate([np.repeat(shown[:1], self._skip, axis=0), shown]) if self._skip else shown
 
     def _placed(
         self, laws: Sequence[LawAt], reads: list[int], forces: list[int]

@@ -1,0 +1,95 @@
+"""Calibration: adjustable parameters moved as far as the data want, and of these moves the few that are worth a name.
+
+All of them are freed at once, which finds offsets far outside the tolerances even where the response hangs strongly on
+several together; then they are put back one by one, the cheapest first, on the fit's quadratic form.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TypeVar
+
+import numpy as np
+
+from fmucorrect.discovery.candidates import adjustables
+from fmucorrect.discovery.fit import FARTHEST, Fitted, Setting, fit, normal, price
+from fmucorrect.discovery.problem import Problem
+from fmucorrect.discovery.sets import names
+from fmucorrect.discovery.terms import OffsetTerm, Term
+
+L = TypeVar("L", bound=Term)
+
+FREED, REFITTED = 20, 8
+"""Steps of the fit with all offsets, and of those with fewer of them."""
+
+
+def calibrated(problem: Problem, setting: Setting, around: Fitted) -> Fitted | None:
+    """The members of `around` with those parameter offsets that are worth their price; None where none is, or where the
+    solver gives up."""
+    have = {term.key for term in around.model.terms}
+    free = [term for term in adjustables(problem) if term.key not in have]
+    if not free:
+        return None
+    found = fit(problem, setting, replace(around.model, terms=(*around.model.terms, *free)), FREED, around.at)
+    freed_again = False
+    while found is not None:
+        kept, moves, base = _put_back(setting, found)
+        if len(kept) < len(found.model.terms):
+            terms = tuple(_moved(term, moves) for term in kept)
+        elif not freed_again and (far := _far(problem, setting, found)):
+            freed_again = True
+            terms = (*found.model.terms, *far)
+            gone = {term.adjustable for term in far}
+            base = tuple(0.0 if a in gone else z for a, z in zip(problem.tolerated, base, strict=True))
+        else:
+            break
+        setting = replace(setting, base=found.base)
+        found = fit(problem, setting, replace(found.model, terms=terms, base=base), REFITTED)
+    return None if found is None or names(found) <= have else found
+
+
+def _far(problem: Problem, setting: Setting, fitted: Fitted) -> list[OffsetTerm]:
+    """Base parameters that have gone so far that an offset would be cheaper, as offsets."""
+    far = {a: z for a, z in zip(problem.tolerated, fitted.model.base, strict=True) if z**2 > price(setting, 1)}
+    have = names(fitted)
+    terms = [term for term in adjustables(problem) if term.adjustable in far and term.key not in have]
+    return [_moved(term, {term.key: far[term.adjustable]}) for term in terms]
+
+
+def _moved(term: L, moves: dict[tuple[str, str], float]) -> L:
+    if not isinstance(term, OffsetTerm):
+        return term
+    value = term.values["value"] + moves[term.key] * term.scale
+    return replace(term, values={"value": min(max(value, term.low), term.high)})  # type: ignore[return-value]
+
+
+def _put_back(setting: Setting, fitted: Fitted) -> tuple[list[Term], dict[tuple[str, str], float], tuple[float, ...]]:
+    """Which members stay, by how much the offsets among them move for it (in their coordinates), and the base parameters.
+
+    With C the covariance of everything at the optimum, putting back a set E of offsets x costs x' C_EE^-1 x in -2 log p
+    and moves the rest by -C_.E C_EE^-1 x.
+    """
+    H, _ = normal(setting, fitted, fitted.slopes)
+    C = np.linalg.pinv(H, hermitian=True)
+    at: dict[tuple[str, str], int] = {}
+    x = np.zeros(len(H))
+    ends = np.cumsum([0, *(len(term.estimated) for term in fitted.model.terms)])
+    for term, k in zip(fitted.model.terms, ends, strict=False):
+        if isinstance(term, OffsetTerm):
+            at[term.key], x[k] = int(k), term.values["value"] / term.scale
+
+    def cost(out: list[int]) -> float:
+        return float(x[out] @ np.linalg.pinv(C[np.ix_(out, out)], hermitian=True) @ x[out])
+
+    out: list[int] = []
+    spent = 0.0
+    while len(out) < len(at):
+        costs = {k: cost([*out, k]) for k in at.values() if k not in out}
+        k = min(costs, key=lambda k: costs[k])
+        if costs[k] - spent > price(setting, 1):
+            break
+        out, spent = [*out, k], costs[k]
+    change = -C[:, out] @ np.linalg.pinv(C[np.ix_(out, out)], hermitian=True) @ x[out] if out else np.zeros(len(H))
+    kept = [term for term in fitted.model.terms if at.get(term.key, -1) not in out]
+    base = np.clip(np.asarray(fitted.model.base) + change[ends[-1] :], -FARTHEST, FARTHEST)
+    return kept, {key: float(change[k]) for key, k in at.items()}, tuple(float(z) for z in base)

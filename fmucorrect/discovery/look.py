@@ -1,0 +1,118 @@
+"""A look at all candidates beside a set: marks, search, fits of the short list; and the rivals of each of a set's members."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from fmucorrect.discovery.candidates import Curve, may_act, places
+from fmucorrect.discovery.evidence import Nuisances
+from fmucorrect.discovery.fit import Fitted, Setting, fit, judge, price
+from fmucorrect.discovery.marks import PROMISING, Marks, Target, marks
+from fmucorrect.discovery.problem import Problem
+from fmucorrect.discovery.search import Search
+from fmucorrect.discovery.sets import Progress, admissible, first_of, merged, names
+from fmucorrect.discovery.terms import ForceTerm
+
+EXPLAINED = 1.3
+"""A variance of the error, over its least, at which no larger set is looked for at once."""
+ELSEWHERE = 40.0
+"""How far behind the same law at another place may be for its numbers to be fitted there."""
+RIVALS = 5
+"""Candidates that are fitted in the place of each effect of a set of several."""
+
+
+def rivals(
+    problem: Problem,
+    setting: Setting,
+    base: Fitted,
+    found: Sequence[Fitted],
+    marks: Marks,
+    progress: Progress,
+) -> list[Fitted]:
+    """Of a best set of several effects: sets in which one of them gives way to another candidate."""
+    best = first_of(admissible(base, found, setting.share * len(base.at)))
+    if len(best.model.terms) < 2:
+        return []
+    fits: list[Fitted] = []
+    ends = np.cumsum([0, *(len(term.estimated) for term in best.model.terms)])
+    penalty = [price(setting, curve.numbers) for curve in marks.curves]
+    have = names(best)
+    for t in range(len(best.model.terms)):
+        others = (*best.model.terms[:t], *best.model.terms[t + 1 :])
+        (without,) = problem.many([replace(best.model, terms=others)])
+        if without is None:
+            continue
+        beside = np.delete(best.slopes, range(ends[t], ends[t + 1]), axis=1)
+        columns = np.concatenate([best.base, setting.sensors.columns, beside], axis=1)
+        rest = setting.measured - without + best.base @ np.asarray(best.model.base)
+        search = Search(rest, Nuisances(columns), marks, setting.share, penalty, setting.floor)
+        listed = [item for item in search.best((RIVALS + 4,)) if marks.curves[item.members[0].curve].key not in have]
+        for i, item in enumerate(listed[:RIVALS]):
+            progress("rivals", i, RIVALS)
+            (place,) = item.members
+            term = marks.curves[place.curve].term(place.size)
+            if term is not None:
+                model = replace(best.model, terms=(*others, term))
+                fitted = fit(problem, replace(setting, base=best.base), model, 8, rival=best.surprise)
+                fits += [] if fitted is None else [fitted]
+    return fits
+
+
+def look(
+    problem: Problem,
+    setting: Setting,
+    around: Fitted,
+    curves: Sequence[Curve],
+    listed: Sequence[int],
+    progress: Progress,
+) -> tuple[Marks, list[Fitted]]:
+    """Candidates beside what `around` has already: marks, search, fits of the short list."""
+    have = names(around)
+    free = [curve for curve in curves if curve.key not in have]
+    total = 2 * len(free) + 3 * min(len(free), PROMISING)
+    count = [0]
+
+    def done(n: int) -> None:
+        count[0] += n
+        progress("marks", count[0], total)
+
+    whole = Nuisances(np.concatenate([around.base, setting.sensors.columns], axis=1))
+    target = Target(around.linear, whole, setting.share, setting.floor)
+    found = marks(problem, around.model, around.at, target, free, done)
+    penalty = [price(setting, curve.numbers) for curve in found.curves]
+    search = Search(around.linear, whole, found, setting.share, penalty, setting.floor)
+    fits: list[Fitted] = []
+    todo = search.best(listed)
+    for i, item in enumerate(todo):
+        progress("fits", i, len(todo))
+        if len(item.members) > 1 and min((f.s2 for f in fits), default=np.inf) < EXPLAINED * setting.floor:
+            break
+        terms = [found.curves[place.curve].term(place.size) for place in item.members]
+        if any(term is None for term in terms):
+            continue
+        model = replace(around.model, terms=(*around.model.terms, *(term for term in terms if term is not None)))
+        fitted = fit(problem, setting, model, 8, rival=first_of([around, *fits]).surprise)
+        if fitted is not None:
+            fits.append(fitted)
+    return found, merged(fits)
+
+
+def elsewhere(problem: Problem, setting: Setting, best: Fitted) -> list[Fitted]:
+    """The best set with one of its laws at another place instead: joints that move alike cannot be told apart."""
+    moved = [
+        replace(best.model, terms=(*best.model.terms[:t], other, *best.model.terms[t + 1 :]))
+        for t, term in enumerate(best.model.terms)
+        if isinstance(term, ForceTerm)
+        for where, joints in places(problem.study).items()
+        if may_act(term.law, joints) and (other := replace(term, where=where, joints=joints)).key not in names(best)
+    ]
+    found: list[Fitted] = []
+    for model, y in zip(moved, problem.many(moved), strict=True):
+        if y is not None:
+            there = judge(setting, replace(best, model=model, at=y, residual=setting.measured - y))
+            found += [there] if there.surprise < best.surprise + ELSEWHERE else []
+    fitted = [fit(problem, replace(setting, base=best.base), f.model, 4, f.at) for f in merged(found)[:RIVALS]]
+    return [f for f in fitted if f is not None]
