@@ -14,7 +14,8 @@ from types import TracebackType
 import numpy as np
 from jaxtyping import Float64
 
-from fmucorrect.discovery.simulator import Logged, Simulator
+from fmucorrect.discovery.logged import Logged
+from fmucorrect.discovery.simulator import Simulator
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, SignalTerm, Term
 from fmucorrect.discovery.trials import Trial, read
 from fmucorrect.errors import FmuError, StudyError
