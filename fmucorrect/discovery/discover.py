@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from fmucorrect.discovery import native, output
+from fmucorrect.discovery.augmented import Found, found_of, write_model
 from fmucorrect.discovery.confirm import Gap, gaps, sensor_errors
 from fmucorrect.discovery.decide import CLOSE, Decision, decide
 from fmucorrect.discovery.located import located
@@ -25,7 +26,6 @@ from fmucorrect.discovery.problem import Problem, load
 from fmucorrect.discovery.sets import Progress
 from fmucorrect.discovery.terms import ForceTerm, SignalTerm
 from fmucorrect.discovery.where import Residual, where
-from fmucorrect.effects import Effects
 from fmucorrect.errors import StudyError
 from fmucorrect.inspection import study_problems
 from fmucorrect.study import Study, load_study
@@ -65,7 +65,7 @@ def discover(
     written, notes = [], []
     if found is not None:
         progress("augmented FMU", 0, 1)
-        written, notes = output.write_model(study, found, folder)
+        written, notes = write_model(study, found, folder)
     report["notes"] += notes
     report["files"] = ["report.json", "report.html", *written]
     lap("write")
@@ -123,7 +123,7 @@ def _report(
     library: Path | None,
     progress: Progress,
     lap: Callable[[str], None],
-) -> tuple[dict[str, Any], Effects | None]:
+) -> tuple[dict[str, Any], Found | None]:
     """The report, and what an FMU can be given of what was found."""
     best = decision.best
     sensors = sensor_errors(
@@ -168,7 +168,7 @@ def _report(
     changed = bool(now) or any(not isinstance(term, SignalTerm) for term in terms)
     found = None
     if study.fmu is not None and changed and verdict != "unexplained":
-        found = output.effects_of(problem, terms, best.model.base, rows if named else ())
+        found = found_of(problem, terms, best.model.base, rows if named else ())
     report["sentence"] = sentence(report, checked)
     return report, found
 
