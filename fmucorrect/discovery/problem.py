@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 from queue import SimpleQueue
@@ -14,6 +15,8 @@ from types import TracebackType
 import numpy as np
 from jaxtyping import Float64
 
+from fmucorrect.discovery.content import digest
+from fmucorrect.discovery.kept import Kept, code
 from fmucorrect.discovery.logged import Logged
 from fmucorrect.discovery.simulator import Simulator
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, SignalTerm, Term
@@ -43,8 +46,8 @@ class Problem:
     """A study's development conditions, loaded. Close it, or use it in a with statement.
 
     fmu: the study's, None where it has none. trials: their data. tolerated: adjustables that may differ by their tolerance
-    anyway. workers: threads that simulate.
-    substeps: couplings of laws and FMU in a communication step.
+    anyway. workers: threads that simulate. substeps: couplings of laws and FMU in a communication step. kept: what was found
+    already. executor: simulates large batches.
     """
 
     study: Study
@@ -54,6 +57,8 @@ class Problem:
     tolerated: tuple[Adjustable, ...]
     workers: int
     substeps: int = 1
+    kept: Kept | None = None
+    executor: Executor | None = None
     _free: list[SimpleQueue[Runner]] = field(default_factory=lambda: [])
 
     def __post_init__(self) -> None:
@@ -105,6 +110,17 @@ class Problem:
             while not queue.empty():
                 queue.get().close()
         self._free.clear()
+
+    @property
+    def key(self) -> str:
+        """Of everything that results depend on: the code, the study, the FMU, what drives it and what was measured."""
+        return digest([self._content, self.substeps])
+
+    @cached_property
+    def _content(self) -> str:
+        given = [path for trial in self.trials for path in (trial.condition.inputs, trial.condition.simulated)]
+        read = [digest(path.read_bytes()) for path in (*given, self.study.fmu) if path is not None]
+        return digest([code(), self.study.hash, read, self.trials, self.tolerated])
 
     @property
     def nominal(self) -> Model:
@@ -161,6 +177,11 @@ class Problem:
     ) -> Iterator[np.ndarray | None]:
         """`stack(responses(model))` of many models, on all workers, in order; None where the solver gives up, or
         where the response grows beyond all measure."""
+        from fmucorrect.discovery import elsewhere
+
+        return elsewhere.many(self, models, done) if elsewhere.worthwhile(self, models) else self._here(models, done)
+
+    def _here(self, models: Sequence[Model], done: Callable[[int], object]) -> Iterator[np.ndarray | None]:
         queues = self._ready()
 
         def one(task: tuple[Model, int]) -> np.ndarray | None:
@@ -266,11 +287,13 @@ def tolerance_of(adjustable: Adjustable, value: float) -> float:
     return (share or 0.0) * abs(value)
 
 
-def load(study: Study, library: Path | None, workers: int = 0) -> Problem:
+def load(
+    study: Study, library: Path | None, workers: int = 0, kept: Kept | None = None, executor: Executor | None = None
+) -> Problem:
     """The development conditions of a study; the evaluation conditions are not read. Raises StudyError, RecordError."""
     if not study.development:
         raise StudyError(str(study.path), ["discovery needs at least one development condition"])
     trials = tuple(read(study, condition) for condition in study.development)
     fmu = None if study.fmu is None else open_fmu(study.fmu)
     tolerated = tuple(a for a in study.adjustable if a.tolerance or a.absolute_tolerance) if fmu else ()
-    return Problem(study, fmu, library, trials, tolerated, workers or min(os.cpu_count() or 1, 8))
+    return Problem(study, fmu, library, trials, tolerated, workers or min(os.cpu_count() or 1, 8), 1, kept, executor)
