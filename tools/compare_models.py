@@ -27,8 +27,8 @@ from plant import Plant
 from fmucorrect.discovery.augmented import augmented_study, toml
 from fmucorrect.records import writer
 from fmucorrect.report import models_page
-from fmucorrect.study import load_study
-from fmucorrect.training.models import compare_models, lines, total, verdict
+from fmucorrect.study import Study, load_study
+from fmucorrect.training.models import compare_models, lines, require_alike, total, verdict
 from fmucorrect.training.tasks import CORES, Workshop
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -52,25 +52,33 @@ def main() -> None:
 
 
 def compare(rig: dict, study: Path, found: Path, out: Path) -> dict[str, Any]:
-    """Everything under `out`; the table. rig: its .toml. study: the bare model's. found: a discovery's folder."""
-    out.mkdir(parents=True, exist_ok=True)
-    further = measured(rig, study.parent, out)
-    bare = study.read_text(encoding="utf-8")
-    own = found / "study.toml"
-    text = own.read_text(encoding="utf-8") if own.is_file() else augmented_study(load_study(study), found, {})
-    studies = []
-    for name, content, folder in (("roller_rig", bare, study.parent), ("augmented", text, found)):
-        document = absolute(tomllib.loads(content), folder.resolve())
-        document["conditions"] = sorted([*document["conditions"], *further], key=lambda row: row["speed"])
-        path = out / f"{name}.toml"
-        path.write_text(toml(document), encoding="utf-8", newline="\n")
-        studies.append(load_study(path))
-    with tqdm(total=total(studies), unit="epoch", desc=rig["title"], disable=None) as bar:
-        table = compare_models(studies, out, Workshop(out / "work", CORES, advance=bar.update))
+    """Everything under `out`; the table."""
+    loaded = studies(rig, study, found, out)
+    with tqdm(total=total(loaded), unit="epoch", desc=rig["title"], disable=None) as bar:
+        table = compare_models(loaded, out, Workshop(out / "work", CORES, advance=bar.update))
     (out / "models.json").write_text(json.dumps(table, indent=1) + "\n", encoding="utf-8")
     models_page.write_page(out / "models.html", table, verdict(table))
     print(f"{lines(table)}\n\n{verdict(table)}")
     return table
+
+
+def studies(rig: dict, study: Path, found: Path, out: Path) -> list[Study]:
+    """The bare model and the augmented one, of the rig's measurements at all speeds. rig: its .toml. study: the bare model's.
+    found: a discovery's folder."""
+    out.mkdir(parents=True, exist_ok=True)
+    further = measured(rig, study.parent, out)
+    own = found / "study.toml"
+    text = own.read_text(encoding="utf-8") if own.is_file() else augmented_study(load_study(study), found, {})
+    loaded: list[Study] = []
+    parts = (("roller_rig", study.read_text(encoding="utf-8"), study.parent), ("augmented", text, found))
+    for name, content, folder in parts:
+        document = absolute(tomllib.loads(content), folder.resolve())
+        document["conditions"] = sorted([*document["conditions"], *further], key=lambda row: row["speed"])
+        path = out / f"{name}.toml"
+        path.write_text(toml(document), encoding="utf-8", newline="\n")
+        loaded.append(load_study(path))
+    require_alike(loaded)
+    return loaded
 
 
 def measured(rig: dict, place: Path, out: Path) -> list[dict[str, Any]]:
