@@ -7,6 +7,7 @@ a corrector stand in one table, condition by condition.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from filecmp import cmp
 from pathlib import Path
 from typing import Any
 
@@ -112,11 +113,16 @@ def require_alike(studies: Sequence[Study]) -> None:
                 problems.append(f"{where} is missing: it is in {first.path}")
             elif there.role != condition.role:
                 problems.append(f"{where}: expected the role {condition.role}, got {there.role}")
-            elif there.measurement != condition.measurement:
+            elif not _same(there.measurement, condition.measurement):
                 problems.append(f"{where}: another measurement, {there.measurement}; expected {condition.measurement}")
         problems += [f"condition {name!r} is not in {first.path}" for name in conditions]
         if problems:
             raise StudyError(str(other.path), problems)
+
+
+def _same(one: Path | None, other: Path | None) -> bool:
+    """Whether files are the same, or copies."""
+    return one == other or (one is not None and other is not None and cmp(one, other, shallow=False))
 
 
 def labels(studies: Sequence[Study]) -> list[str]:

@@ -142,7 +142,16 @@ def test_other_measurements_are_refused(paths: tuple[Path, Path], tmp_path: Path
     assert "'360' is missing" in told
     assert "'361' is not in" in told
     assert "'385': expected the role evaluation" in told
-    require_alike([first, second])
+    copy = tmp_path / "copy.mcap"
+    copy.write_bytes((paths[0].parent / "measured_320.mcap").read_bytes())
+    (tmp_path / "alike.toml").write_text(
+        paths[0]
+        .read_text()
+        .replace('measured_320.mcap"', f'{copy.name}"')
+        .replace('"simulated_', f'"{paths[0].parent}/simulated_')
+        .replace('"measured_', f'"{paths[0].parent}/measured_')
+    )
+    require_alike([first, second, load_study(tmp_path / "alike.toml")])
 
 
 def test_what_belongs_to_one_study_is_refused_for_several(paths: tuple[Path, Path], tmp_path: Path) -> None:
