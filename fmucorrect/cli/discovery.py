@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Executor
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 
 import click
@@ -12,12 +14,13 @@ from fmucorrect.cli.group import PATH
 @click.command()
 @click.argument("study", type=PATH)
 @click.option("-o", "--out", type=PATH, required=True, help="The folder to write to.")
+@click.option("--scheduler", default="", help="Address of a dask scheduler; default: this machine's cores.")
 @click.option("--json", "as_json", is_flag=True, help="Print the report as JSON.")
-def discover(study: Path, out: Path, as_json: bool) -> None:
+def discover(study: Path, out: Path, scheduler: str, as_json: bool) -> None:
     """Find where a STUDY's simulation and measurement disagree, name what the model lacks, and prove it.
 
     Writes report.html and report.json, and where something was found effects.toml, augmented.fmu (the FMU with it) and
-    study.toml (the same study on augmented.fmu, for `fmucorrect train`).
+    study.toml (the same study on augmented.fmu, for `fmucorrect train`). Broken off, the same command goes on where it was.
 
     Example: fmucorrect discover study.toml -o found
     """
@@ -34,7 +37,8 @@ def discover(study: Path, out: Path, as_json: bool) -> None:
             bar.total, bar.n = max(total, 1), done
             bar.update(0)
 
-        report = run(study, out, progress=progress)
+        with _executor(scheduler) as executor:
+            report = run(study, out, progress=progress, executor=executor)
     if as_json:
         click.echo((out / "report.json").read_text(encoding="utf-8"))
         return
@@ -55,3 +59,11 @@ def discover(study: Path, out: Path, as_json: bool) -> None:
             f" (noise {row['noise_floor']:.2g} %)"
         )
     click.echo(f"{out / 'report.html'}")
+
+
+def _executor(scheduler: str) -> AbstractContextManager[Executor | None]:
+    if not scheduler:
+        return nullcontext()
+    from fmucorrect.training.cluster import executor
+
+    return executor(scheduler)

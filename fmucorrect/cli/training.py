@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from fmucorrect.cli.group import PATH, progress_bar
+from fmucorrect.cli.group import PATH, UserError, progress_bar
+
+if TYPE_CHECKING:
+    from fmucorrect.study import Study
 
 
 def _training_options(command: Callable[..., None]) -> Callable[..., None]:
@@ -64,34 +67,65 @@ def train(study: Path, out: Path, seed: int | None, device: str, scheduler: str,
 
 
 @click.command()
-@click.argument("study", type=PATH)
+@click.argument("studies", type=PATH, nargs=-1, required=True)
 @click.option("-o", "--out", type=PATH, required=True, help="Folder for compare.html, compare.json and compare.npz.")
-@click.option("--seeds", type=click.IntRange(1), default=5, show_default=True, help="How many, from the study's on.")
-@click.option("--ablate", is_flag=True, help="Also switch each loss term and stage off, one at a time.")
+@click.option("--seeds", type=click.IntRange(1), help="How many, from the study's on; default: 5. Of one study alone.")
+@click.option(
+    "--ablate", is_flag=True, help="Also switch each loss term and stage off, one at a time. Of one study alone."
+)
 @_training_options
-@click.option("--json", "as_json", is_flag=True, help="Print compare.json.")
-def compare(study: Path, out: Path, seeds: int, ablate: bool, device: str, scheduler: str, as_json: bool) -> None:
-    """Train every compared case on a STUDY and score it on the evaluation conditions: the paper's three, simpler ones, ours.
+@click.option("--json", "as_json", is_flag=True, help="Print compare.json, or models.json.")
+def compare(
+    studies: tuple[Path, ...], out: Path, seeds: int | None, ablate: bool, device: str, scheduler: str, as_json: bool
+) -> None:
+    """Train every compared case on a study and score it on the evaluation conditions: the paper's three, simpler ones, ours.
 
     Leaving one speed out chooses each case's epochs; each seed is a refit. A rig with four speeds of 30 s takes half an hour
     on two cores, with --ablate twice that. Killed, the same command goes on from OUT/work. Needs fmucorrect[train].
 
+    Several STUDIES are models of the same measurements, as the one that `discover` wrote beside the one that it was given:
+    each is scored at every condition as it is and with a corrector trained on it, in models.html and models.json.
+
     Example: fmucorrect compare study.toml -o comparison --ablate
+
+    Example: fmucorrect compare study.toml found/study.toml -o models
     """
-    from fmucorrect.report import compare_page
     from fmucorrect.study import load_study
 
+    loaded = [load_study(path) for path in studies]
+    if len(loaded) > 1:
+        if ablate or seeds is not None:
+            raise UserError("--seeds and --ablate belong to the comparison of methods on one study")
+        click.echo(_compare_models(loaded, out, device, scheduler, as_json))
+        return
+    from fmucorrect.report import compare_page
+
     cases, table, results, tasks = _training("compare", "compare_table", "results", "tasks")
-    the_study = load_study(study)
+    the_study, count = loaded[0], 5 if seeds is None else seeds
     chosen = the_study.training
-    numbers = range(chosen.seed, chosen.seed + seeds)
-    with progress_bar(cases.total(the_study, chosen, seeds, ablate), "epoch", the_study.name) as advance:
+    numbers = range(chosen.seed, chosen.seed + count)
+    with progress_bar(cases.total(the_study, chosen, count, ablate), "epoch", the_study.name) as advance:
         shop = tasks.Workshop(out / "work", tasks.CORES, scheduler, device, advance)
         result = cases.compare_study(the_study, chosen, numbers, ablate, shop)
     path = results.save_comparison(out, result.table, result.histories)
     page = out / "compare.html"
     compare_page.write_page(page, result.table, result.histories)
     click.echo(path.read_text(encoding="utf-8") if as_json else f"{table.lines(result.table)}\n\nOpen  {page}")
+
+
+def _compare_models(studies: Sequence[Study], out: Path, device: str, scheduler: str, as_json: bool) -> str:
+    """Several models of the same measurements: what is to be printed."""
+    from fmucorrect.report import models_page
+
+    models, tasks = _training("models", "tasks")
+    with progress_bar(models.total(studies), "epoch", studies[0].name) as advance:
+        shop = tasks.Workshop(out / "work", tasks.CORES, scheduler, device, advance)
+        table = models.compare_models(studies, out, shop)
+    text = json.dumps(table, indent=1)
+    (out / "models.json").write_text(text + "\n", encoding="utf-8")
+    models_page.write_page(out / "models.html", table, models.verdict(table))
+    told = f"{models.lines(table)}\n\n{models.verdict(table)}\n\nOpen  {out / 'models.html'}"
+    return text if as_json else told
 
 
 @click.command()

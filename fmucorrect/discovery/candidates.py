@@ -47,6 +47,11 @@ class Curve:
     def key(self) -> tuple[str, str]:
         return self.effect, self.where
 
+    @property
+    def identity(self) -> tuple[object, ...]:
+        """What tells it from others (content.py)."""
+        return self.effect, self.form, self.where, self.size, self.most, self.signed, self.numbers, self.make(self.size)
+
 
 def places(study: Study) -> dict[str, tuple[Joint, ...]]:
     """Joints and groups by name, each with its joints."""

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import json
-import logging
-import tempfile
 import time
-from collections.abc import Callable, Generator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from fmucorrect.discovery import native, output
+from fmucorrect.discovery import output
+from fmucorrect.discovery.augmented import Found, found_of, write_model
 from fmucorrect.discovery.confirm import Gap, gaps, sensor_errors
 from fmucorrect.discovery.decide import CLOSE, Decision, decide
+from fmucorrect.discovery.elsewhere import library, quietly
+from fmucorrect.discovery.kept import Kept
 from fmucorrect.discovery.located import located
 from fmucorrect.discovery.naming import Naming, name
 from fmucorrect.discovery.nexttest import next_test
@@ -25,19 +26,25 @@ from fmucorrect.discovery.problem import Problem, load
 from fmucorrect.discovery.sets import Progress
 from fmucorrect.discovery.terms import ForceTerm, SignalTerm
 from fmucorrect.discovery.where import Residual, where
-from fmucorrect.effects import Effects
 from fmucorrect.errors import StudyError
 from fmucorrect.inspection import study_problems
 from fmucorrect.study import Study, load_study
 
 
 def discover(
-    study_file: str | Path, out: str | Path, *, progress: Progress = lambda stage, done, total: None
+    study_file: str | Path,
+    out: str | Path,
+    *,
+    progress: Progress = lambda stage, done, total: None,
+    executor: Executor | None = None,
 ) -> dict[str, Any]:
     """Everything of `fmucorrect discover`: returns the report, which is also OUT/report.json, with report.html beside it and,
     where something was found that an FMU can take, effects.toml, augmented.fmu and study.toml.
 
-    The evaluation conditions are read after the naming is done. Raises StudyError, RecordError, SignalError, FmuError.
+    The evaluation conditions are read after the naming is done. What is found on the way lies in OUT/.progress until the report
+    is written: a run that was broken off goes on where it stopped, as far as nothing has changed since. executor: simulates
+    large batches of candidates, on other machines perhaps; None for this machine alone. Raises StudyError, RecordError,
+    SignalError, FmuError.
     """
     study = load_study(study_file)
     problems = study_problems(study)
@@ -54,46 +61,27 @@ def discover(
         seconds[stage] = seconds.get(stage, 0.0) + now - begun
         begun = now
 
-    library = _library(study)
+    built = library() if study.fmu is not None else None
     lap("compile")
-    with _quietly(), load(study, library) as problem:
+    kept = Kept(folder / ".progress")
+    with quietly(), load(study, built, kept=kept, executor=executor) as problem:
         lap("load")
         naming = name(problem, progress)
         decision = decide(naming)
         lap("name")
-        report, found = _report(study, problem, naming, decision, library, progress, lap)
+        report, found = _report(study, problem, naming, decision, progress, lap)
     written, notes = [], []
     if found is not None:
         progress("augmented FMU", 0, 1)
-        written, notes = output.write_model(study, found, folder)
+        written, notes = write_model(study, found, folder)
     report["notes"] += notes
     report["files"] = ["report.json", "report.html", *written]
     lap("write")
     report["stages"] = {stage: round(value, 3) for stage, value in seconds.items()}
     report = _plain(report)
     write(folder, report)
+    kept.clear()
     return report
-
-
-@contextmanager
-def _quietly() -> Generator[None]:
-    """Without what solvers say when a candidate makes them unstable, which is no one's fault."""
-    solvers = logging.getLogger("fmucorrect.fmu")
-    before = solvers.level
-    solvers.setLevel(logging.CRITICAL + 1)
-    try:
-        yield
-    finally:
-        solvers.setLevel(before)
-
-
-def _library(study: Study) -> Path | None:
-    """The native loop with the laws, kept between runs where there is a cache folder."""
-    if study.fmu is None:
-        return None
-    cache = Path(tempfile.gettempdir()) / "fmucorrect"
-    cache.mkdir(exist_ok=True)
-    return native.build(cache)
 
 
 def write(folder: Path, report: dict[str, Any]) -> None:
@@ -120,17 +108,16 @@ def _report(
     problem: Problem,
     naming: Naming,
     decision: Decision,
-    library: Path | None,
     progress: Progress,
     lap: Callable[[str], None],
-) -> tuple[dict[str, Any], Effects | None]:
+) -> tuple[dict[str, Any], Found | None]:
     """The report, and what an FMU can be given of what was found."""
     best = decision.best
     sensors = sensor_errors(
         naming.setting.sensors.believe(best.residual, naming.setting.share).fitted, len(study.channels)
     )
     progress("confirm", 0, len(study.conditions))
-    checked = gaps(study, library, study.conditions, best.model, problem.tolerated, sensors, problem.substeps)
+    checked = gaps(study, problem.library, study.conditions, best.model, problem.tolerated, sensors, problem.substeps)
     verdict = confirmed(decision, checked)
     lap("confirm")
     std = best.std()
@@ -168,7 +155,7 @@ def _report(
     changed = bool(now) or any(not isinstance(term, SignalTerm) for term in terms)
     found = None
     if study.fmu is not None and changed and verdict != "unexplained":
-        found = output.effects_of(problem, terms, best.model.base, rows if named else ())
+        found = found_of(problem, terms, best.model.base, rows if named else ())
     report["sentence"] = sentence(report, checked)
     return report, found
 

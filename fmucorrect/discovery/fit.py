@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from fmucorrect.discovery.evidence import Nuisances
+from fmucorrect.discovery.kept import remembered
 from fmucorrect.discovery.nuisances import sensitivities
 from fmucorrect.discovery.problem import Model, Problem
 from fmucorrect.discovery.terms import coordinates, moved
@@ -91,6 +92,7 @@ def judge(setting: Setting, fitted: Fitted) -> Fitted:
     return replace(fitted, s2=belief.s2, surprise=belief.surprise + far + prices)
 
 
+@remembered
 def fit(
     problem: Problem,
     setting: Setting,

@@ -18,7 +18,7 @@ from fmucorrect.discovery.terms import ForceTerm
 
 EXPLAINED = 1.3
 """A variance of the error, over its least, at which no larger set is looked for at once."""
-ELSEWHERE = 40.0
+APART = 40.0
 """How far behind the same law at another place may be for its numbers to be fitted there."""
 RIVALS = 5
 """Candidates that are fitted in the place of each effect of a set of several."""
@@ -100,7 +100,7 @@ def look(
     return found, merged(fits)
 
 
-def elsewhere(problem: Problem, setting: Setting, best: Fitted) -> list[Fitted]:
+def at_other_places(problem: Problem, setting: Setting, best: Fitted) -> list[Fitted]:
     """The best set with one of its laws at another place instead: joints that move alike cannot be told apart."""
     moved = [
         replace(best.model, terms=(*best.model.terms[:t], other, *best.model.terms[t + 1 :]))
@@ -113,6 +113,6 @@ def elsewhere(problem: Problem, setting: Setting, best: Fitted) -> list[Fitted]:
     for model, y in zip(moved, problem.many(moved), strict=True):
         if y is not None:
             there = judge(setting, replace(best, model=model, at=y, residual=setting.measured - y))
-            found += [there] if there.surprise < best.surprise + ELSEWHERE else []
+            found += [there] if there.surprise < best.surprise + APART else []
     fitted = [fit(problem, replace(setting, base=best.base), f.model, 4, f.at) for f in merged(found)[:RIVALS]]
     return [f for f in fitted if f is not None]

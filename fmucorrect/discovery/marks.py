@@ -12,6 +12,7 @@ from fmucorrect.catalogue import CATALOGUE
 from fmucorrect.catalogue.motion import Motion
 from fmucorrect.discovery.candidates import Curve
 from fmucorrect.discovery.evidence import Nuisances
+from fmucorrect.discovery.kept import remembered
 from fmucorrect.discovery.problem import Model, Problem
 from fmucorrect.discovery.terms import ForceTerm
 from fmucorrect.study import Joint
@@ -56,6 +57,7 @@ class Target:
         return common**2 / size if size > 1e-9 * float(x @ x) and np.isfinite(size) else 0.0
 
 
+@remembered
 def marks(
     problem: Problem,
     model: Model,

@@ -13,7 +13,7 @@ from fmucorrect.discovery.candidates import Curve, candidates, places
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fit import Fitted, Setting, fit
 from fmucorrect.discovery.lines import line, stands
-from fmucorrect.discovery.look import EXPLAINED, elsewhere, look, rivals
+from fmucorrect.discovery.look import EXPLAINED, at_other_places, look, rivals
 from fmucorrect.discovery.marks import with_marks
 from fmucorrect.discovery.motion import motions
 from fmucorrect.discovery.problem import Problem
@@ -68,7 +68,7 @@ def name(problem: Problem, progress: Progress = lambda stage, done, total: None)
     fitted to all of them.
     """
     naming = _somewhere(problem, progress)
-    found = elsewhere(problem, naming.setting, naming.best)
+    found = at_other_places(problem, naming.setting, naming.best)
     return replace(naming, sets=tuple(merged([*naming.sets, *found])))
 
 

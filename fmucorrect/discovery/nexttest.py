@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from fmucorrect.discovery.fit import LONGEST, PROBE, Fitted, Setting, stepped
+from fmucorrect.discovery.kept import remembered
 from fmucorrect.discovery.nuisances import PERTURBED, sensors
 from fmucorrect.discovery.problem import Model, Problem, simulate
 from fmucorrect.discovery.simulator import Simulator
@@ -102,6 +103,7 @@ def exciting(study: Study, names: Sequence[str], inputs: Float64[np.ndarray, "T 
     return [bool(r <= FOLLOWS * whole) for r, whole in zip((rest**2).sum(0), (inputs**2).sum(0), strict=True)]
 
 
+@remembered
 def next_test(
     problem: Problem, setting: Setting, best: Fitted, rivals: Sequence[Fitted], speeds: bool
 ) -> dict[str, Any] | None:

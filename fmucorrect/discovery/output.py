@@ -1,17 +1,13 @@
-"""What a discovery leaves behind: the report as a table, effects.toml, augmented.fmu and the study on it."""
+"""The report of a discovery as a table."""
 
 from __future__ import annotations
 
-import json
-import os
 import re
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from fmucorrect import effects as effects_file
 from fmucorrect.catalogue.law import unit
 from fmucorrect.catalogue.signal import unit as signal_unit
 from fmucorrect.catalogue.text import latex, modelica
@@ -21,8 +17,6 @@ from fmucorrect.discovery.naming import Naming
 from fmucorrect.discovery.pictures import units_at
 from fmucorrect.discovery.problem import Problem, start_value, tolerance_of
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, SignalTerm, Term
-from fmucorrect.effects import Effects, ForceEffect, ParameterOffset, Remarks
-from fmucorrect.errors import FmucorrectError
 from fmucorrect.study import Study
 from fmucorrect.wrapping.laws import functions
 
@@ -154,113 +148,20 @@ def _short(x: np.ndarray) -> list[float]:
     return [float(f"{value:.6g}") for value in x]
 
 
+def noticeable(base: Sequence[float]) -> tuple[float, ...]:
+    """Base parameters, in tolerances, those that hardly moved at their start values."""
+    return tuple(z if abs(z) >= 0.05 else 0.0 for z in base)
+
+
 def adjusted(problem: Problem, base: Sequence[float]) -> tuple[dict[str, float], dict[str, float]]:
     """The tolerated parameters that moved noticeably: where they are, and where they were."""
     now: dict[str, float] = {}
     before: dict[str, float] = {}
-    for adjustable, z in zip(problem.tolerated, base, strict=True):
-        if abs(z) < 0.05:
+    for adjustable, z in zip(problem.tolerated, noticeable(base), strict=True):
+        if z == 0.0:
             continue
         for name in adjustable.parameters:
             start = start_value(problem.study, problem.fmu, None, name)
             if np.isfinite(start):
                 before[name], now[name] = start, start + z * tolerance_of(adjustable, start)
     return now, before
-
-
-def effects_of(
-    problem: Problem, terms: Sequence[Term], base: Sequence[float], rows: Sequence[Mapping[str, Any]]
-) -> Effects:
-    """What the solver can be given: forces, and parameters with the study's own start values, so that the FMU starts as the
-    study's model; what sits in sensors cannot be put into an FMU."""
-    forces: list[ForceEffect] = []
-    used: set[str] = set()
-    now, before = adjusted(problem, base)
-    study, fmu = problem.study, problem.fmu
-    assert fmu is not None
-    offsets = {name: value - float(fmu.variables[name].start or "nan") for name, value in study.parameters.items()}
-    for name, value in now.items():
-        offsets[name] = offsets.get(name, 0.0) + value - before[name]
-    for term, row in zip(terms, rows, strict=True):
-        if isinstance(term, ForceTerm):
-            given = row["parameters"]
-            remarks = Remarks(
-                {name: float(entry["std"]) for name, entry in given.items() if entry["std"] > 0.0},
-                {name: entry["unit"] for name, entry in given.items() if entry["unit"]},
-                row["equation"],
-                float(row["probability"]),
-            )
-            values = {name: float(value) for name, value in term.values.items() if name != "radius"}
-            rotation = next((r.name for r in study.rotations if r.radius == term.values.get("radius")), "")
-            forces.append(ForceEffect(term.effect, term.where, values, rotation, remarks))
-            used.update(joint.name for joint in term.joints)
-        elif isinstance(term, OffsetTerm):
-            for name in term.adjustable.parameters:
-                scale = 1.0 if len(term.adjustable.parameters) == 1 else start_value(study, fmu, None, name)
-                offsets[name] = offsets.get(name, 0.0) + term.values["value"] * scale
-    places = {term.where for term in terms if isinstance(term, ForceTerm)}
-    groups = tuple(group for group in study.groups if group.name in places)
-    rotations = tuple(r for r in study.rotations if r.name in {force.rotation for force in forces})
-    return Effects(
-        tuple(forces),
-        tuple(ParameterOffset(name, value) for name, value in offsets.items() if value != 0.0),
-        tuple(joint for joint in study.joints if joint.name in used),
-        groups,
-        rotations,
-        study.simulation.step_size / problem.substeps,
-    )
-
-
-def write_model(study: Study, found: Effects, out: Path) -> tuple[list[str], list[str]]:
-    """effects.toml, augmented.fmu and study.toml in `out`: the names of what was written, and notes on what was not."""
-    from fmucorrect.wrapping.package import wrap
-
-    written: list[str] = []
-    notes: list[str] = []
-    assert study.fmu is not None
-    effects_file.write(found, out / "effects.toml")
-    written.append("effects.toml")
-    try:
-        wrap(study.fmu, None, out / "augmented.fmu", effects_file=out / "effects.toml")
-    except FmucorrectError as error:
-        return written, [f"augmented.fmu was not written: {error}"]
-    written.append("augmented.fmu")
-    (out / "study.toml").write_text(augmented_study(study, out), encoding="utf-8")
-    written.append("study.toml")
-    return written, notes
-
-
-def augmented_study(study: Study, out: Path) -> str:
-    """The study file with the augmented FMU in place of the solver's, which brings the start values with it; everything else
-    stays, paths made relative to `out`."""
-    text = _without_start_values(study.path.read_text(encoding="utf-8"))
-
-    def moved(match: re.Match[str]) -> str:
-        target = (study.path.parent / json.loads(match[3])).resolve()
-        return f"{match[1]}{match[2]}{json.dumps(Path(os.path.relpath(target, out)).as_posix())}"
-
-    text = re.sub(r'(?m)^(\s*fmu\s*)(=\s*)("(?:[^"\\]|\\.)*")', r'\1\2"augmented.fmu"', text)
-    return re.sub(
-        r'(?m)^(\s*(?:inputs|measurement|simulated)\s*)(=\s*)("(?:[^"\\]|\\.)*")', _only_conditions(moved, text), text
-    )
-
-
-def _without_start_values(text: str) -> str:
-    """Without `parameters` of [simulation], in either way that TOML has to write them."""
-    text = re.sub(r"(?ms)^[ \t]*\[simulation\.parameters\].*?(?=^[ \t]*\[|\Z)", "", text)
-    section = re.search(r"(?ms)^[ \t]*\[simulation\].*?(?=^[ \t]*\[|\Z)", text)
-    if section is None:
-        return text
-    bare = re.sub(r"(?ms)^[ \t]*parameters[ \t]*=[ \t]*\{.*?\}[^\n]*\n", "", section[0])
-    return text[: section.start()] + bare + text[section.end() :]
-
-
-def _only_conditions(moved: Any, text: str) -> Any:
-    """`measurement` and `simulated` are files in [[conditions]] only; in channels they are columns."""
-    begins = [m.start() for m in re.finditer(r"(?m)^\s*\[", text)]
-
-    def change(match: re.Match[str]) -> str:
-        heads = [b for b in begins if b < match.start()]
-        return moved(match) if heads and text[heads[-1] :].lstrip().startswith("[[conditions]]") else match[0]
-
-    return change

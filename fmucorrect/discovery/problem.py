@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 from queue import SimpleQueue
@@ -14,7 +15,10 @@ from types import TracebackType
 import numpy as np
 from jaxtyping import Float64
 
-from fmucorrect.discovery.simulator import Logged, Simulator
+from fmucorrect.discovery.content import digest
+from fmucorrect.discovery.kept import Kept, code
+from fmucorrect.discovery.logged import Logged
+from fmucorrect.discovery.simulator import Simulator
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, SignalTerm, Term
 from fmucorrect.discovery.trials import Trial, read
 from fmucorrect.errors import FmuError, StudyError
@@ -42,8 +46,8 @@ class Problem:
     """A study's development conditions, loaded. Close it, or use it in a with statement.
 
     fmu: the study's, None where it has none. trials: their data. tolerated: adjustables that may differ by their tolerance
-    anyway. workers: threads that simulate.
-    substeps: couplings of laws and FMU in a communication step.
+    anyway. workers: threads that simulate. substeps: couplings of laws and FMU in a communication step. kept: what was found
+    already. executor: simulates large batches.
     """
 
     study: Study
@@ -53,6 +57,8 @@ class Problem:
     tolerated: tuple[Adjustable, ...]
     workers: int
     substeps: int = 1
+    kept: Kept | None = None
+    executor: Executor | None = None
     _free: list[SimpleQueue[Runner]] = field(default_factory=lambda: [])
 
     def __post_init__(self) -> None:
@@ -76,7 +82,7 @@ class Problem:
         differ most in speed, amplitude, frequency and size of response. None where all of them take no more."""
         if len(self.trials) <= 2:
             return None
-        count = max(2, int(steps / sum(trial.rows.stop - trial.skip for trial in self.trials) * len(self.trials)))
+        count = max(2, int(steps / sum(len(trial.measured) for trial in self.trials) * len(self.trials)))
         if count >= len(self.trials):
             return None
         sizes = [np.log(trial.measured.std(axis=0).mean() + 1e-300) for trial in self.trials]
@@ -106,13 +112,24 @@ class Problem:
         self._free.clear()
 
     @property
+    def key(self) -> str:
+        """Of everything that results depend on: the code, the study, the FMU, what drives it and what was measured."""
+        return digest([self._content, self.substeps])
+
+    @cached_property
+    def _content(self) -> str:
+        given = [path for trial in self.trials for path in (trial.condition.inputs, trial.condition.simulated)]
+        read = [digest(path.read_bytes()) for path in (*given, self.study.fmu) if path is not None]
+        return digest([code(), self.study.hash, read, self.trials, self.tolerated])
+
+    @property
     def nominal(self) -> Model:
         """The FMU as it is."""
         return Model((), (0.0,) * len(self.tolerated))
 
     def _runner(self, k: int) -> Runner:
         trial = self.trials[k]
-        return runner(self.study, trial.condition, self.library, trial.rows.stop, self.substeps, trial.skip)
+        return runner(self.study, trial.condition, self.library, trial.rows.stop, self.substeps)
 
     def _ready(self) -> list[SimpleQueue[Runner]]:
         """Every condition's simulators, one a worker."""
@@ -160,6 +177,11 @@ class Problem:
     ) -> Iterator[np.ndarray | None]:
         """`stack(responses(model))` of many models, on all workers, in order; None where the solver gives up, or
         where the response grows beyond all measure."""
+        from fmucorrect.discovery import elsewhere
+
+        return elsewhere.many(self, models, done) if elsewhere.worthwhile(self, models) else self._here(models, done)
+
+    def _here(self, models: Sequence[Model], done: Callable[[int], object]) -> Iterator[np.ndarray | None]:
         queues = self._ready()
 
         def one(task: tuple[Model, int]) -> np.ndarray | None:
@@ -179,19 +201,13 @@ class Problem:
 
 
 def runner(
-    study: Study,
-    condition: Condition,
-    library: Path | None,
-    rows: int | None = None,
-    substeps: int = 1,
-    skip: int = 0,
+    study: Study, condition: Condition, library: Path | None, rows: int | None = None, substeps: int = 1
 ) -> Runner:
-    """What simulates a condition: the FMU, or its simulated record. rows: how many, None for all that were measured. skip:
-    rows of rest that need not be simulated."""
+    """What simulates a condition: the FMU, or its simulated record. rows: how many, None for all that were measured."""
     if condition.simulated is not None or study.fmu is None or library is None:
         return Logged(study, condition)
     duration = None if rows is None else (rows - 1) * study.simulation.step_size
-    return Simulator(study, condition, library, duration, substeps, skip=skip)
+    return Simulator(study, condition, library, duration, substeps)
 
 
 def simulate(
@@ -271,11 +287,13 @@ def tolerance_of(adjustable: Adjustable, value: float) -> float:
     return (share or 0.0) * abs(value)
 
 
-def load(study: Study, library: Path | None, workers: int = 0) -> Problem:
+def load(
+    study: Study, library: Path | None, workers: int = 0, kept: Kept | None = None, executor: Executor | None = None
+) -> Problem:
     """The development conditions of a study; the evaluation conditions are not read. Raises StudyError, RecordError."""
     if not study.development:
         raise StudyError(str(study.path), ["discovery needs at least one development condition"])
     trials = tuple(read(study, condition) for condition in study.development)
     fmu = None if study.fmu is None else open_fmu(study.fmu)
     tolerated = tuple(a for a in study.adjustable if a.tolerance or a.absolute_tolerance) if fmu else ()
-    return Problem(study, fmu, library, trials, tolerated, workers or min(os.cpu_count() or 1, 8))
+    return Problem(study, fmu, library, trials, tolerated, workers or min(os.cpu_count() or 1, 8), 1, kept, executor)

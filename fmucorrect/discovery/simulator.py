@@ -24,6 +24,10 @@ from fmucorrect.wrapping.places import places
 
 RUN_IN = 8.0
 """Seconds that a constant or periodic force has acted before a record begins."""
+LEAD = 1.0
+"""Seconds at rest before the first motion of an input from which on it is simulated."""
+STILL = 1e-9
+"""Share of a response's range that may move at rest."""
 _NONE: Mapping[str, float] = MappingProxyType({})
 
 
@@ -80,7 +84,6 @@ class Simulator:
     library: what native.build made. times: (T,) s, of every row that run() gives. substeps: in how many
     the solver takes each of the study's steps, inputs held, laws asked in each: the wrapped FMU's coupling_step.
     extra: names of further FMU inputs, 0 unless run() is given others: columns of `inputs` behind the condition's own.
-    skip: rows at the beginning, along which nothing happens, that are not simulated: run() fills them with the row after.
     """
 
     def __init__(
@@ -91,12 +94,11 @@ class Simulator:
         duration: float | None = None,
         substeps: int = 1,
         extra: Sequence[str] = (),
-        skip: int = 0,
     ) -> None:
         if substeps < 1:
             raise ValueError(f"substeps must be at least 1, got {substeps}")
         fmu = _fmu(study)
-        self._substeps, self._skip = substeps, skip
+        self._substeps = substeps
         chunk = join(list(sources.inputs(study, condition, duration)))
         self._condition, self._step_ns = condition, study.simulation.step_ns
         self._names = (*chunk.names, *(name for name in dict.fromkeys(extra) if name not in chunk.names))
@@ -111,6 +113,7 @@ class Simulator:
         self._responses = self._stepper.references
         self._factors = self._stepper.factors
         self._speed = condition.speed / 3.6
+        self._waits: bool | None = None
 
     @property
     def times(self) -> Float64[np.ndarray, " T"]:
@@ -132,15 +135,50 @@ class Simulator:
         place of the condition's own.
 
         A law of the family "load" acts at rest too: with one, the simulation begins RUN_IN earlier, the first row of inputs
-        held, so that the record begins settled, as a measurement does. Raises FmuError where the solver gives up: with these
-        laws the model is not stable, say.
+        held, so that the record begins settled, as a measurement does. Without one, a model that rests until the inputs
+        move is simulated from LEAD before on: what is left out is its first row. Raises FmuError where the solver gives up:
+        with these laws the model is not stable, say.
         """
         condition = replace(self._condition, parameters={**self._condition.parameters, **parameters})
-        given = np.ascontiguousarray((self._inputs if inputs is None else inputs)[self._skip :])
+        given = self._inputs if inputs is None else np.ascontiguousarray(inputs)
         early = round(RUN_IN * NANOSECONDS / self._step_ns) if any(item.law.family == "load" for item in laws) else 0
         if early:
             given = np.ascontiguousarray(np.concatenate([np.repeat(given[:1], early, axis=0), given]))
-        begin = int(self._t_ns[self._skip]) - early * self._step_ns
+            return self._along(laws, condition, given, -early)[early:]
+        rest = self._rest(given)
+        if rest and self._can_wait():
+            y = self._along(laws, condition, given[rest:], rest)
+            if _still(y, self._lead):
+                return np.concatenate([np.repeat(y[:1], rest, axis=0), y])
+        return self._along(laws, condition, given, 0)
+
+    @property
+    def _lead(self) -> int:
+        return max(round(LEAD * NANOSECONDS / self._step_ns), 2)
+
+    def _rest(self, given: Float64[np.ndarray, "T I"]) -> int:
+        """Rows that may be left out at the beginning: inputs rest, and go on resting for LEAD."""
+        moves = (given != given[0]).any(axis=1)
+        return max(int(np.argmax(moves)) - self._lead, 0) if moves.any() else 0
+
+    def _can_wait(self) -> bool:
+        """Whether the FMU alone may be started late: it rests, and time as such is nothing to it."""
+        if self._waits is None:
+            rest = self._rest(self._inputs)
+            try:
+                whole = self._along((), self._condition, self._inputs, 0)
+                late = self._along((), self._condition, self._inputs[rest:], rest)
+            except FmuError:
+                return False
+            far = np.abs(whole - np.concatenate([np.repeat(late[:1], rest, axis=0), late])).max(axis=0)
+            self._waits = rest > 0 and bool((far <= STILL * np.ptp(whole, axis=0)).all())
+        return self._waits
+
+    def _along(
+        self, laws: Sequence[LawAt], condition: Condition, given: Float64[np.ndarray, "t I"], first: int
+    ) -> Float64[np.ndarray, "t J"]:
+        """Simulated over the rows of `given`, of which the first is row `first` of the record. Raises FmuError."""
+        begin = int(self._t_ns[0]) + first * self._step_ns
         self._stepper.reset(condition)
         self._stepper.step(begin, given[0])
         native = self._stepper.native()
@@ -148,7 +186,7 @@ class Simulator:
         reads = list(self._responses)
         forces: list[int] = []
         placed, kept = self._placed(laws, reads, forces)
-        steps, count = early + len(self._t_ns) - self._skip - 1, len(self._responses)
+        steps, count = len(given) - 1, len(self._responses)
         values, out, pushed = np.zeros(len(reads)), np.zeros((steps + 1, count)), np.zeros(max(len(forces), 1))
         road = _Road(
             begin / NANOSECONDS,
@@ -174,8 +212,7 @@ class Simulator:
                 f"the solver gave up at t = {(begin + max(reached, 0) * self._step_ns) / NANOSECONDS:.6g} s",
                 where=f"{self._description.path}, condition {self._condition.name!r}",
             )
-        shown = out[early:] * self._factors
-        return np.concatenate([np.repeat(shown[:1], self._skip, axis=0), shown]) if self._skip else shown
+        return out * self._factors
 
     def _placed(
         self, laws: Sequence[LawAt], reads: list[int], forces: list[int]
@@ -229,31 +266,9 @@ class Simulator:
         self._stepper.close()
 
 
-class Logged:
-    """A condition whose simulation is a record: it shows the same response whatever is asked, where nothing can act."""
-
-    description: None = None
-    inputs: tuple[tuple[str, ...], Float64[np.ndarray, "T 0"]]
-
-    def __init__(self, study: Study, condition: Condition) -> None:
-        record = join(list(sources.inputs(study, condition)))
-        self.nominal = np.ascontiguousarray(record.values[:, : len(study.channels)])
-        self.inputs = ((), np.zeros((len(self.nominal), 0)))
-
-    def run(
-        self,
-        laws: Sequence[LawAt] = (),
-        parameters: Mapping[str, float] = _NONE,
-        inputs: Float64[np.ndarray, "T I"] | None = None,
-    ) -> Float64[np.ndarray, "T J"]:
-        """The recorded response in the channels' units. Laws and parameters have nothing to act on."""
-        assert not laws
-        assert not parameters
-        assert inputs is None
-        return self.nominal
-
-    def close(self) -> None:
-        """Nothing to release."""
+def _still(y: Float64[np.ndarray, "T J"], rows: int) -> bool:
+    """Whether nothing moves in the first rows."""
+    return bool((np.ptp(y[:rows], axis=0) <= STILL * np.ptp(y, axis=0)).all())
 
 
 def _ports(joint: Joint) -> tuple[str, str, str, str]:

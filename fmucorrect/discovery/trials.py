@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
-from fmucorrect import experiment, sources
+from fmucorrect import experiment
 from fmucorrect.discovery.noise import estimate
-from fmucorrect.signals import Condition, join
+from fmucorrect.signals import Condition
 from fmucorrect.study import Study
 
 ROWS = 1200
@@ -25,8 +25,7 @@ FAINT = 1e-4
 @dataclass(frozen=True)
 class Trial:
     """One condition's data. measured: (N, J), at `rows` of its simulation, in the channels' units. sigma: (J,) sensor noise,
-    rms a sample. block: samples averaged into one row of evidence. known: whether the noise is known. skip: rows before that,
-    along which the simulation rests."""
+    rms a sample. block: samples averaged into one row of evidence. known: whether the noise is known."""
 
     condition: Condition
     measured: Float64[np.ndarray, "N J"]
@@ -34,7 +33,6 @@ class Trial:
     sigma: Float64[np.ndarray, " J"]
     block: int
     known: bool = True
-    skip: int = 0
     notes: tuple[str, ...] = ()
 
     @property
@@ -68,17 +66,8 @@ def read(study: Study, condition: Condition) -> Trial:
         sigma,
         max(1, -(-len(measured) // ROWS)),
         known,
-        first + begin if _rests(study, condition, pair.simulated.values[: first + begin + 1]) else 0,
         notes,
     )
-
-
-def _rests(study: Study, condition: Condition, before: Float64[np.ndarray, "N C"]) -> bool:
-    """Whether a simulated condition does nothing at all before a row: neither responses nor inputs move."""
-    if study.fmu is None or condition.simulated is not None or np.ptp(before, axis=0).any():
-        return False
-    inputs = join(list(sources.inputs(study, condition, (len(before) - 1) * study.simulation.step_size)))
-    return not np.ptp(inputs.values, axis=0).any()
 
 
 def sensor_noise(

@@ -31,11 +31,12 @@ from fmucorrect.training.tasks import Task, Workshop
 
 @dataclass(frozen=True)
 class Trained:
-    """A finished training. content: the bundle file's bytes. corrector: the same in torch, for comparison. rho: of each
-    member. curves: of the refit, all members. trials: of the search, in order."""
+    """A finished training. content: the bundle file's bytes. corrector: the same in torch, for comparison. ensemble: its
+    members, without envelope. rho: of each member. curves: of the refit, all members. trials: of the search, in order."""
 
     content: bytes
     corrector: Corrector
+    ensemble: Ensemble
     selection: Selection
     training: Training
     trials: tuple[Trial, ...]
@@ -79,7 +80,7 @@ def train(study: Study, training: Training | None = None, workshop: Workshop | N
     rows = np.linspace(0, len(first.seconds) - 1, 8).astype(int)
     content = to_bundle(corrector, info, first.windows[rows], first.condition, first.seconds[rows])
     rho = tuple(member.rho for member in ensemble.members)
-    return Trained(content, corrector, selection, training, trials, rho, curves, ensemble.parameters)
+    return Trained(content, corrector, ensemble, selection, training, trials, rho, curves, ensemble.parameters)
 
 
 def development_pairs(study: Study) -> list[Pair]:

@@ -19,12 +19,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, is_dataclass
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import torch
 
-from fmucorrect.errors import MissingExtra, TrainingError
+from fmucorrect.errors import TrainingError
+from fmucorrect.training import cluster
 
 Advance = Callable[[int], object]
 CORES = os.cpu_count() or 1
@@ -211,20 +212,8 @@ def _one_thread() -> None:
 @contextmanager
 def _executor(scheduler: str, workers: int) -> Generator[Executor]:
     if scheduler:
-        try:
-            from dask.distributed import Client
-        except ModuleNotFoundError as error:
-            raise MissingExtra("dask.distributed", "cluster") from error
-        try:
-            client = Client(scheduler, timeout=5)
-        except OSError as error:
-            raise TrainingError(
-                f"the scheduler does not answer: {error}",
-                got=scheduler,
-                remedy="Give the address that `dask scheduler` prints.",
-            ) from error
-        with client:
-            yield cast(Executor, client.get_executor())
+        with cluster.executor(scheduler) as executor:
+            yield executor
         return
     with ProcessPoolExecutor(workers, get_context("spawn"), _begin, (os.getpid(),)) as executor:
         try:

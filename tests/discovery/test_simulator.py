@@ -119,6 +119,46 @@ def test_an_order_of_a_rotation_is_a_frequency_at_each_speed(library):
     simulator.close()
 
 
+def test_rest_before_the_excitation_is_left_out_and_nothing_else(library, monkeypatch):
+    """What is simulated from just before the excitation on is what is simulated from the beginning, with laws and other
+    parameters too."""
+    study = load_study(STUDY)
+    condition = study.condition("340")
+    steps: list[int] = []
+    along = Simulator._along
+
+    def counted(self, laws, condition, given, first):
+        steps.append(len(given))
+        return along(self, laws, condition, given, first)
+
+    monkeypatch.setattr(Simulator, "_along", counted)
+    laws = [law_at(study, "coulomb_friction", "secondary, lateral", friction_force=300.0)]
+    simulator = Simulator(study, condition, library, 13.0)
+    ours = simulator.run(laws, {"bush_ky": 5e6})
+    assert steps == [13001, 4000, 4000]  # once to see that it may be left out; the command moves at 10.001 s
+    monkeypatch.setattr(Simulator, "_rest", lambda self, given: 0)
+    assert (ours == simulator.run(laws, {"bush_ky": 5e6})).all()
+    simulator.close()
+
+
+def test_a_model_that_does_not_rest_is_simulated_from_the_beginning(library):
+    """An oscillator that begins deflected, by the study's start values or by those of one run."""
+    study = load_study(STUDY)
+    fmu = FMUS / "oscillator" / "oscillator.fmu"
+    channels = (replace(study.channels[0], name="x", simulation="mass1.x", measurement="x", acceleration=""),)
+    deflected = {"masses": 1.0, "x1": 1e-3}
+    for start, given in ((deflected, {}), ({"masses": 1.0}, deflected)):
+        simulation = replace(study.simulation, fmu=fmu, parameters=start)
+        own = replace(study, simulation=simulation, channels=channels, excitation=None, joints=())
+        condition = replace(study.condition("340"), inputs=None, parameters={})
+        simulator = Simulator(own, condition, library, 4.0, extra=["mass1.f"])
+        push = np.zeros((4001, 1))
+        push[3000:] = 0.1
+        y = simulator.run((), given, push)
+        assert np.ptp(y[:1000]) > 1.0  # mm
+        simulator.close()
+
+
 def test_a_model_that_blows_up_is_an_error_and_the_next_run_is_sound(library):
     study = load_study(STUDY)
     simulator = Simulator(study, study.condition("340"), library, 12.0)

@@ -1,0 +1,130 @@
+"""Many models simulated on other machines: pieces of work that bring with them all they need.
+
+Any executor that takes a function of this package and bytes will do. What a piece gives are the numbers that this machine
+would have found; only large batches are worth the way, the others stay here.
+"""
+
+from __future__ import annotations
+
+import logging
+import tempfile
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from fmucorrect.discovery import native
+from fmucorrect.discovery.content import digest, packed, unpacked
+from fmucorrect.discovery.problem import Model, Problem
+from fmucorrect.discovery.trials import Trial
+from fmucorrect.study import Adjustable, Study
+
+PIECE = 1_000_000
+"""Steps of the solver in a piece of work, about: the FMU travels with each."""
+
+
+@dataclass(frozen=True)
+class Parcel:
+    """What a worker needs to simulate models as a Problem does. files: content by name; study and trials name them."""
+
+    study: Study
+    trials: tuple[Trial, ...]
+    tolerated: tuple[Adjustable, ...]
+    substeps: int
+    files: Mapping[str, bytes]
+
+
+def worthwhile(problem: Problem, models: Sequence[Model]) -> bool:
+    """Whether there is an executor, and work for at least two pieces."""
+    return problem.executor is not None and problem.fmu is not None and len(models) >= 2 * _size(problem)
+
+
+def _size(problem: Problem) -> int:
+    """Models a piece."""
+    return max(1, PIECE // sum(trial.rows.stop for trial in problem.trials))
+
+
+def many(problem: Problem, models: Sequence[Model], done: Callable[[int], object]) -> Iterator[np.ndarray | None]:
+    """Problem.many by its executor."""
+    assert problem.executor is not None
+    size = _size(problem)
+    pieces = [packed(list(models[i : i + size])) for i in range(0, len(models), size)]
+    parcel = packed(_parcel(problem))
+    for rows in problem.executor.map(work, [parcel] * len(pieces), pieces):
+        for row in rows:
+            done(1)
+            yield row
+
+
+def _parcel(problem: Problem) -> Parcel:
+    """Without what was measured, which a simulation has no need of."""
+    files: dict[str, bytes] = {}
+
+    def moved(path: Path | None) -> Path | None:
+        if path is None:
+            return None
+        content = path.read_bytes()
+        name = f"{digest(content)}{path.suffix}"
+        files[name] = content
+        return Path(name)
+
+    study = problem.study
+    simulation = replace(study.simulation, fmu=moved(study.fmu))
+    trials = [
+        replace(
+            trial,
+            condition=replace(
+                trial.condition,
+                inputs=moved(trial.condition.inputs),
+                simulated=moved(trial.condition.simulated),
+                measurement=None,
+            ),
+            measured=np.zeros((0, len(study.channels))),
+        )
+        for trial in problem.trials
+    ]
+    bare = Study(study.path, study.hash, study.name, simulation, study.channels, (), study.excitation)
+    return Parcel(bare, tuple(trials), problem.tolerated, problem.substeps, files)
+
+
+def work(parcel: bytes, models: bytes) -> list[np.ndarray | None]:
+    """On a worker, which has fmucorrect[discover]: the evidence of every model, None where the solver gives up."""
+    sent: Parcel = unpacked(parcel)
+    with tempfile.TemporaryDirectory(prefix="fmucorrect_") as place:
+        for name, content in sent.files.items():
+            (Path(place) / name).write_bytes(content)
+
+        def here(path: Path | None) -> Path | None:
+            return None if path is None else Path(place) / path
+
+        study = replace(sent.study, simulation=replace(sent.study.simulation, fmu=here(sent.study.fmu)))
+        trials = tuple(
+            replace(
+                t,
+                condition=replace(t.condition, inputs=here(t.condition.inputs), simulated=here(t.condition.simulated)),
+            )
+            for t in sent.trials
+        )
+        with quietly(), Problem(study, None, library(), trials, sent.tolerated, 1, sent.substeps) as problem:
+            return list(problem.many(unpacked(models)))
+
+
+def library() -> Path:
+    """The native loop with the laws, kept between runs where there is a folder for what is temporary."""
+    cache = Path(tempfile.gettempdir()) / "fmucorrect"
+    cache.mkdir(exist_ok=True)
+    return native.build(cache)
+
+
+@contextmanager
+def quietly() -> Generator[None]:
+    """Without what solvers say when a candidate makes them unstable, which is no one's fault."""
+    solvers = logging.getLogger("fmucorrect.fmu")
+    before = solvers.level
+    solvers.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        solvers.setLevel(before)

@@ -1,0 +1,130 @@
+"""What a discovery has found already: kept in a folder, so that a run that was broken off goes on where it stopped.
+
+A discovery takes the same steps in every run. Each costly one (`remembered`) is looked up by what it depends on, and done only
+where that is not known: the content of its arguments, of the study, of the FMU and of the records of the development
+conditions, and the package's own source. Nothing that was found from other data or by other code is ever read.
+"""
+
+from __future__ import annotations
+
+import io
+import pickle
+from collections.abc import Callable
+from functools import cache, wraps
+from pathlib import Path
+from shutil import rmtree
+from typing import Any, Concatenate, ParamSpec, Protocol, TypeVar, runtime_checkable
+
+import numpy as np
+
+import fmucorrect
+from fmucorrect.discovery.content import digest, packed, unpacked
+
+LARGE = 50_000
+"""Bytes of an array beyond which it is a file of its own, however many results hold it."""
+
+
+class Kept:
+    """Results by key, in files of `folder`."""
+
+    def __init__(self, folder: Path) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        self._folder = folder
+
+    def read(self, key: str, given: list[object]) -> tuple[Any] | None:
+        """The result of this key, in a tuple; None where there is none that can be read. given: objects that it may hold."""
+
+        def get(place: tuple[str, Any]) -> object:
+            kind, name = place
+            return given[name] if kind == "given" else self._loaded(self._folder / f"{name}.npy")
+
+        try:
+            return (unpacked((self._folder / f"{key}.result").read_bytes(), get),)
+        except (OSError, EOFError, ValueError, LookupError, pickle.UnpicklingError):
+            return None
+
+    def write(self, key: str, result: object, given: list[object]) -> None:
+        """Keep a result; whole or not at all."""
+        numbers = {id(item): i for i, item in enumerate(given)}
+
+        def put(value: object) -> tuple[str, Any] | None:
+            if id(value) in numbers:
+                return "given", numbers[id(value)]
+            return ("array", self._array(value)) if isinstance(value, np.ndarray) and value.nbytes > LARGE else None
+
+        self._replace(f"{key}.result", packed(result, put))
+
+    def clear(self) -> None:
+        """Nothing is kept any longer."""
+        rmtree(self._folder)
+
+    def _loaded(self, path: Path) -> np.ndarray:
+        try:
+            return np.load(path, allow_pickle=False)
+        except (ValueError, EOFError):  # damaged: to be written anew
+            path.unlink()
+            raise
+
+    def _array(self, values: np.ndarray) -> str:
+        name = digest(values)
+        if not (self._folder / f"{name}.npy").exists():
+            buffer = io.BytesIO()
+            np.save(buffer, np.ascontiguousarray(values), allow_pickle=False)
+            self._replace(f"{name}.npy", buffer.getvalue())
+        return name
+
+    def _replace(self, name: str, content: bytes) -> None:
+        partial = self._folder / f"{name}.partial"
+        partial.write_bytes(content)
+        partial.replace(self._folder / name)
+
+
+@runtime_checkable
+class Keyed(Protocol):
+    """What is looked at. key: of all that results depend on beside the arguments. kept: where they are kept, if at all."""
+
+    @property
+    def key(self) -> str: ...
+    @property
+    def kept(self) -> Kept | None: ...
+
+
+P = ParamSpec("P")
+K = TypeVar("K", bound=Keyed)
+R = TypeVar("R")
+
+
+def remembered(work: Callable[Concatenate[K, P], R]) -> Callable[Concatenate[K, P], R]:
+    """A function that first looks whether its result is kept. Functions among its arguments, which are told how far it is,
+    do not count. The result is the one that was written, whether it was read or has just been found: equal to the bit, laid
+    out alike in memory."""
+
+    @wraps(work)
+    def run(first: K, /, *args: P.args, **kwargs: P.kwargs) -> R:
+        if first.kept is None:
+            return work(first, *args, **kwargs)
+        names = [name for name, value in kwargs.items() if not callable(value)]
+        values = [value for value in args if not callable(value)]
+        key = digest([work.__qualname__, first.key, values, [(name, kwargs[name]) for name in sorted(names)]])
+        given = _given([*values, *kwargs.values()])
+        known = first.kept.read(key, given)
+        if known is None:
+            first.kept.write(key, work(first, *args, **kwargs), given)
+            known = first.kept.read(key, given)
+            assert known is not None
+        return known[0]
+
+    return run
+
+
+def _given(values: list[Any]) -> list[object]:
+    """What holds functions, which cannot be written: it is among the arguments whenever the result is read."""
+    return [item for value in values if isinstance(value, list | tuple) for item in value if hasattr(item, "identity")]
+
+
+@cache
+def code() -> str:
+    """Of the package's source and of numpy: another code, another result."""
+    root = Path(fmucorrect.__file__).parent
+    files = sorted(path for ending in ("py", "c", "h") for path in root.rglob(f"*.{ending}"))
+    return digest([np.__version__, *((path.relative_to(root).as_posix(), path.read_bytes()) for path in files)])
