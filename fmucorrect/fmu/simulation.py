@@ -6,11 +6,10 @@ parameters between two steps, go back to a state and try another speed, and need
 
 from __future__ import annotations
 
-import ctypes
 import logging
-import tempfile
-from collections.abc import Callable, Mapping, Sequence
-from ctypes import c_double, c_size_t, c_uint, c_void_p
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import contextmanager
+from ctypes import c_void_p
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -20,13 +19,11 @@ import numpy as np
 from jaxtyping import Float64
 
 from fmucorrect.errors import FmuError
-from fmucorrect.fmu import archive, matching
+from fmucorrect.fmu import matching
 from fmucorrect.fmu.description import FmuDescription, Variable, open_fmu
-from fmucorrect.fmu.fmi2 import Instance2
-from fmucorrect.fmu.fmi3 import Instance3
 from fmucorrect.fmu.instance import Instance
+from fmucorrect.fmu.loaded import LoadedFmu
 from fmucorrect.fmu.ports import Port, ports
-from fmucorrect.fmu.solverlog import SolverLog
 from fmucorrect.fmu.startvalues import start_values
 from fmucorrect.fmu.structure import Structure, read_structure
 from fmucorrect.signals import Channel
@@ -61,7 +58,7 @@ class Simulation:
         log: logging.Logger | None = None,
     ) -> None:
         self._description = open_fmu(path)
-        self._binaries = self._description.binaries
+        _ = self._description.binaries  # refused now rather than at start()
         self._structure = read_structure(self._description)
         self._outputs, self._channels = matching.outputs(self._description, channels)
         self._factors = matching.output_factors(self._outputs, self._channels)
@@ -76,8 +73,7 @@ class Simulation:
             )
         self._step = step
         self._logger = log
-        self._folder: tempfile.TemporaryDirectory[str] | None = None
-        self._log: SolverLog | None = None
+        self._loaded: LoadedFmu | None = None
         self._instance: Instance | None = None
         self._readers: list[Port] = []
         self._others: dict[tuple[str, ...], tuple[list[Port], Float64[np.ndarray, " M"]]] = {}
@@ -123,7 +119,7 @@ class Simulation:
     def start(self, values: Mapping[str, float]) -> None:
         """Begin a run at t = 0 with these start values, in the FMU's units; outputs are there afterwards."""
         checked = start_values(self._description, values)
-        try:
+        with self._released_on_error():
             instance = self._instance or self._open()
             while self._saved:
                 instance.free_state(self._saved.pop().handle)
@@ -132,23 +128,20 @@ class Simulation:
             instance.time.value, instance.size.value = 0.0, 0.0
             instance.initialise(0.0)
             instance.exit_initialisation()
-        except BaseException:
-            self.abandon()
-            raise
         self._count = 0
 
     def set(self, values: Mapping[str, float]) -> None:
         """Set inputs and tunable parameters now, in the FMU's units."""
         writers, row = self._writer(tuple(values))
         row[:] = list(values.values())
-        with _Released(self):
+        with self._released_on_error():
             for port in writers:
                 port.put()
 
     def read(self) -> Float64[np.ndarray, " K"]:
         """The channels now."""
         self._running()
-        with _Released(self):
+        with self._released_on_error():
             for port in self._readers:
                 port.get()
         return self._row.copy() if self._factors is None else self._row * self._factors
@@ -161,7 +154,7 @@ class Simulation:
             row = np.zeros(len(key))
             self._others[key] = ports(instance, "Get", variables, row), row
         readers, row = self._others[key]
-        with _Released(self):
+        with self._released_on_error():
             for port in readers:
                 port.get()
         return row.copy()
@@ -181,7 +174,7 @@ class Simulation:
             before = [port.rows_from(values) for port in writers]
         after = [port.rows_into(result) for port in self._readers]
         step, flags, time, size = instance.step, instance.flags, instance.time, instance.size
-        with _Released(self):
+        with self._released_on_error():
             for count in range(self._count, self._count + steps):
                 for pointer, addresses, call, function in before:
                     pointer.value = next(addresses)
@@ -204,7 +197,7 @@ class Simulation:
         """A copy of the solver's state, which start() and close() void and free."""
         if not self.can_save:
             raise FmuError("it cannot copy its state", where=str(self._description.path))
-        with _Released(self):
+        with self._released_on_error():
             self._saved.append(SavedState(self._running().get_state(), self._count))
         return self._saved[-1]
 
@@ -212,7 +205,7 @@ class Simulation:
         """Back to a state of this run. Raises FmuError for one of an earlier run."""
         if not self.holds(state):
             raise FmuError("the saved state is of an earlier run", where=str(self._description.path))
-        with _Released(self):
+        with self._released_on_error():
             self._running().set_state(state.handle)
         self._count = state.count
 
@@ -223,43 +216,23 @@ class Simulation:
     def directional(self, unknowns: Sequence[Variable], knowns: Sequence[Variable]) -> Float64[np.ndarray, "U N"]:
         """Partial derivatives d unknown / d known at this moment, one column a known, by the FMU's own function."""
         instance = self._running()
-        function: Callable[..., int] = instance.function("GetDirectionalDerivative")
-        rows, known, seed = _references(unknowns), c_uint(), c_double(1.0)
-        answer = np.zeros(len(unknowns))
-        pointer = c_void_p(answer.ctypes.data)
-        counted = instance.COUNTED
-        columns: list[Float64[np.ndarray, " U"]] = []
-        with _Released(self):
-            for variable in knowns:
-                known.value = variable.reference
-                arguments = (rows, c_size_t(len(unknowns)), ctypes.byref(known), c_size_t(1), ctypes.byref(seed))
-                more = (c_size_t(1), pointer, c_size_t(len(unknowns))) if counted else (pointer,)
-                status = function(c_void_p(instance.component), *arguments, *more)
-                instance.check(status, f"{instance.PREFIX}GetDirectionalDerivative")
-                columns.append(answer.copy())
+        rows = [variable.reference for variable in unknowns]
+        with self._released_on_error():
+            columns = [instance.directional(rows, variable.reference) for variable in knowns]
         return np.array(columns).T.reshape(len(unknowns), len(knowns))
 
     def close(self) -> None:
         """Release everything. May be called twice."""
-        instance, log, folder = self._instance, self._log, self._folder
-        self._instance = self._log = self._folder = None
+        loaded, self._loaded, self._instance = self._loaded, None, None
         saved, self._saved = self._saved, []
         self._readers, self._writers, self._others, self._count = [], {}, {}, -1
+        if loaded is None:
+            return
         try:
-            if instance is not None:
-                for state in saved:
-                    instance.free_state(state.handle)
-                instance.close()
+            for state in saved:
+                loaded.instance.free_state(state.handle)
         finally:
-            if log is not None:
-                log.close()
-            if folder is not None:
-                folder.cleanup()
-
-    def abandon(self) -> None:
-        """close() after an error, when only that is allowed: saved states are left to the solver."""
-        self._saved.clear()
-        self.close()
+            loaded.close()
 
     def __enter__(self) -> Simulation:
         return self
@@ -270,14 +243,20 @@ class Simulation:
         self.close()
 
     def _open(self) -> Instance:
-        self._folder = tempfile.TemporaryDirectory(prefix="fmucorrect-", ignore_cleanup_errors=True)
-        folder = Path(self._folder.name)
-        archive.extract(self._description.path, folder, self._binaries)
-        self._log = SolverLog(self._description.path.name, self._logger)
-        kind = Instance3 if self._description.fmi.startswith("3") else Instance2
-        self._instance = kind(self._description, folder, self._log)
+        self._loaded = LoadedFmu(self._description, self._logger)
+        self._instance = self._loaded.instance
         self._readers = ports(self._instance, "Get", self._outputs, self._row)
         return self._instance
+
+    @contextmanager
+    def _released_on_error(self) -> Generator[None, None, None]:
+        """Closes when what is inside fails, as the FMI standard wants; saved states are left to the solver."""
+        try:
+            yield
+        except BaseException:
+            self._saved.clear()
+            self.close()
+            raise
 
     def _running(self) -> Instance:
         if self._instance is None or self._count < 0:
@@ -298,22 +277,3 @@ class Simulation:
             chosen = [self._description.variables[name] for name in names]
             self._writers[names] = ports(instance, "Set", chosen, row), row
         return self._writers[names]
-
-
-@final
-class _Released:
-    """Closes the simulation when what is inside fails, as the FMI standard wants after an error."""
-
-    def __init__(self, simulation: Simulation) -> None:
-        self._simulation = simulation
-
-    def __enter__(self) -> None:
-        return None
-
-    def __exit__(self, kind: type[BaseException] | None, error: object, trace: object) -> None:
-        if kind is not None:
-            self._simulation.abandon()
-
-
-def _references(variables: Sequence[Variable]) -> ctypes.Array[c_uint]:
-    return (c_uint * len(variables))(*(variable.reference for variable in variables))
