@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 
 from fmucorrect.errors import SignalError, StudyError
 from fmucorrect.fmu import FmuDescription
+from fmucorrect.railway.constants import KMH
 from fmucorrect.railway.critical_speed_assessment import (
-    KMH,
     BifurcationMapping,
     CriticalSpeedMapping,
     DecelerationMapping,
@@ -163,6 +163,7 @@ def _critical_speed(table: schema.CriticalSpeedTable) -> CriticalSpeedMapping:
         else None,
         conicity=table.conicity,
         outputs=tuple(table.outputs),
+        flags=tuple(table.flags),
         disturbance=disturbance,
         observation=Observation(table.still, window=table.window, longest=table.longest),
         deceleration=slow and DecelerationMapping(slow.speeds[0] / KMH, slow.speeds[1] / KMH, slow.rate, slow.settling),
@@ -188,7 +189,9 @@ def _safety(
 ) -> SafetyMapping:
     runs: list[Run] = []
     for row in table.runs:
-        missing = None if row.cant is None else cant_deficiency(row.speed / KMH, row.radius, row.cant)
+        missing = (
+            None if row.cant is None else cant_deficiency(row.speed / KMH, row.radius, row.cant, table.contact_spacing)
+        )
         sections: list[TrackSection] = []
         for i, (start, stop) in enumerate(row.sections):
             name = row.name if len(row.sections) == 1 else f"{row.name}, {i + 1}"
@@ -253,7 +256,7 @@ def _wanted(assessment: Assessment) -> list[tuple[Location, str, Sequence[str]]]
         wanted.append((("critical_speed", "speed"), critical.speed.name, unit))
         for key, names in (("parameters", critical.parameters), ("disturbance", critical.disturbance.start)):
             wanted += [(("critical_speed", key, name), name, ()) for name in names]
-        for key, names in (("states", critical.states), ("outputs", critical.outputs)):
+        for key, names in (("states", critical.states), ("outputs", critical.outputs), ("flags", critical.flags)):
             wanted += [(("critical_speed", key), name, ()) for name in names]
     if (safety := assessment.safety) is not None:
         unit = () if safety.speed.unit else ("m/s",)

@@ -14,8 +14,8 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field, ValidationError
 
 from fmucorrect.railway.assessment_checks import misfits, row_places
+from fmucorrect.railway.constants import CONTACT_SPACING, GRAVITY
 from fmucorrect.railway.preload_mapping import CONVERGENCE, RESIDUAL_ACCELERATION, TOLERANCE
-from fmucorrect.railway.static_equilibrium import GRAVITY
 from fmucorrect.railway.supports import GROUND
 from fmucorrect.study_places import Places, by_line, place, scan
 from fmucorrect.study_schema import NotNegative, Number, Positive, Sign, SimulationTable, Text
@@ -167,6 +167,7 @@ class CriticalSpeedTable(Table):
     ring_down: RingDownTable = RingDownTable()
     conicity: NotNegative | None = None
     outputs: list[Text] = []
+    flags: list[Text] = []
     disturbance: dict[str, Number] = {}
     still: Positive = 1e-4
     window: Positive = 2.0
@@ -231,6 +232,7 @@ class SafetyTable(Table):
     )
     accelerations: list[AccelerationRow] = []
     flags: list[Text] = []
+    contact_spacing: Positive = CONTACT_SPACING
     limits: LimitsTable = LimitsTable()
     runs: Annotated[list[RunRow], AfterValidator(_filled)] = Field(
         description="one row a curve radius, as runs = [ { name, radius, speed, sections }, ]"

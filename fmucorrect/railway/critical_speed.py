@@ -18,6 +18,8 @@ from fmucorrect.railway.speed_parameter import SpeedParameter
 
 _SPLITS = 4
 """How often the interval between two speeds is halved to be sure which mode became which."""
+DIVERGENT = 0.05
+"""1/s, above which a motion that does not oscillate grows; less is a free coordinate, with the rounding of differences."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +36,7 @@ class LinearStability:
 
     method: of the linearisation. speeds: m/s, rising. branches: modes that oscillate somewhere, the one that comes closest
     to growing first. least_stable: the oscillating mode with the largest growth at each speed, None where nothing
-    oscillates. divergence: 1/s, the largest eigenvalue that does not oscillate, at each speed: clearly above 0 means that
+    oscillates. divergence: 1/s, the largest eigenvalue that does not oscillate, at each speed: above DIVERGENT
     the vehicle falls over without oscillating; 0 but for rounding where it has a free coordinate.
     critical_speed: m/s, the lowest speed above which an oscillating mode grows, to within `tolerance` (m/s); None where it
     is stable over the whole range, and where it is unstable at the lowest speed already (stable_at_lowest is False).
@@ -50,6 +52,12 @@ class LinearStability:
     tolerance: float
     critical_mode: Mode | None
     stable_at_lowest: bool
+
+    @property
+    def divergent_from(self) -> float | None:
+        """m/s, the lowest of the speeds at which it falls over without oscillating, None where it never does."""
+        falling = [v for v, growth in zip(self.speeds, self.divergence, strict=True) if (growth or 0.0) > DIVERGENT]
+        return min(falling, default=None)
 
 
 def linear_stability(

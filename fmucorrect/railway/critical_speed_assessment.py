@@ -25,9 +25,6 @@ from fmucorrect.railway.speed_parameter import SpeedParameter
 from fmucorrect.railway.speed_run import SpeedRun
 from fmucorrect.signals import NANOSECONDS, Channel
 
-KMH = 3.6
-"""km/h in a m/s."""
-
 
 @dataclass(frozen=True)
 class Published:
@@ -69,6 +66,7 @@ class CriticalSpeedMapping:
     parameters: start values. speeds: m/s, of the eigenvalues. method: of linearising, None for the first that the FMU allows.
     settle: s before each linearisation. states: names, for an FMU that does not list them. ring_down: for an FMU without
     states. conicity: equivalent conicity of these parameters, None where it is not known. outputs: the first one leads.
+    flags: outputs that are not 0 where a motion is beyond the model.
     deceleration, bifurcation: None where they are not asked for.
     """
 
@@ -81,6 +79,7 @@ class CriticalSpeedMapping:
     ring_down: RingDown | None = None
     conicity: float | None = None
     outputs: tuple[str, ...] = ()
+    flags: tuple[str, ...] = ()
     disturbance: Disturbance = field(default_factory=Disturbance)
     observation: Observation = field(default_factory=lambda: Observation(1e-4))
     deceleration: DecelerationMapping | None = None
@@ -119,9 +118,21 @@ class CriticalSpeedAssessment:
         return own is not None and abs(own - published.speed) <= published.tolerance * published.speed
 
     @property
+    def raised(self) -> dict[str, float]:
+        """By flag, m/s: the lowest speed at which it was not 0 in a motion that went on."""
+        stepped = self.bifurcation.down + self.bifurcation.up if self.bifurcation else ()
+        seen = [(motion.speed, motion.raised) for motion in stepped if motion.alive]
+        if self.deceleration is not None:
+            seen += zip(self.deceleration.speeds, self.deceleration.raised, strict=True)
+        names = dict.fromkeys(name for _, raised in seen for name in raised)
+        return {name: min(speed for speed, raised in seen if name in raised) for name in names}
+
+    @property
     def passed(self) -> bool:
-        """Whether every published value with a tolerance is met."""
-        return all(self.met(item) is not False for item in self.published)
+        """Whether the vehicle is stable at the lowest speed and nowhere falls over, and every published value with a
+        tolerance is met."""
+        stable = self.linear.stable_at_lowest and self.linear.divergent_from is None
+        return stable and all(self.met(item) is not False for item in self.published)
 
     def to_json(self) -> dict[str, Any]:
         """For programs; speeds in m/s."""
@@ -129,6 +140,8 @@ class CriticalSpeedAssessment:
             "passed": self.passed,
             "linear_critical_speed": self.found("linear"),
             "nonlinear_critical_speed": self.found("nonlinear"),
+            "divergent_from": self.linear.divergent_from,
+            "flags": self.raised,
             "conicity": self.conicity,
             "published": [asdict(item) | {"met": self.met(item)} for item in self.published],
             "linear": asdict(self.linear),
@@ -164,7 +177,9 @@ def assess_critical_speed(
     stepped: Bifurcation | None = None
     if mapping.deceleration is not None or mapping.bifurcation is not None:
         channels = tuple(Channel(name, unit="") for name in mapping.outputs)
-        with SpeedRun(fmu, mapping.speed, channels, mapping.disturbance, start=start, step_size=step) as run:
+        with SpeedRun(
+            fmu, mapping.speed, channels, mapping.disturbance, start=start, step_size=step, flags=mapping.flags
+        ) as run:
             if mapping.deceleration is not None:
                 slowed = decelerate(run, mapping.observation, **asdict(mapping.deceleration))
                 advance(1)

@@ -47,7 +47,7 @@ class Motion:
     speed: m/s. amplitude: half of what lies between largest and smallest value in the last block, one a channel, in the
     channels' units. frequency: Hz, of the first channel, None when it is still or its period is longer than the block.
     alive: whether it goes on. settled: False when `longest` was over before the amplitude settled; then what did not decay
-    over the second half of it is alive. seconds: s, until then.
+    over the second half of it is alive. seconds: s, until then. raised: flags that were not 0 in the last block.
     """
 
     speed: float
@@ -56,6 +56,7 @@ class Motion:
     alive: bool
     settled: bool
     seconds: float
+    raised: tuple[str, ...] = ()
 
 
 def amplitudes(block: Float64[np.ndarray, "T K"]) -> tuple[float, ...]:
@@ -83,7 +84,7 @@ def settle(run: SpeedRun, observation: Observation) -> Motion:
         block = run.advance(window)
         found = amplitudes(block)
         if found[0] < observation.still:
-            return Motion(run.speed, found, None, False, True, window * (len(levels) + 1))
+            return Motion(run.speed, found, None, False, True, window * (len(levels) + 1), run.raised)
         levels.append(math.log(found[0]))
         if len(levels) >= 3:
             before, last = levels[-2] - levels[-3], levels[-1] - levels[-2]
@@ -95,7 +96,7 @@ def settle(run: SpeedRun, observation: Observation) -> Motion:
     rate = frequency(block[:, 0], run.step_size)
     half = levels[len(levels) // 2 :]
     alive = settled or float(np.polyfit(np.arange(len(half)) * window, half, 1)[0]) > -tolerance
-    return Motion(run.speed, found, rate, alive, settled, window * len(levels))
+    return Motion(run.speed, found, rate, alive, settled, window * len(levels), run.raised)
 
 
 @dataclass(frozen=True)
@@ -104,6 +105,7 @@ class Deceleration:
 
     channels, units: of the amplitudes. rate: m/s2, by which the speed falls. speeds: m/s, in the middle of each block, from
     high to low. amplitude: one tuple a channel, one value a block. frequency: Hz, of the first channel in each block.
+    raised: flags that were not 0 in each block.
     critical_speed: m/s, below which the first channel stays still; None when it never moved or never came to rest (see
     `alive_first`, `alive_last`). It lies below the speed at which the limit cycle ends, by as much as the speed falls while
     the motion dies; a smaller rate and step-down (bifurcation.py) come closer.
@@ -115,6 +117,7 @@ class Deceleration:
     speeds: tuple[float, ...]
     amplitude: tuple[tuple[float, ...], ...]
     frequency: tuple[float | None, ...]
+    raised: tuple[tuple[str, ...], ...]
     alive_first: bool
     alive_last: bool
     critical_speed: float | None
@@ -145,11 +148,13 @@ def decelerate(
     speeds: list[float] = []
     found: list[tuple[float, ...]] = []
     rates: list[float | None] = []
+    raised: list[tuple[str, ...]] = []
     edges = np.linspace(highest, lowest, max(1, round((highest - lowest) / (rate * window))) + 1).tolist()
     for begin, end in pairwise(edges):
         block = run.advance((begin - end) / rate, to=end)
         speeds.append(0.5 * (begin + end))
         found.append(amplitudes(block))
+        raised.append(run.raised)
         still = found[-1][0] < observation.still
         rates.append(None if still else frequency(block[:, 0], run.step_size))
     alive = [values[0] >= observation.still for values in found]
@@ -162,6 +167,7 @@ def decelerate(
         speeds=tuple(speeds),
         amplitude=tuple(zip(*found, strict=True)),
         frequency=tuple(rates),
+        raised=tuple(raised),
         alive_first=first[0] >= observation.still,
         alive_last=alive[-1],
         critical_speed=critical,

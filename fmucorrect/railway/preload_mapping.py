@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
-from fmucorrect.railway.static_equilibrium import GRAVITY, StaticEquilibrium, static_equilibrium
+from fmucorrect.railway.constants import GRAVITY
+from fmucorrect.railway.static_equilibrium import StaticEquilibrium, static_equilibrium
 from fmucorrect.railway.supports import Body, Support
 
 RESIDUAL_ACCELERATION = 0.1

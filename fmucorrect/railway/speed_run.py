@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType, TracebackType
@@ -41,7 +41,8 @@ class SpeedRun:
     """One FMU of a vehicle. Call order: begin or resume; then advance and change; begin again; close.
 
     speed: the FMU's speed parameter. channels: what is watched, the first one leads. disturbance: what size 1 is. start:
-    start values of every run, in the FMU's units. step_size: s, the FMU's own where None.
+    start values of every run, in the FMU's units. step_size: s, the FMU's own where None. flags: outputs that are not 0
+    where the motion is beyond the model, as where a wheel lifts.
 
     Raises FmuError (file, names, values, what the solver refuses) and SignalError (units).
     """
@@ -55,6 +56,7 @@ class SpeedRun:
         *,
         start: Mapping[str, float] = _NONE,
         step_size: float | None = None,
+        flags: Sequence[str] = (),
     ) -> None:
         description = open_fmu(path)
         if not channels:
@@ -63,7 +65,10 @@ class SpeedRun:
         problems = description.unknown([*disturbance.start, *disturbance.pulse], "variable to disturb")
         if problems or not (disturbance.start or disturbance.pulse):
             raise FmuError("; ".join(problems) or "nothing is disturbed", where=str(path))
-        self._simulation = Simulation(path, channels, step_size=step_size)
+        raising = tuple(Channel(name, unit="") for name in flags)
+        self._simulation = Simulation(path, (*channels, *raising), step_size=step_size)
+        self._width = len(channels)
+        self._raised: tuple[str, ...] = ()
         states = self._simulation.structure.states
         self._states = tuple(v.name for v in states) if all(v.settable for v in states) else ()
         self.tunable = self._simulation.settable(speed.name)
@@ -86,7 +91,12 @@ class SpeedRun:
     @property
     def channels(self) -> tuple[Channel, ...]:
         """What is watched, with units."""
-        return self._simulation.channels
+        return self._simulation.channels[: self._width]
+
+    @property
+    def raised(self) -> tuple[str, ...]:
+        """Flags that were not 0 while the run last advanced."""
+        return self._raised
 
     @property
     def speed(self) -> float:
@@ -173,7 +183,7 @@ class SpeedRun:
     ) -> None:
         self.close()
 
-    def _watched(self, rows: Float64[np.ndarray, "T K"]) -> Float64[np.ndarray, "T K"]:
+    def _watched(self, rows: Float64[np.ndarray, "T W"]) -> Float64[np.ndarray, "T K"]:
         if not np.isfinite(rows).all():
             row, column = np.argwhere(~np.isfinite(rows))[0]
             raise FmuError(
@@ -182,4 +192,8 @@ class SpeedRun:
                 expected="finite numbers",
                 remedy="The motion has left what the model can do: disturb it less, or start slower.",
             )
-        return rows
+        flags = self._simulation.channels[self._width :]
+        self._raised = tuple(
+            flag.name for flag, column in zip(flags, rows[:, self._width :].T, strict=True) if column.any()
+        )
+        return rows[:, : self._width]

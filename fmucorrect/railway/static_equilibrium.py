@@ -24,11 +24,10 @@ import numpy as np
 from jaxtyping import Float64
 
 from fmucorrect.errors import SignalError
+from fmucorrect.railway.constants import GRAVITY
 from fmucorrect.railway.moved_supports import moved_moments
 from fmucorrect.railway.supports import GROUND, MOTIONS, Body, Support
 
-GRAVITY = 9.81
-"""m/s2."""
 _WIDTH = len(MOTIONS)
 _KINDS = ("vertical", "lateral", "longitudinal", "roll")
 _RANK = 1e-10

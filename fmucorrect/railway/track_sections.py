@@ -6,11 +6,7 @@ import math
 from dataclasses import dataclass
 
 from fmucorrect.errors import SignalError
-
-GRAVITY = 9.81
-"""m/s2."""
-CONTACT_SPACING = 1.5
-"""m, between the contact points of a wheelset on standard gauge."""
+from fmucorrect.railway.constants import CONTACT_SPACING, GRAVITY
 
 
 @dataclass(frozen=True)
@@ -45,7 +41,8 @@ class TrackSection:
 
 
 def divide(section: TrackSection, length: float) -> tuple[TrackSection, ...]:
-    """As many sections of `length` m as fit into `section`, one after another in the middle of it, named `name 1` and so on.
+    """As many sections of `length` m as fit into `section`, one after another in the middle of it, named
+    `name, part 1` and so on.
 
     EN 14363 takes sections of a fixed length, by speed and radius, from where curvature is constant.
     Raises SignalError where not one fits.
@@ -62,7 +59,7 @@ def divide(section: TrackSection, length: float) -> tuple[TrackSection, ...]:
     first = section.start + 0.5 * (extent - count * length)
     return tuple(
         TrackSection(
-            f"{section.name} {i + 1}",
+            f"{section.name}, part {i + 1}",
             first + i * length,
             first + (i + 1) * length,
             section.radius,

@@ -12,9 +12,10 @@ from plotly import graph_objects as go
 from plotly.subplots import make_subplots
 
 from fmucorrect.railway.bifurcation import Bifurcation
+from fmucorrect.railway.constants import KMH
 from fmucorrect.railway.critical_speed import LinearStability
-from fmucorrect.railway.critical_speed_assessment import KMH, CriticalSpeedAssessment
-from fmucorrect.railway.limit_cycle import Deceleration
+from fmucorrect.railway.critical_speed_assessment import CriticalSpeedAssessment
+from fmucorrect.railway.limit_cycle import Deceleration, Motion
 from fmucorrect.railway.preload_assessment import LoadComparison, PreloadAssessment
 from fmucorrect.report.assess_text import kmh, percent
 from fmucorrect.report.figures import CORRECTED, SIMULATED
@@ -23,6 +24,9 @@ from fmucorrect.report.training_figures import CYCLE, style
 INDEPENDENT, MODEL = "#8a94a1", CORRECTED
 SLOWEST, FASTEST = -60.0, 40.0
 """1/s and Hz: what decays or oscillates faster is outside of a picture at first."""
+_RING: dict[str, Any] = {"color": "#1b1f24", "symbol": "circle-open", "size": 12}
+_NOTHING = 1e-9
+"""Share of a force below which it is not followed any more."""
 _LIMIT: dict[str, Any] = {"color": SIMULATED, "width": 1.5, "dash": "dot"}
 
 
@@ -58,10 +62,13 @@ def settling(found: PreloadAssessment) -> go.Figure:
     figure = go.Figure()
     kinds = list(dict.fromkeys(kind(item.name) for item in found.convergences))
     palette = {name: CYCLE[k % len(CYCLE)] for k, name in enumerate(kinds)}
+    dashes = {name: ("solid", "dot", "dash")[k // len(CYCLE) % 3] for k, name in enumerate(kinds)}
     seen: set[str] = set()
+    largest = 1.0
     for k, item in enumerate(found.convergences):
         scale = item.change / item.share if item.share > 0.0 else max(abs(item.settled), 1.0)
-        away = np.maximum(np.abs(found.histories[:, k] - item.settled) / scale, 1e-9)
+        away = np.maximum(np.abs(found.histories[:, k] - item.settled) / scale, _NOTHING)
+        largest = max(largest, float(away.max()))
         own = kind(item.name)
         figure.add_scatter(
             x=found.times.astype(np.float32),
@@ -70,13 +77,14 @@ def settling(found: PreloadAssessment) -> go.Figure:
             legendgroup=own,
             showlegend=own not in seen,
             mode="lines",
-            line={"width": 1.2, "color": palette[own]},
+            line={"width": 1.2, "color": palette[own], "dash": dashes[own]},
             hovertemplate=f"{escape(item.name)}: %{{y:.2e}}<extra></extra>",
         )
         seen.add(own)
     style(figure, 460)
     figure.update_layout(legend={"font": {"size": 11}}, margin={"t": 60 + 6 * len(kinds)})
     figure.update_yaxes(type="log", title_text="distance from settled, share", exponentformat="power", dtick=2)
+    figure.update_yaxes(range=[np.log10(_NOTHING), np.log10(largest) + 0.3])
     figure.update_xaxes(title_text="time, s")
     figure.add_vrect(
         x0=found.duration - found.window, x1=found.duration, fillcolor=INDEPENDENT, opacity=0.15, line_width=0
@@ -198,10 +206,20 @@ def deceleration(found: Deceleration) -> go.Figure:
         )
     style(figure, 400)
     figure.update_layout(hovermode="x unified")
+    for name, first, last in _flagged(found):
+        text: dict[str, Any] = {"annotation_text": escape(name), "annotation_position": "bottom right"}
+        figure.add_vrect(x0=KMH * first, x1=KMH * last, fillcolor=SIMULATED, opacity=0.09, line_width=0, **text)
     figure.update_xaxes(title_text="speed, km/h (it falls from right to left)")
     figure.update_yaxes(title_text=f"amplitude, {_millimetres(found.units[0])[1]}", rangemode="tozero")
     _mark(figure, found.critical_speed)
     return figure
+
+
+def _flagged(found: Deceleration) -> list[tuple[str, float, float]]:
+    """Every flag that rose, and the lowest and the highest speed (m/s) at which it did."""
+    names = dict.fromkeys(name for raised in found.raised for name in raised)
+    where = {n: [v for v, raised in zip(found.speeds, found.raised, strict=True) if n in raised] for n in names}
+    return [(name, min(speeds), max(speeds)) for name, speeds in where.items()]
 
 
 def bifurcation_diagram(found: Bifurcation, linear: float | None) -> go.Figure:
@@ -219,6 +237,7 @@ def bifurcation_diagram(found: Bifurcation, linear: float | None) -> go.Figure:
         ("died out", gone, {"mode": "markers", "marker": {"color": SIMULATED, "symbol": "x-thin-open", "size": 9}}),
         ("after a small disturbance", up, {"mode": "lines+markers", "line": {"color": MODEL, "width": 2}}),
         ("unstable branch", unstable, {"mode": "lines+markers", "line": {"color": "#5b6675", "dash": "dash"}}),
+        *((name, points, {"mode": "markers", "marker": _RING}) for name, points in _ringed(alive, up)),
     ):
         if points:
             x, y = [KMH * item.speed for item in points], [factor * item.amplitude[0] for item in points]
@@ -230,6 +249,13 @@ def bifurcation_diagram(found: Bifurcation, linear: float | None) -> go.Figure:
     _mark(figure, found.nonlinear_critical_speed, "nonlinear ", "top right" if first else "top left")
     _mark(figure, linear, "linear ", "top left" if first else "top right")
     return figure
+
+
+def _ringed(*branches: Sequence[Motion]) -> list[tuple[str, list[Motion]]]:
+    """Every flag that rose, and the motions that went on with it."""
+    motions = [motion for branch in branches for motion in branch if motion.alive]
+    names = dict.fromkeys(name for motion in motions for name in motion.raised)
+    return [(escape(name), [motion for motion in motions if name in motion.raised]) for name in names]
 
 
 def _mark(figure: go.Figure, speed: float | None, what: str = "", where: str = "top left") -> None:

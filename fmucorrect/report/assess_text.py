@@ -6,7 +6,8 @@ import math
 from collections.abc import Sequence
 
 from fmucorrect.railway.assess import Findings
-from fmucorrect.railway.critical_speed_assessment import KMH, CriticalSpeedAssessment, Published
+from fmucorrect.railway.constants import KMH
+from fmucorrect.railway.critical_speed_assessment import CriticalSpeedAssessment, Published
 from fmucorrect.railway.preload_assessment import PreloadAssessment
 from fmucorrect.railway.running_safety import RunningSafety
 from fmucorrect.railway.safety import SectionValue
@@ -99,6 +100,8 @@ def critical_speed(found: CriticalSpeedAssessment) -> str:
         parts = [f"linearly stable up to {kmh(linear.speeds[-1])}"]
     else:
         parts = [f"linearly unstable at {kmh(linear.speeds[0])} already"]
+    if linear.divergent_from is not None:
+        parts.append(f"falls over without oscillating from {kmh(linear.divergent_from)} on")
     if found.bifurcation is not None:
         own = found.bifurcation.nonlinear_critical_speed
         parts.append("no limit cycle found" if own is None else f"nonlinear {kmh(own)} by step-down")
@@ -106,10 +109,12 @@ def critical_speed(found: CriticalSpeedAssessment) -> str:
         own = found.deceleration.critical_speed
         still = "comes not to rest" if found.deceleration.alive_first else "does not hunt"
         parts.append(f"{still} while it slows down" if own is None else f"{kmh(own)} while it slows down")
+    parts += [f"{name} rises from {kmh(speed)} on" for name, speed in found.raised.items()]
     if found.conicity is not None:
         parts.append(f"at conicity {given(found.conicity)}")
     beside = "; ".join(published(found, item) for item in found.published)
-    return f"{', '.join(parts)}.{f' Beside it: {beside}.' if beside else ''}"
+    order = "in order" if found.passed else "NOT in order"
+    return f"{order}: {', '.join(parts)}.{f' Beside it: {beside}.' if beside else ''}"
 
 
 def published(found: CriticalSpeedAssessment, item: Published) -> str:
@@ -138,7 +143,8 @@ def safety(found: RunningSafety) -> str:
     if full:
         agree = sum(item.agreement.agreement == "full" for item in full)
         parts.append(f"{agree} of {len(full)} orders of the radii follow curvature")
-    return f"{'; '.join(parts)}. Descriptive, no proof of compliance."
+    order = "in order" if found.passed else "NOT in order"
+    return f"{order}: {'; '.join(parts)}. Descriptive, no proof of compliance."
 
 
 def largest(found: RunningSafety, quantity: str) -> SectionValue | None:

@@ -27,10 +27,12 @@ variable = [
     { name = "b", kind = "parameter", unit = "1", start = 0.0, description = "Quintic term" },
     { name = "centre", kind = "parameter", unit = "m", start = 0.0, description = "Of x; start values of x count from it" },
     { name = "forgets", kind = "parameter", unit = "1", start = 0.0, description = "1: starts at rest whatever is asked for" },
+    { name = "limit", kind = "parameter", unit = "mm", start = 1e3, description = "Of x, beyond which it is large" },
     { name = "push", kind = "input", unit = "m/s", description = "Added to the rate of x" },
     { name = "x", kind = "state", unit = "m", nominal = 1e-3, description = "First" },
     { name = "y", kind = "state", unit = "m", nominal = 1e-3, description = "Second" },
     { name = "displacement", kind = "output", unit = "mm", description = "x" },
+    { name = "large", kind = "output", unit = "1", description = "1 where x is beyond its limit" },
 ]
 [model]
 name = "normal_form"
@@ -51,7 +53,11 @@ void model_derivatives(double *v)
     v[DX0] = growth * x - turn * v[V_y] + v[V_push];
     v[DX0 + 1] = turn * x + growth * v[V_y];
 }
-void model_outputs(double *v) { v[V_displacement] = 1e3 * v[V_x]; }
+void model_outputs(double *v)
+{
+    v[V_displacement] = 1e3 * v[V_x];
+    v[V_large] = fabs(v[V_displacement]) > v[V_limit] ? 1.0 : 0.0;
+}
 """
 SUBCRITICAL = {"a": 1.0, "b": 1.0}
 

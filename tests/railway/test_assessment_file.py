@@ -117,7 +117,7 @@ def test_values_are_in_si_units_and_paths_absolute(folder: Path) -> None:
     assert safety.wheels[1].static_load == 60e3
     straight, curve = safety.runs
     assert straight.speed == pytest.approx(50.0)
-    assert [section.name for section in curve.sections] == ["curve 1", "curve 2"]
+    assert [section.name for section in curve.sections] == ["curve, part 1", "curve, part 2"]
     # V^2 s / (g R) - cant
     assert curve.sections[0].cant_deficiency == pytest.approx(25.0**2 * 1.5 / (9.81 * 500.0) - 0.1)
 

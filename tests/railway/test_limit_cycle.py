@@ -184,6 +184,20 @@ def test_a_motion_that_never_dies_out_has_no_critical_speed(normal_form: Path) -
     assert (off.alive_first, off.alive_last, off.critical_speed) == (False, False, None)
 
 
+def test_a_flag_is_told_where_it_rose(normal_form: Path) -> None:
+    """It rises where the limit cycle of sqrt(mu) mm is larger than 0.5 mm: above 52.5 m/s."""
+    with SpeedRun(normal_form, SPEED, WATCHED, AWAY, start={"limit": 0.5}, flags=("large",)) as run:
+        slow = decelerate(run, OBSERVATION, highest=55.0, lowest=48.0, rate=0.5, settling=5.0)
+        down = step_down(run, OBSERVATION, [55.0, 53.0, 52.0, 48.0], tolerance=5.0)
+    assert [channel.name for channel in run.channels] == ["displacement"]
+    assert slow.channels == ("displacement",)
+    assert slow.raised == tuple(("large",) if a > 0.5 else () for a in slow.amplitude[0])
+    assert min(v for v, raised in zip(slow.speeds, slow.raised, strict=True) if raised) == pytest.approx(52.4, abs=0.3)
+    assert [(motion.speed, motion.raised) for motion in down] == [
+        (55.0, ("large",)), (53.0, ("large",)), (52.0, ()), (48.0, ()),
+    ]  # fmt: skip
+
+
 def test_what_cannot_be_done_is_said(normal_form: Path, tmp_path: Path) -> None:
     fixed = poorer(normal_form, tmp_path, without="tunable speed")
     with (

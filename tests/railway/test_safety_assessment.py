@@ -69,7 +69,7 @@ def test_every_quantity_by_place_and_section() -> None:
     # 4 wheels of four quantities, 2 axles, 1 acceleration, in 3 sections of 3 radii
     assert len(result.values) == (4 * 4 + 2 + 1) * 9
     assert {(value.radius, value.section) for value in result.values} == {
-        (radius, f"curve {i}") for radius in RADII for i in (1, 2, 3)
+        (radius, f"curve, part {i}") for radius in RADII for i in (1, 2, 3)
     }
     assert result.by_radius("lateral_force", "1l") == pytest.approx(OUTER)
     assert result.by_radius("lateral_force", "left") == pytest.approx(OUTER)
@@ -171,7 +171,7 @@ def test_what_does_not_fit_together_is_said_with_its_radius() -> None:
         assess_safety(records, WHEELS, {300.0: 25.0}, some)
     with pytest.raises(SignalError, match="not of the same curve radii"):
         assess_safety({}, WHEELS, {}, {})
-    with pytest.raises(SignalError, match="section curve 1 has another radius, expected 300 m, got 600 m"):
+    with pytest.raises(SignalError, match="section curve, part 1 has another radius, expected 300 m, got 600 m"):
         assess_safety(records, WHEELS, SPEEDS, {**some, 300.0: sections(600.0)})
     with pytest.raises(SignalError, match="curve radius 600 m: sections need names of their own"):
         assess_safety(records, WHEELS, SPEEDS, {**some, 600.0: ()})

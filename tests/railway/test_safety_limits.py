@@ -46,7 +46,7 @@ def test_sections_of_a_curve() -> None:
     parts = divide(curve, 100.0)
     assert [(part.start, part.stop) for part in parts] == [(135.0, 235.0), (235.0, 335.0)]
     assert {(part.radius, part.cant_deficiency, part.curvature) for part in parts} == {(-600.0, 0.1, 1 / 600)}
-    assert [part.name for part in parts] == ["curve 1", "curve 2"]
+    assert [part.name for part in parts] == ["curve, part 1", "curve, part 2"]
     assert len(divide(TrackSection("a", 0.0, 0.3), 0.1)) == 3
     assert TrackSection("straight", 0.0, 1.0).curvature == 0.0
 

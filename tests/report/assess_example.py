@@ -94,6 +94,7 @@ def critical_speed(conicity: float | None = 0.17) -> CriticalSpeedAssessment:
             speeds=slow,
             amplitude=(tuple(max(0.0, 1e-4 * (v - 42.0)) for v in slow), tuple(0.0 for _ in slow)),
             frequency=tuple(2.5 for _ in slow),
+            raised=tuple(("wheel_lift",) if v > 70.0 else () for v in slow),
             alive_first=True,
             alive_last=False,
             critical_speed=42.0,

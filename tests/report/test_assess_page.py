@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from html import unescape
 from pathlib import Path
 
@@ -36,13 +37,13 @@ def test_verdicts_are_one_line_a_section_with_the_figures_that_say_so() -> None:
     assert "below 0.1" in lines[0]
     assert "within 5 %" in lines[0]
     assert lines[1].startswith(
-        "Critical speed: linear 180 km/h (at 2.50 Hz), nonlinear 162 km/h by step-down, 151 km/h while"
+        "Critical speed: in order: linear 180 km/h (at 2.50 Hz), nonlinear 162 km/h by step-down, 151 km/h while"
     )
     assert "at conicity 0.17" in lines[1]
     assert "a closed form, linear, 181 km/h at conicity 0.17: met, −0.398 % off" in lines[1]
     assert "the paper's full vehicle, nonlinear, 1124 km/h." in lines[1]
     assert lines[2].startswith(
-        "Running safety: 3 runs (300 m, 600 m, 1200 m); largest Y/Q 0.400 (reference 1.20) at 1l, 300 m"
+        "Running safety: in order: 3 runs (300 m, 600 m, 1200 m); largest Y/Q 0.400 (reference 1.20) at 1l, 300 m"
     )
     assert lines[2].endswith("Descriptive, no proof of compliance.")
 
@@ -56,6 +57,33 @@ def test_what_is_out_of_order_is_said_first() -> None:
     assert "loads agree with the independent equilibrium to 7.00 % (front spring), NOT within 5 %" in text
     assert "lift rose in 250 m at 0.00 s" in text
     assert found.to_json()["passed"] is False
+
+
+def test_a_vehicle_that_falls_over_or_is_never_stable_is_not_in_order() -> None:
+    found = example.critical_speed()
+    assert found.passed
+    falling = replace(found, linear=replace(found.linear, divergence=(0.0,) * 6 + (0.04, 0.3, 0.2)))
+    assert falling.linear.divergent_from == pytest.approx(80.0)
+    assert not falling.passed
+    assert assess_text.critical_speed(falling).startswith("NOT in order: linear 180 km/h")
+    assert "falls over without oscillating from 288 km/h on" in assess_text.critical_speed(falling)
+    unstable = replace(found, linear=replace(found.linear, critical_speed=None, stable_at_lowest=False), published=())
+    assert not unstable.passed
+    assert assess_text.critical_speed(unstable).startswith("NOT in order: linearly unstable at 36 km/h already")
+
+
+def test_a_flag_in_the_speed_sweep_is_said_and_ringed() -> None:
+    found = example.critical_speed()
+    assert found.raised == {"wheel_lift": pytest.approx(72.0)}
+    assert "wheel_lift rises from 259 km/h on" in assess_text.critical_speed(found)
+    assert found.bifurcation is not None
+    first = replace(found.bifurcation.down[0], raised=("wheel_lift",))
+    figure = assess_figures.bifurcation_diagram(
+        replace(found.bifurcation, down=(first, *found.bifurcation.down[1:])), 50.0
+    )
+    ringed = [trace for trace in figure.data if trace.name == "wheel_lift"]
+    assert len(ringed) == 1
+    assert ringed[0].x == pytest.approx((288.0,))
 
 
 def test_what_is_not_mapped_is_said_and_has_no_section() -> None:
@@ -118,7 +146,9 @@ def test_the_root_locus_is_coloured_by_speed_and_the_sweep_marks_the_critical_sp
     assert found.deceleration is not None
     assert found.bifurcation is not None
     slowing = assess_figures.deceleration(found.deceleration)
-    assert [shape.x0 for shape in slowing.layout.shapes] == pytest.approx([151.2])
+    # where a wheel lifts (72 to 80 m/s), and the critical speed
+    assert [shape.x0 for shape in slowing.layout.shapes] == pytest.approx([259.2, 151.2])
+    assert slowing.layout.shapes[0].x1 == pytest.approx(288.0)
     assert max(slowing.data[0].y) == pytest.approx(3.8)  # mm
     diagram = assess_figures.bifurcation_diagram(found.bifurcation, 50.0)
     names = [trace.name for trace in diagram.data]
