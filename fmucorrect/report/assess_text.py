@@ -42,7 +42,7 @@ def kmh(speed: float | None) -> str:
 
 def percent(share: float) -> str:
     """A share in per cent; what cannot matter is not spelled out."""
-    return "below 0.001 %" if 0.0 < abs(share) < 1e-5 else f"{short(100.0 * share)} %"
+    return "< 0.001 %" if 0.0 < abs(share) < 1e-5 else f"{short(100.0 * share)} %"
 
 
 def verdicts(found: Findings) -> list[str]:

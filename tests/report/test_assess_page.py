@@ -183,7 +183,7 @@ def test_numbers_are_short_and_signed_as_engineers_write_them() -> None:
     assert assess_text.short(0.0189) == "0.0189"
     assert assess_text.short(-1.234e-9) == "−1.23·10⁻⁹"
     assert assess_text.short(None) == assess_text.short(float("nan")) == "–"
-    assert assess_text.percent(1e-9) == "below 0.001 %"
+    assert assess_text.percent(1e-9) == "< 0.001 %"
     assert assess_text.kmh(100.0) == "360 km/h"
 
 
