@@ -49,17 +49,18 @@ def table(rows: list[Row]) -> str:
 def main() -> None:
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ[variable] = "1"  # before numpy is imported
-    from benchmarks import discovery, files, running, steps, training, wrapped
+    from benchmarks import discovery, files, running, steps, training, vehicle, wrapped
 
     parser = argparse.ArgumentParser(description="Measure the speed of fmucorrect.")
     parser.add_argument("--quick", action="store_true", help="fewer repeats; for a look, not for quoting")
-    known = ["steps", "running", "files", "training", "wrapped", "discovery"]
+    known = ["steps", "running", "vehicle", "files", "training", "wrapped", "discovery"]
     parser.add_argument("--only", choices=known, help="one part")
     parser.add_argument("--json", type=Path, help="write the rows there as well")
     arguments = parser.parse_args()
     parts: dict[str, Callable[[bool], list[Row]]] = {
         "steps": steps.measure,
         "running": running.measure,
+        "vehicle": vehicle.measure,
         "files": files.measure,
         "training": training.measure,
         "wrapped": wrapped.measure,

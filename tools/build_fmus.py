@@ -1,6 +1,7 @@
 """Builds the FMUs of fmus/: python tools/build_fmus.py [MODEL ...] [--platforms linux64,win64,darwin64]
 
-A model is a folder with variables.toml and model.c (fmus/common/model.h says what they hold). It becomes <model>.fmu
+A model is a folder with variables.toml, model.c, further C files and headers if it wants, and the files that it reads at
+instantiation, which variables.toml names as resources (fmus/common/model.h says what they hold). It becomes <model>.fmu
 (FMI 2.0) and <model>_fmi3.fmu (FMI 3.0), compiled by zig for every platform from the same sources that travel inside.
 The same sources and the same compiler give the same bytes. Needs: pip install ziglang fmpy (fmpy for the FMI headers).
 """
@@ -40,6 +41,7 @@ def own_sources(folder: Path, version: int) -> list[Path]:
 def model_token(folder: Path) -> str:
     """The guid of FMI 2.0 and instantiationToken of FMI 3.0: a hash of all that decides the model's behaviour."""
     sources = {*own_sources(folder, 2), *own_sources(folder, 3), folder / "variables.toml"}
+    sources |= {folder / name for name in read_model(folder / "variables.toml").resources}
     digest = hashlib.sha256()
     for path in sorted(sources, key=lambda path: path.name):
         digest.update(path.name.encode() + b"\0" + path.read_bytes().replace(b"\r\n", b"\n"))
@@ -68,6 +70,7 @@ def build(folder: Path, platforms: list[str], work: Path, destination: Path) -> 
         place = work / f"fmi{version}" / "sources"
         names = stage_sources(folder, model, version, place)
         files = {f"sources/{path.name}": path.read_bytes() for path in place.iterdir()}
+        files |= {f"resources/{name}": (folder / name).read_bytes() for name in model.resources}
         if version == 2:
             files["modelDescription.xml"] = description_fmi2(model, token, names)
         else:

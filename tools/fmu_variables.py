@@ -19,6 +19,7 @@ CAUSALITY = {
 KINDS = tuple(kind for kind in CAUSALITY if kind not in ("independent", "derivative"))
 VARIABLE_KEYS = {"name", "kind", "unit", "start", "min", "max", "nominal", "description"}
 MODEL_KEYS = {"name", "description", "step_size", "stop_time", "internal_step"}
+OPTIONAL_MODEL_KEYS = {"resources"}
 
 
 @dataclass(frozen=True)
@@ -91,7 +92,10 @@ class Variable:
 
 @dataclass(frozen=True)
 class Model:
-    """A model description; a variable's place in variables is its value reference, time being 0."""
+    """A model description; a variable's place in variables is its value reference, time being 0.
+
+    resources: files of the model's folder that go into the FMU's resources, for the model to read at instantiation.
+    """
 
     name: str
     description: str
@@ -99,6 +103,7 @@ class Model:
     stop_time: float
     internal_step: float
     variables: tuple[Variable, ...]
+    resources: tuple[str, ...] = ()
 
     def of_kind(self, *kinds: str) -> list[int]:
         """Value references of the variables of these kinds, ascending."""
@@ -147,7 +152,14 @@ def read_model(path: Path) -> Model:
     problems: list[str] = []
     head = table.get("model", {})
     problems += [f"[model]: {key} is missing" for key in sorted(MODEL_KEYS - head.keys())]
-    problems += [f"[model]: unknown key {key!r}, expected {sorted(MODEL_KEYS)}" for key in head.keys() - MODEL_KEYS]
+    known = MODEL_KEYS | OPTIONAL_MODEL_KEYS
+    problems += [f"[model]: unknown key {key!r}, expected {sorted(known)}" for key in head.keys() - known]
+    resources = head.get("resources", [])
+    problems += [
+        f"[model]: resources names {name!r}, and there is no such file in {path.parent}"
+        for name in resources
+        if not (path.parent / name).is_file()
+    ]
     if not re.fullmatch(r"[A-Za-z_]\w*", head.get("name", "x")):
         problems.append(f"[model]: name must be a C identifier, got {head['name']!r}")
     declared = [
@@ -180,6 +192,7 @@ def read_model(path: Path) -> Model:
         float(head["stop_time"]),
         float(head["internal_step"]),
         variables,
+        tuple(resources),
     )
 
 
@@ -203,6 +216,7 @@ def variables_header(model: Model, token: str) -> str:
             "",
             "#include <math.h>",
             "",
+            *(["#define MODEL_RESOURCES", ""] if model.resources else []),
             '#include "model.h"',
             "",
             f'#define MODEL_NAME "{model.name}"',

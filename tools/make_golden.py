@@ -19,6 +19,14 @@ from fmucorrect.stepper import grid, run
 FMUS = Path(__file__).resolve().parent.parent / "fmus"
 START = {
     "cooperrider": {"wheelset_front.y": 0.002},
+    "full_vehicle": {
+        "wheelset_1.y": 0.003,
+        "curve_radius": 800.0,
+        "cant": 0.1,
+        "curve_start": 10.0,
+        "transition_length": 20.0,
+        "curve_length": 20.0,
+    },
     "oscillator": {"masses": 3.0, "x1": 0.01},
     "roller_rig": {"platform_start": 0.0},
     "wheelset": {"y": 0.002},

@@ -16,11 +16,16 @@ import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-# what a user of the README has beside them: a study with its FMU and records, and a corrector
+# what a user of the README has beside them: a study with its FMU and records, a corrector, and models with mapping files
 FILES = {
     "roller_rig.fmu": "fmus/roller_rig/roller_rig.fmu",
     "A": "fmus/roller_rig/A",
     "corrector.onnx": "exported_models/roller_rig/corrector.onnx",
+    **{
+        f"{model}/{name}": f"fmus/{model}/{name}"
+        for model in ("full_vehicle", "roller_rig")
+        for name in ("assess.toml", f"{model}.fmu")
+    },
 }
 
 
@@ -31,6 +36,7 @@ def main(path: Path) -> None:
     with tempfile.TemporaryDirectory() as folder:
         for name, source in FILES.items():
             copy = shutil.copytree if (ROOT / source).is_dir() else shutil.copyfile
+            (Path(folder) / name).parent.mkdir(exist_ok=True)
             copy(ROOT / source, Path(folder) / name)
         for kind, text in blocks:
             if kind == "python":

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fmucorrect.cli import discovery, running, training, wrapping
+from fmucorrect.cli import assessing, discovery, running, training, wrapping
 from fmucorrect.cli.group import UserError, main
 
 __all__ = ["UserError", "main"]
@@ -11,5 +11,6 @@ for command in (running.demo, running.run, running.replay, running.inspect):
     main.add_command(command)
 main.add_command(wrapping.wrap)
 main.add_command(discovery.discover)
+main.add_command(assessing.assess)
 for command in (training.train, training.compare, training.diagnose):
     main.add_command(command)

@@ -15,6 +15,8 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import fmpy
+import numpy as np
+from jaxtyping import Float64
 
 from fmucorrect.errors import FmuError
 from fmucorrect.fmu.description import FmuDescription, Variable
@@ -116,6 +118,16 @@ class Instance(ABC):
         array = (c_uint * len(references))(*references)
         more = (count,) if self.COUNTED else ()
         return partial(self.function(f"{verb}{self.TYPES[kind][0]}"), self._component, array, count, pointer, *more)
+
+    def directional(self, unknowns: Sequence[int], known: int) -> Float64[np.ndarray, " U"]:
+        """Partial derivatives of the unknowns by one known, all by value reference, by the FMU's own function."""
+        rows, answer = (c_uint * len(unknowns))(*unknowns), np.zeros(len(unknowns))
+        more = (c_size_t(1), c_void_p(answer.ctypes.data), c_size_t(len(unknowns)))
+        self.call(
+            "GetDirectionalDerivative", rows, c_size_t(len(unknowns)), byref(c_uint(known)), c_size_t(1),
+            byref(c_double(1.0)), *(more if self.COUNTED else more[1:2]),
+        )  # fmt: skip
+        return answer
 
     def get_state(self) -> c_void_p:
         """A copy of the solver's state, to be given back to free_state()."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import math
-import tempfile
 from collections.abc import Mapping, Sequence
 from ctypes import c_void_p
 from dataclasses import dataclass, replace
@@ -16,13 +15,11 @@ import numpy as np
 from jaxtyping import Float64
 
 from fmucorrect.errors import FmuError, SignalError
-from fmucorrect.fmu import archive, matching
+from fmucorrect.fmu import matching
 from fmucorrect.fmu.description import FmuDescription, open_fmu
-from fmucorrect.fmu.fmi2 import Instance2
-from fmucorrect.fmu.fmi3 import Instance3
 from fmucorrect.fmu.instance import Instance
+from fmucorrect.fmu.loaded import LoadedFmu
 from fmucorrect.fmu.ports import Port, ports
-from fmucorrect.fmu.solverlog import SolverLog
 from fmucorrect.fmu.startvalues import start_values
 from fmucorrect.signals import Channel, Condition, Record, Times, Values
 from fmucorrect.stepper import Row, Status, Step
@@ -77,14 +74,13 @@ class FmuStepper:
         log: logging.Logger | None = None,
     ) -> None:
         self._description = open_fmu(path)
-        self._binaries = self._description.binaries
+        _ = self._description.binaries  # refused now rather than at reset()
         self._outputs, self._channels = matching.outputs(self._description, channels)
         self._factors = matching.output_factors(self._outputs, self._channels)
         self._inputs = matching.inputs(self._description, inputs)
         self._parameters, self._logger = parameters, log
         start_values(self._description, parameters)
-        self._folder: tempfile.TemporaryDirectory[str] | None = None
-        self._log: SolverLog | None = None
+        self._loaded: LoadedFmu | None = None
         self._instance: Instance | None = None
         self._readers: list[Port] = []
         self._writers: list[Port] = []
@@ -245,17 +241,10 @@ class FmuStepper:
         return Native(instance.component, step, get, put, int(instance.PREFIX[-1]))
 
     def close(self) -> None:
-        instance, log, folder = self._instance, self._log, self._folder
-        self._instance = self._log = self._folder = None
+        loaded, self._loaded, self._instance = self._loaded, None, None
         self._readers, self._writers = [], []
-        try:
-            if instance is not None:
-                instance.close()
-        finally:
-            if log is not None:
-                log.close()
-            if folder is not None:
-                folder.cleanup()
+        if loaded is not None:
+            loaded.close()
 
     def __enter__(self) -> FmuStepper:
         return self
@@ -266,12 +255,8 @@ class FmuStepper:
         self.close()
 
     def _open(self) -> Instance:
-        self._folder = tempfile.TemporaryDirectory(prefix="fmucorrect-", ignore_cleanup_errors=True)
-        folder = Path(self._folder.name)
-        archive.extract(self._description.path, folder, self._binaries)
-        self._log = SolverLog(self._description.path.name, self._logger)
-        kind = Instance3 if self._description.fmi.startswith("3") else Instance2
-        self._instance = kind(self._description, folder, self._log)
+        self._loaded = LoadedFmu(self._description, self._logger)
+        self._instance = self._loaded.instance
         self._readers = ports(self._instance, "Get", self._outputs, self._row)
         self._writers = ports(self._instance, "Set", self._inputs, self._given)
         return self._instance

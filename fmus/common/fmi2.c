@@ -27,7 +27,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
                               fmi2Boolean visible, fmi2Boolean logging)
 {
     const bool can_log = functions && functions->logger;
-    Instance *self = instance_new(name, guid, logging != 0, can_log ? log_fmi2 : NULL, can_log ? (void (*)(void))functions->logger : NULL,
+    Instance *self = instance_new(name, guid, resources, logging != 0, can_log ? log_fmi2 : NULL, can_log ? (void (*)(void))functions->logger : NULL,
                                   functions ? functions->componentEnvironment : NULL);
     if (self && type != fmi2CoSimulation) {
         instance_log(self, STATUS_ERROR, "instantiate: expected co-simulation, got model exchange, which this FMU has not");

@@ -14,7 +14,7 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
                                          size_t n_intermediate, fmi3InstanceEnvironment environment, fmi3LogMessageCallback log,
                                          fmi3IntermediateUpdateCallback update)
 {
-    Instance *self = instance_new(name, token, logging, log ? log_fmi3 : NULL, (void (*)(void))log, environment);
+    Instance *self = instance_new(name, token, resources, logging, log ? log_fmi3 : NULL, (void (*)(void))log, environment);
     if (self && (event_mode || n_intermediate)) {
         instance_log(self, STATUS_ERROR, "instantiate: expected no event mode and no intermediate variables, which this FMU has not, got %s",
                      event_mode ? "event mode" : "intermediate variables");

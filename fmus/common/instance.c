@@ -32,7 +32,8 @@ static void set_start_values(Instance *self)
     self->stale = true;
 }
 
-Instance *instance_new(const char *name, const char *token, bool verbose, Logger *logger, void (*callback)(void), void *environment)
+Instance *instance_new(const char *name, const char *token, const char *folder, bool verbose, Logger *logger, void (*callback)(void),
+                       void *environment)
 {
     Instance *self = calloc(1, sizeof *self);
     if (!self)
@@ -55,14 +56,24 @@ Instance *instance_new(const char *name, const char *token, bool verbose, Logger
         instance_free(self);
         return NULL;
     }
+#ifdef MODEL_RESOURCES
+    if (instance_load(self, folder)) {
+        instance_free(self);
+        return NULL;
+    }
+#endif
     set_start_values(self);
     return self;
 }
 
 void instance_free(Instance *self)
 {
-    if (self)
+    if (self) {
+#ifdef MODEL_RESOURCES
+        model_unload(self->resources);
+#endif
         free(self->name);
+    }
     free(self);
 }
 
@@ -120,7 +131,7 @@ static Status require_finite_states(Instance *self, const double *v, const char 
 static Status require_sense(Instance *self, const double *v, const char *call)
 {
     char message[256];
-    const char *problem = model_check(v, message, sizeof message);
+    const char *problem = model_check(OF(self) v, message, sizeof message);
     return problem ? instance_log(self, STATUS_ERROR, "%s refused: %s", call, problem) : STATUS_OK;
 }
 
@@ -129,7 +140,7 @@ Status instance_exit_initialisation(Instance *self)
     if (require(self, "exit of initialisation", INITIALISING) || require_sense(self, self->state.v, "initialisation"))
         return STATUS_ERROR;
     memcpy(self->scratch, self->state.v, sizeof self->scratch);
-    model_initialise(self->scratch);
+    model_initialise(OF(self) self->scratch);
     if (require_finite_states(self, self->scratch, "initialisation"))
         return STATUS_ERROR;
     memcpy(self->state.v, self->scratch, sizeof self->scratch);
@@ -203,12 +214,12 @@ Status instance_set(Instance *self, const unsigned references[], size_t n, const
     return STATUS_OK;
 }
 
-void instance_evaluate(double *v, Phase phase)
+void instance_evaluate(const Instance *self, double *v)
 {
-    if (phase < STEPPING)
-        model_initialise(v);
-    model_derivatives(v);
-    model_outputs(v);
+    if (self->state.phase < STEPPING)
+        model_initialise(OF(self) v);
+    model_derivatives(OF(self) v);
+    model_outputs(OF(self) v);
 }
 
 const double *instance_values(Instance *self)
@@ -219,7 +230,7 @@ const double *instance_values(Instance *self)
         v = self->scratch;
     }
     if (self->stale || v == self->scratch)
-        instance_evaluate(v, self->state.phase);
+        instance_evaluate(self, v);
     self->stale = false;
     return v;
 }
@@ -246,7 +257,7 @@ static void sub_step(Instance *self, double t, double h)
     memset(self->dx, 0, sizeof self->dx);
     for (int stage = 0; stage < 4; stage++) {
         v[V_time] = t + at[stage] * h;
-        model_derivatives(v);
+        model_derivatives(OF(self) v);
         for (size_t i = 0; i < NX; i++) {
             self->dx[i] += weight[stage] * dx[i];
             x[i] = self->x[i] + reach[stage] * h * dx[i];

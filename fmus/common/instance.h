@@ -32,14 +32,28 @@ struct Instance {
     bool verbose;         /* log what happens (logAll), not only refusals */
     double scratch[NV];   /* v as it was before a call that may be refused, or as it would be if initialisation ended now */
     double x[NX], dx[NX]; /* Runge-Kutta: states at the start of the sub-step, weighted sum of the slopes */
+#ifdef MODEL_RESOURCES
+    Resources *resources;
+#endif
     char *name;
     Logger *logger;
     void (*callback)(void); /* the host's log function and its context, as logger knows them */
     void *environment;
 };
 
-/* NULL without memory or when the token is not the model's own (which is logged). */
-Instance *instance_new(const char *name, const char *token, bool verbose, Logger *logger, void (*callback)(void), void *environment);
+#ifdef MODEL_RESOURCES
+#define OF(instance) (instance)->resources, /* the first argument of the model's functions */
+
+/* Reads the model's files; folder as in instance_new. */
+Status instance_load(Instance *self, const char *folder);
+#else
+#define OF(instance)
+#endif
+
+/* folder: of the FMU's resources, as the host gives it: a path, or a file URI. NULL without memory, when the token is not
+ * the model's own, or when the model cannot read its files (which is logged). */
+Instance *instance_new(const char *name, const char *token, const char *folder, bool verbose, Logger *logger, void (*callback)(void),
+                       void *environment);
 void instance_free(Instance *self);
 
 /* Logs a formatted line and returns the status. STATUS_OK is logged only when verbose. */
@@ -58,7 +72,7 @@ Status instance_terminate(Instance *self);
 Status instance_reset(Instance *self);
 
 /* Computes derivatives and outputs in v, as if initialisation ended now where it has not. */
-void instance_evaluate(double *v, Phase phase);
+void instance_evaluate(const Instance *self, double *v);
 
 /* v with derivatives and outputs that follow from the rest; valid until the next call. */
 const double *instance_values(Instance *self);

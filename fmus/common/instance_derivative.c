@@ -29,8 +29,8 @@ static void differences(const Instance *self, unsigned known, double plus[NV], d
     plus[known] += step;
     minus[known] -= step;
     *width = plus[known] - minus[known];
-    instance_evaluate(plus, self->state.phase);
-    instance_evaluate(minus, self->state.phase);
+    instance_evaluate(self, plus);
+    instance_evaluate(self, minus);
 }
 
 Status instance_directional(Instance *self, const unsigned unknowns[], size_t n_unknowns, const unsigned knowns[], size_t n_knowns,

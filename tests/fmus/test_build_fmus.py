@@ -137,3 +137,14 @@ def test_the_compilers_words_come_through(tmp_path):
     folder = write_model(tmp_path / "tiny", source=SOURCE.replace("V_limit", "V_limmit"))
     with pytest.raises(WrapError, match="V_limmit"):
         build(folder, ["linux64"], tmp_path / "work", tmp_path)
+
+
+def test_resources_must_be_there(tmp_path):
+    from fmu_variables import read_model
+
+    wanting = VARIABLES.replace("internal_step = 0.1", 'internal_step = 0.1\nresources = ["table.csv"]')
+    folder = write_model(tmp_path / "tiny", wanting)
+    with pytest.raises(ValueError, match=r"table\.csv.*no such file"):
+        read_model(folder / "variables.toml")
+    (folder / "table.csv").write_text("y\n", encoding="utf-8")
+    assert read_model(folder / "variables.toml").resources == ("table.csv",)

@@ -1,0 +1,52 @@
+"""assess."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import click
+
+from fmucorrect.cli.group import PATH
+
+SECTIONS = {"preload": ("preload",), "critical-speed": ("critical_speed",), "safety": ("safety",)}
+
+
+@click.command()
+@click.argument("what", type=click.Choice([*SECTIONS, "all"]))
+@click.argument("mapping", type=PATH)
+@click.option("-o", "--out", type=PATH, required=True, help="The folder to write to.")
+@click.option("--json", "as_json", is_flag=True, help="Print what was found as JSON.")
+def assess(what: str, mapping: Path, out: Path, as_json: bool) -> None:
+    """Ask whether a vehicle model is sound in itself: its preload, its critical speed, its wheel forces in curves.
+
+    MAPPING is a TOML file that names the FMU and says which of its variables are what; what it does not map is not
+    assessed. Writes assessment.html and assessment.json. No proof of compliance with any standard.
+
+    Example: fmucorrect assess all fmus/full_vehicle/assess.toml -o assessment
+    """
+    from tqdm import tqdm
+
+    from fmucorrect.railway.assess import assess as run
+    from fmucorrect.railway.assessment import load_assessment
+    from fmucorrect.report import assess_page, assess_text
+
+    assessment = load_assessment(mapping)
+    with tqdm(
+        total=1, desc="assess", disable=None, leave=False, bar_format="{desc}: {n_fmt}/{total_fmt} {elapsed}"
+    ) as bar:
+
+        def progress(stage: str, done: int, total: int) -> None:
+            bar.set_description_str(stage, refresh=False)
+            bar.total, bar.n = max(total, 1), done
+            bar.update(0)
+
+        found = run(
+            assessment, SECTIONS.get(what, tuple(name for some in SECTIONS.values() for name in some)), progress
+        )
+    out.mkdir(parents=True, exist_ok=True)
+    text = json.dumps(found.to_json(), indent=1, allow_nan=False)
+    (out / "assessment.json").write_text(text + "\n", encoding="utf-8")
+    page = out / "assessment.html"
+    assess_page.write_page(page, found)
+    click.echo(text if as_json else "\n".join([*assess_text.verdicts(found), str(page)]))

@@ -1,0 +1,1 @@
+"""What only rail needs: static equilibrium and preload, critical speed, running safety, contact tables."""
