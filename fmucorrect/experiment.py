@@ -24,6 +24,7 @@ class Pair:
     the measurement covers. measured: (N, J), at these rows, in the channels' units and directions. acceleration: (N, A)
     paired accelerometers, m/s2, of the channels that name one; equipped: the numbers of these channels. offset: how the
     times were found; None without a recorded excitation. steady: rows of the steady forced segment, within `measured`.
+    ratio: rows for one sample of the record, which was resampled where it is not 1.
     """
 
     condition: Condition
@@ -34,6 +35,7 @@ class Pair:
     offset: Offset | None
     steady: slice | None
     equipped: tuple[int, ...] = ()
+    ratio: float = 1.0
 
     @property
     def t_ns(self) -> Int64[np.ndarray, " N"]:
@@ -58,7 +60,7 @@ def simulate(study: Study, condition: Condition) -> Record:
 
 def read_measurement(study: Study, condition: Condition) -> Record:
     """The measured channels, their accelerometers and the excitation, in the study's units and directions, at the study's
-    step. Raises RecordError and SignalError for what is missing or does not fit."""
+    step; metadata "sample_ns": the record's own. Raises RecordError and SignalError for what is missing or does not fit."""
     if condition.measurement is None:
         raise RecordError(f"condition {condition.name!r} has no measurement")
     accelerations = [
@@ -75,7 +77,8 @@ def read_measurement(study: Study, condition: Condition) -> Record:
         where = f"{condition.measurement}, column {have.name}"
         factors.append(units.conversion(have.unit, unit, where) * want.measurement_sign)
         channels.append(replace(want, unit=unit))
-    measured = Record(raw.t_ns, raw.values * factors, tuple(channels), raw.metadata)
+    told = {**raw.metadata, "sample_ns": str(raw.step_ns)}
+    measured = Record(raw.t_ns, raw.values * factors, tuple(channels), told)
     return resample(measured, study.simulation.step_ns)
 
 
@@ -99,7 +102,8 @@ def pair(study: Study, condition: Condition, simulated: Record | None = None) ->
         steady = slice(*steady_segment(values[:, :count], step, 1.0 / condition.frequency))
     stop = values.shape[1] - len(sources.excitation_channel(study))
     equipped = tuple(j for j, channel in enumerate(study.channels) if channel.acceleration)
-    return Pair(condition, simulated, rows, values[:, :count], values[:, count:stop], offset, steady, equipped)
+    ratio = int(measured.metadata["sample_ns"]) / study.simulation.step_ns
+    return Pair(condition, simulated, rows, values[:, :count], values[:, count:stop], offset, steady, equipped, ratio)
 
 
 def _register(simulated: Record, measured: Record, name: str, step: float) -> Offset:

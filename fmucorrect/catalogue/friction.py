@@ -71,6 +71,13 @@ def _stribeck_stick(s: Symbols) -> Formula:
     return Formula(force, (s.v - pace * z * ratio / reach,), (reach,))
 
 
+def _behind_play(s: Symbols) -> Formula:
+    sympy, z, k, gap = load_sympy(), s.z[0], s["stiffness"], s["gap"]
+    reach = gap + s["friction_force"] / k
+    sliding = (s.v + sympy.Abs(s.v) * sympy.sign(z)) / 2 * (sympy.Abs(z) / reach) ** s["exponent"]
+    return Formula(k * (z - smooth.saturate(z, gap, s["smoothing"])), (s.v - sliding,), (reach,))
+
+
 def _falling(values: Mapping[str, float]) -> str | None:
     slow, fast = values["breakaway_force"], values["friction_force"]
     return f"breakaway_force must be at least friction_force = {fast!r}, got {slow!r}" if slow < fast else None
@@ -106,6 +113,21 @@ def _holds_and_falls(share: float) -> Guess:
         return _holding(motion, force / 1.5) | fall
 
     return guess
+
+
+def _grips_within(share: float) -> Guess:
+    """A play of a share of the travel to each side, and as much again until it slides."""
+
+    def guess(motion: Motion, force: float) -> Mapping[str, float]:
+        return {"friction_force": force, "gap": share * motion.d, "stiffness": force / (share * motion.d)}
+
+    return guess
+
+
+def _half_of_it_play(values: Mapping[str, float]) -> Mapping[str, float]:
+    """As far until it slides as friction that sticks, the first half of it without a force."""
+    force, half = values["friction_force"], 0.5 * values["stick_displacement"]
+    return {"friction_force": force, "gap": half, "stiffness": force / half}
 
 
 LAWS = (
@@ -181,5 +203,36 @@ LAWS = (
         states=(_BRISTLE,),
         note=f"LuGre's friction with a damping that keeps it passive. {_HOLD}",
         check=_falling,
+    ),
+    Law(
+        name="friction_with_backlash",
+        special=("coulomb_friction",),
+        family="friction",
+        description="Dry friction behind a play: after each reversal it lets go, and grips again once the play is passed.",
+        acts=_ANYWHERE,
+        equation="F = k deadzone(z, g), dz/dt = v - (v |z|^n + |v| |z|^(n-1) z) / (2 m^n), m = g + F_c / k",
+        parameters=(
+            Parameter("friction_force", "F_c", "F", "while it slides", minimum=0.0, neutral=0.0),
+            Parameter("gap", "g", "D", "free travel to each side of the middle of the play", minimum=0.0, above=True),
+            Parameter("stiffness", "k", "F/D", "once the play is passed, until it slides", minimum=0.0, above=True),
+            Parameter("exponent", "n", "1", "how sharply it begins to slide", default=10.0, minimum=1.0),
+            Parameter(
+                *("smoothing", "w", "1", "width of the rounded corners, in gaps"),
+                default=0.01,
+                minimum=0.0,
+                above=True,
+            ),
+        ),
+        inputs=("velocity",),
+        write=_behind_play,
+        guesses=tuple(map(_grips_within, (0.05, 0.15, 0.4))),
+        main="friction_force",
+        estimated=("friction_force", "gap", "stiffness"),
+        states=(State("travel", "z", "D"),),
+        extends=(("coulomb_friction_stick", _half_of_it_play),),
+        note=(
+            "z is the travel since it last slid, from the middle of the play: a slider in series with a spring that has"
+            " play. It begins in the middle."
+        ),
     ),
 )

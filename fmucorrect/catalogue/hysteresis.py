@@ -39,6 +39,13 @@ def _yielding_at(share: float, exponent: float = 1.0) -> Guess:
     return guess
 
 
+def _as_dahl(values: Mapping[str, float]) -> Mapping[str, float]:
+    """Friction that sticks, without its damping."""
+    reach = values["stick_displacement"]
+    shape = {"alpha": 0.0, "beta": 1.0 / reach, "gamma": 0.0, "exponent": 1.0}
+    return {"stiffness": values["friction_force"] / reach, **shape}
+
+
 LAWS = (
     Law(
         name="bouc_wen_hysteresis",
@@ -68,5 +75,6 @@ LAWS = (
             " n = 1, beta = k / F_c, gamma = 0. With gamma below -beta it hardens, and z has no limit."
         ),
         check=_passive,
+        extends=(("coulomb_friction_stick", _as_dahl),),
     ),
 )

@@ -116,6 +116,10 @@ def opposite(parameters: Iterable[Parameter], main: str, values: Mapping[str, fl
     return dict(values) | {main: 1.0 / values[main] if neutral == 1.0 else -values[main]}
 
 
+Extension = Callable[[Mapping[str, float]], Mapping[str, float]]
+"""From the numbers of a simpler law to those of one that contains it."""
+
+
 @dataclass(frozen=True)
 class State:
     """What a law remembers. It begins at `start`; its rate is in the law's formula."""
@@ -182,6 +186,7 @@ class Law:
     relative: bool = False
     signed: bool = False
     special: tuple[str, ...] = ()
+    extends: tuple[tuple[str, Extension], ...] = ()
     states: tuple[State, ...] = ()
     form: str = ""
     note: str = ""

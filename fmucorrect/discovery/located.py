@@ -160,7 +160,7 @@ def _means(trial: Trial, y: Float64[np.ndarray, "N J"]) -> Float64[np.ndarray, "
     """Means over blocks in units of their noise."""
     size, count = block(trial), len(y) // block(trial)
     sigma = np.where(trial.sigma > 1e-200, trial.sigma, np.inf)  # a channel that shows nothing at all
-    means = y[: count * size].reshape(count, size, -1).mean(1) / (sigma / np.sqrt(size))
+    means = y[: count * size].reshape(count, size, -1).mean(1) / (sigma / np.sqrt(trial.samples(size)))
     return np.ascontiguousarray(means.T)
 
 

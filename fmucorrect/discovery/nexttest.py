@@ -248,7 +248,7 @@ def _judged(
         rest = (apart.at[0] - at - columns @ b).reshape(-1, len(trial.sigma))
         found.append(float((rest**2).sum() / level + b @ b))
         j = int(np.argmax((rest**2).sum(0)))
-        seen.append((j, float(np.abs(rest[:, j]).max() / np.sqrt(trial.block))))
+        seen.append((j, float(np.abs(rest[:, j]).max() / np.sqrt(trial.samples(trial.block)))))
     return replace(apart, separation=tuple(found), seen=tuple(seen))
 
 

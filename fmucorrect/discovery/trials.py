@@ -25,7 +25,8 @@ FAINT = 1e-4
 @dataclass(frozen=True)
 class Trial:
     """One condition's data. measured: (N, J), at `rows` of its simulation, in the channels' units. sigma: (J,) sensor noise,
-    rms a sample. block: samples averaged into one row of evidence. known: whether the noise is known."""
+    rms a sample. block: rows averaged into one row of evidence. known: whether the noise is known. ratio: rows for one
+    sample of the record."""
 
     condition: Condition
     measured: Float64[np.ndarray, "N J"]
@@ -34,6 +35,7 @@ class Trial:
     block: int
     known: bool = True
     notes: tuple[str, ...] = ()
+    ratio: float = 1.0
 
     @property
     def blocks(self) -> int:
@@ -44,7 +46,11 @@ class Trial:
         """Block means in units of their noise."""
         count = len(y) // self.block
         means = y[: count * self.block].reshape(count, self.block, -1).mean(1)
-        return means / (self.sigma / np.sqrt(self.block))
+        return means / (self.sigma / np.sqrt(self.samples(self.block)))
+
+    def samples(self, rows: int) -> float:
+        """Samples of the record in so many rows, at least one: what lies between samples has their noise."""
+        return max(rows / max(self.ratio, 1.0), 1.0)
 
 
 def read(study: Study, condition: Condition) -> Trial:
@@ -67,6 +73,7 @@ def read(study: Study, condition: Condition) -> Trial:
         max(1, -(-len(measured) // ROWS)),
         known,
         notes,
+        pair.ratio,
     )
 
 

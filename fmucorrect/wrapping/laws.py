@@ -219,7 +219,8 @@ def functions(law: Law) -> list[str]:
     if not law.states:
         return [f"{head}static double {label}({_list(arguments)})\n{{\n{_body(law, [('return ', formula.force)])}}}\n"]
     assert "time" not in law.inputs, f"{label}: a half step is not told the time"
-    moving = _arguments(law, formula.rates)
+    moving = _arguments(law, [*formula.rates, *formula.bounds])
+    every = _arguments(law, [formula.force, *formula.rates, *formula.bounds])
     statements: list[tuple[str, Any]] = []
     rows: list[str] = []
     for i, (rate, slope) in enumerate(zip(formula.rates, law.slopes, strict=True)):
@@ -235,7 +236,7 @@ def functions(law: Law) -> list[str]:
         f"{{\n{_body(law, statements)}{''.join(rows)}}}\n",
         f"static double {label}_force({_list(arguments, 'const double z[]')})\n"
         f"{{\n{_body(law, [('return ', formula.force)])}}}\n",
-        f"static double {label}({_list(_arguments(law, [formula.force, *formula.rates]), 'double h', 'double z[]')})\n"
+        f"static double {label}({_list(every, 'double h', 'double z[]')})\n"
         f"{{\n{advance}    const double force = {label}_force({', '.join([*arguments, 'z'])});\n{advance}"
         "    return force;\n}\n",
     ]
@@ -243,7 +244,8 @@ def functions(law: Law) -> list[str]:
 
 def needs(law: Law) -> list[str]:
     """Names of the arguments of a law's C function: of p, port, t, h, z those that it has, in this order."""
-    return [*_arguments(law, [law.formula.force, *law.formula.rates]), *(["h", "z"] if law.states else [])]
+    every = [law.formula.force, *law.formula.rates, *law.formula.bounds]
+    return [*_arguments(law, every), *(["h", "z"] if law.states else [])]
 
 
 def _arguments(law: Law, expressions: Sequence[Any]) -> dict[str, str]:

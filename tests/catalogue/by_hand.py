@@ -30,6 +30,7 @@ VALUES = {
     "coulomb_friction_stick": {"friction_force": 500.0, "stick_displacement": 2e-4, "stick_time": 5e-3},
     "stribeck_friction_stick": {"friction_force": 500.0, "breakaway_force": 800.0, "stick_displacement": 2e-4},
     "bouc_wen_hysteresis": {"stiffness": 1e6, "alpha": 0.2, "beta": 900.0, "gamma": -300.0, "exponent": 1.5},
+    "friction_with_backlash": {"friction_force": 500.0, "gap": 3e-4, "stiffness": 1e6, "exponent": 4.0},
     "preload": {"force": -300.0},
     "periodic_force_frequency": {"amplitude": 200.0, "frequency": 2.5, "phase": 0.4},
     "periodic_force_order": {"amplitude": 200.0, "order": 3.0, "radius": 0.43, "phase": 0.4},
@@ -74,6 +75,7 @@ BY_HAND = {
     "bouc_wen_hysteresis": lambda d, v, a, f, t, s, z, p: (
         p["alpha"] * p["stiffness"] * d + (1 - p["alpha"]) * p["stiffness"] * z
     ),
+    "friction_with_backlash": lambda d, v, a, f, t, s, z, p: p["stiffness"] * rounded_deadzone(z, p["gap"]),
     "preload": lambda d, v, a, f, t, s, z, p: p["force"] + 0 * d,
     "periodic_force_frequency": lambda d, v, a, f, t, s, z, p: (
         p["amplitude"] * np.imag(np.exp(1j * (2 * np.pi * p["frequency"] * t + p["phase"])))
@@ -94,6 +96,8 @@ RATES_BY_HAND = {
     "bouc_wen_hysteresis": lambda v, f, z, p: (
         v - p["beta"] * np.abs(v) * np.abs(z) ** (p["exponent"] - 1) * z - p["gamma"] * v * np.abs(z) ** p["exponent"]
     ),
+    # back at once, on only as far as it does not slide yet
+    "friction_with_backlash": lambda v, f, z, p: np.where(v * z < 0, v, v * (1 - (z / (3e-4 + 500.0 / 1e6)) ** 4)),
 }
 
 
