@@ -70,7 +70,7 @@ def candidates(
         speeds = all(trial.condition.speed > 0.0 for trial in problem.trials)
         for place, joints in places(study).items():
             motion = _together([motions[joint.name] for joint in joints])
-            for law in (law for forms in CATALOGUE.values() for law in forms if _fits(law, joints)):
+            for law in (law for forms in CATALOGUE.values() for law in forms if may_act(law, joints)):
                 for radius in (radii if speeds else []) if "speed" in law.inputs else [0.0]:
                     found += [
                         curve
@@ -89,7 +89,8 @@ def _wave(curve: Curve) -> float:
     return 2.0 * math.pi * term.values["radius"] / term.values["order"]
 
 
-def _fits(law: Law, joints: Sequence[Joint]) -> bool:
+def may_act(law: Law, joints: Sequence[Joint]) -> bool:
+    """Whether these joints allow a law's family and show what it needs."""
     if any(joint.kinds and law.family not in joint.kinds for joint in joints):
         return False
     return all(

@@ -22,7 +22,7 @@ AGREES = 1.3
 """Variance of the error, over its least, up to which simulation and measurement agree to the noise."""
 OPEN = 2.0
 """Variance of the error, over its least, above which as many effects as are looked for at once are not believed."""
-LEFT = 0.15
+LEFT = 0.2
 """Share of the residual's energy above the noise that a named effect may leave."""
 
 

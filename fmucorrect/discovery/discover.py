@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from fmucorrect.discovery import native, output
-from fmucorrect.discovery.confirm import Gap, gaps, sensor_errors
+from fmucorrect.discovery.confirm import Gap, carries_over, gaps, sensor_errors
 from fmucorrect.discovery.decide import CLOSE, Decision, decide
 from fmucorrect.discovery.located import located
 from fmucorrect.discovery.naming import Naming, name
@@ -200,7 +200,7 @@ def _next(problem: Problem, naming: Naming, decision: Decision) -> dict[str, Any
 def confirmed(decision: Decision, checked: Sequence[Gap]) -> str:
     """The verdict once the evaluation conditions have spoken: what does not carry over is unexplained."""
     held = [gap for gap in checked if gap.condition.role == "evaluation"]
-    if decision.verdict in ("named", "ambiguous") and held and not all(gap.agrees for gap in held):
+    if decision.verdict in ("named", "ambiguous") and held and not carries_over(held):
         return "unexplained"
     return decision.verdict
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
 
+from fmucorrect.catalogue.motion import Motion
 from fmucorrect.discovery import nuisances
+from fmucorrect.discovery.afresh import is_far, measured_motions, starts
 from fmucorrect.discovery.candidates import Curve, candidates
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fit import Fitted, Setting, fit, price
@@ -17,7 +19,21 @@ from fmucorrect.discovery.marks import PROMISING, Marks, Target, marks, with_mar
 from fmucorrect.discovery.motion import motions
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.search import Search
-from fmucorrect.discovery.sets import Progress, admissible, finer, first_of, merged, names, settled, share_of, smaller
+from fmucorrect.discovery.sets import (
+    LONG,
+    Progress,
+    admissible,
+    credible,
+    extended,
+    finer,
+    first_of,
+    merged,
+    names,
+    settled,
+    share_of,
+    smaller,
+)
+from fmucorrect.discovery.terms import Term
 
 MOST = 3
 """Effects at once."""
@@ -29,6 +45,8 @@ QUICK = 45_000
 """Steps of one model at all conditions, above which the candidates are looked at in fewer."""
 LIKELY, TRANSFERRED = 200.0, 6
 """How far behind, and how many, sets are fitted to all conditions."""
+AFRESH = 8
+"""Candidates that are begun afresh."""
 RIVALS = 5
 """Candidates that are fitted in the place of each effect of a set of several."""
 ROUNDS = 3
@@ -60,11 +78,20 @@ def name(problem: Problem, progress: Progress = lambda stage, done, total: None)
     """
     few = problem.few(QUICK)
     if few is None:
-        return _name(problem, progress)
+        return _finished(problem, _name(problem, progress))
     with few:
         naming = _name(few, progress)
     problem.couple(few.substeps)
-    return _on_all(problem, naming, progress)
+    return _finished(problem, _on_all(problem, naming, progress))
+
+
+def _finished(problem: Problem, naming: Naming) -> Naming:
+    """The best set fitted to its end."""
+    best = naming.best
+    fitted = fit(problem, replace(naming.setting, base=best.base), best.model, LONG, best.at)
+    if not best.model.terms or fitted is None or fitted.surprise > best.surprise:
+        return naming
+    return replace(naming, sets=tuple(fitted if old is best else old for old in naming.sets))
 
 
 def _on_all(problem: Problem, naming: Naming, progress: Progress) -> Naming:
@@ -86,7 +113,7 @@ def _on_all(problem: Problem, naming: Naming, progress: Progress) -> Naming:
     base = first_of([base, *(fitted for fitted in found if not fitted.model.terms)])
     setting, base, found = settled(problem, setting, base, [f for f in found if f.model.terms])
     kept = [f for f in merged(admissible(base, found, setting.share * len(base.at))) if f.model.terms]
-    return Naming(base, tuple(kept), setting)
+    return Naming(base, tuple(credible(kept)), setting)
 
 
 def _begun(problem: Problem) -> tuple[Setting, np.ndarray, list[np.ndarray]]:
@@ -109,7 +136,7 @@ def _name(problem: Problem, progress: Progress) -> Naming:
     setting, base, _ = settled(problem, setting, base, [])
     moves = with_marks(problem, moves, at, base.residual) if can_act else moves
 
-    def looked_for(around: Fitted) -> list[Curve]:
+    def looked_for(around: Fitted, moves: Mapping[str, Motion] = moves) -> list[Curve]:
         rest, step = problem.split(around.residual), problem.study.simulation.step_size
 
         @cache
@@ -121,7 +148,12 @@ def _name(problem: Problem, progress: Progress) -> Naming:
 
     curves = looked_for(base)
     setting = replace(setting, candidates=len(curves))
-    first, found = _round(problem, setting, base, curves, LISTED, progress)
+    begun: list[Term] = []
+    if moves and is_far(problem, base):
+        seen = measured_motions(problem, base, moves)
+        whole = {name: seen.get(name, replace(motion, mark=0.0)) for name, motion in moves.items()}
+        begun = starts(problem, setting, base, looked_for(base, whole), AFRESH)
+    first, found = _round(problem, setting, base, curves, LISTED, progress, begun)
     setting, base, found = settled(problem, setting, base, found)
     setting, found = finer(problem, setting, base, found, progress)
     for _ in range(ROUNDS):
@@ -141,7 +173,7 @@ def _name(problem: Problem, progress: Progress) -> Naming:
     setting, base, found = settled(problem, setting, base, found)
     found += _rivals(problem, setting, base, found, first, progress)
     kept = [f for f in merged(admissible(base, found, setting.share * len(base.at))) if f.model.terms]
-    return Naming(base, tuple(kept), setting)
+    return Naming(base, tuple(credible(kept)), setting)
 
 
 def _rivals(
@@ -181,6 +213,11 @@ def _rivals(
     return fits
 
 
+def _is_open(setting: Setting, fits: Sequence[Fitted]) -> bool:
+    """Whether all fits leave more than the noise."""
+    return min((f.s2 for f in fits), default=np.inf) >= EXPLAINED * setting.floor
+
+
 def _round(
     problem: Problem,
     setting: Setting,
@@ -188,8 +225,10 @@ def _round(
     curves: Sequence[Curve],
     listed: Sequence[int],
     progress: Progress,
+    begun: Sequence[Term] = (),
 ) -> tuple[Marks, list[Fitted]]:
-    """Candidates beside what `around` has already: marks, search, fits of the short list."""
+    """Candidates beside what `around` has already: marks, search, fits of the short list. begun: terms that are fitted too,
+    from where they are."""
     have = names(around)
     free = [curve for curve in curves if curve.key not in have]
     total = 2 * len(free) + 3 * min(len(free), PROMISING)
@@ -205,10 +244,17 @@ def _round(
     penalty = [price(setting, curve.numbers) for curve in found.curves]
     search = Search(around.linear, whole, found, setting.share, penalty, setting.floor)
     fits: list[Fitted] = []
+    for i, term in enumerate(begun):
+        progress("afresh", i, len(begun))
+        model = replace(around.model, terms=(*around.model.terms, term))
+        fitted = fit(problem, setting, model, LONG, rival=first_of([around, *fits]).surprise)
+        fits += [] if fitted is None else [fitted]
     todo = search.best(listed)
     for i, item in enumerate(todo):
         progress("fits", i, len(todo))
-        if len(item.members) > 1 and min((f.s2 for f in fits), default=np.inf) < EXPLAINED * setting.floor:
+        if len(item.members) > 1 and len(todo[i - 1].members) == 1 and _is_open(setting, fits):
+            fits += extended(problem, setting, fits)
+        if len(item.members) > 1 and not _is_open(setting, fits):
             break
         terms = [found.curves[place.curve].term(place.size) for place in item.members]
         if any(term is None for term in terms):

@@ -26,6 +26,8 @@ from fmucorrect.errors import FmucorrectError
 from fmucorrect.study import Study
 from fmucorrect.wrapping.laws import functions
 
+NOTICED = 0.05
+"""Tolerances that a parameter must have moved to be reported."""
 SHOWN = 2000
 """Points of a time series in the report."""
 SECONDS = 4.0
@@ -154,12 +156,14 @@ def _short(x: np.ndarray) -> list[float]:
     return [float(f"{value:.6g}") for value in x]
 
 
-def adjusted(problem: Problem, base: Sequence[float]) -> tuple[dict[str, float], dict[str, float]]:
-    """The tolerated parameters that moved noticeably: where they are, and where they were."""
+def adjusted(
+    problem: Problem, base: Sequence[float], least: float = NOTICED
+) -> tuple[dict[str, float], dict[str, float]]:
+    """The tolerated parameters that moved by at least so many tolerances: where they are, and where they were."""
     now: dict[str, float] = {}
     before: dict[str, float] = {}
     for adjustable, z in zip(problem.tolerated, base, strict=True):
-        if abs(z) < 0.05:
+        if abs(z) < least:
             continue
         for name in adjustable.parameters:
             start = start_value(problem.study, problem.fmu, None, name)
@@ -172,10 +176,10 @@ def effects_of(
     problem: Problem, terms: Sequence[Term], base: Sequence[float], rows: Sequence[Mapping[str, Any]]
 ) -> Effects:
     """What the solver can be given: forces, and parameters with the study's own start values, so that the FMU starts as the
-    study's model; what sits in sensors cannot be put into an FMU."""
+    model that was confirmed; what sits in sensors cannot be put into an FMU."""
     forces: list[ForceEffect] = []
     used: set[str] = set()
-    now, before = adjusted(problem, base)
+    now, before = adjusted(problem, base, 0.0)
     study, fmu = problem.study, problem.fmu
     assert fmu is not None
     offsets = {name: value - float(fmu.variables[name].start or "nan") for name, value in study.parameters.items()}
