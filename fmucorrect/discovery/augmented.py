@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from fmucorrect import effects as effects_file
-from fmucorrect.discovery.output import adjusted, noticeable
+from fmucorrect.discovery.output import adjusted
 from fmucorrect.discovery.problem import Model, Problem, overrides, start_value
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, Term
 from fmucorrect.effects import Effects, ForceEffect, ParameterOffset, Remarks
@@ -23,8 +23,8 @@ from fmucorrect.study import Study
 @dataclass(frozen=True)
 class Found:
     """effects: what the FMU is given: forces, and parameters with the study's own start values, so that it starts as the
-    study's model; what sits in sensors cannot be put into an FMU. starts: by condition, new values of the parameters that it
-    sets itself, over which those of the FMU have no power."""
+    model that was confirmed; what sits in sensors cannot be put into an FMU. starts: by condition, new values of the
+    parameters that it sets itself, over which those of the FMU have no power."""
 
     effects: Effects
     starts: Mapping[str, Mapping[str, float]]
@@ -44,7 +44,7 @@ def found_of(
 
 def _starts(problem: Problem, terms: Sequence[Term], base: Sequence[float]) -> dict[str, dict[str, float]]:
     """By condition, the start values that it sets itself and that what was found changes."""
-    model = Model(tuple(term for term in terms if isinstance(term, OffsetTerm)), noticeable(base))
+    model = Model(tuple(term for term in terms if isinstance(term, OffsetTerm)), tuple(base))
     changed = {
         condition.name: overrides(problem.study, problem.fmu, condition, model, problem.tolerated)
         for condition in problem.study.conditions
@@ -60,7 +60,7 @@ def _effects(
 ) -> Effects:
     forces: list[ForceEffect] = []
     used: set[str] = set()
-    now, before = adjusted(problem, base)
+    now, before = adjusted(problem, base, 0.0)
     study, fmu = problem.study, problem.fmu
     assert fmu is not None
     offsets = {name: value - float(fmu.variables[name].start or "nan") for name, value in study.parameters.items()}

@@ -48,6 +48,16 @@ class Gap:
         return self.nrmse_after <= AGREES * self.noise_floor or (open_before > 0.0 and gone >= CLOSED * open_before)
 
 
+def carries_over(held: Sequence[Gap]) -> bool:
+    """Whether what was found holds at these conditions: at each by itself, or at none the other way and at all together,
+    by their energies above the noise floor."""
+    if all(gap.agrees for gap in held):
+        return True
+    before = sum(gap.nrmse_before**2 - gap.noise_floor**2 for gap in held)
+    after = sum(gap.nrmse_after**2 - gap.noise_floor**2 for gap in held)
+    return all(gap.nrmse_after < gap.nrmse_before for gap in held) and after <= (1.0 - CLOSED) * before
+
+
 def gaps(
     study: Study,
     library: Path | None,

@@ -13,7 +13,7 @@ import numpy as np
 
 from fmucorrect.discovery import output
 from fmucorrect.discovery.augmented import Found, found_of, write_model
-from fmucorrect.discovery.confirm import Gap, gaps, sensor_errors
+from fmucorrect.discovery.confirm import Gap, carries_over, gaps, sensor_errors
 from fmucorrect.discovery.decide import CLOSE, Decision, decide
 from fmucorrect.discovery.elsewhere import library, quietly
 from fmucorrect.discovery.kept import Kept
@@ -187,7 +187,7 @@ def _next(problem: Problem, naming: Naming, decision: Decision) -> dict[str, Any
 def confirmed(decision: Decision, checked: Sequence[Gap]) -> str:
     """The verdict once the evaluation conditions have spoken: what does not carry over is unexplained."""
     held = [gap for gap in checked if gap.condition.role == "evaluation"]
-    if decision.verdict in ("named", "ambiguous") and held and not all(gap.agrees for gap in held):
+    if decision.verdict in ("named", "ambiguous") and held and not carries_over(held):
         return "unexplained"
     return decision.verdict
 

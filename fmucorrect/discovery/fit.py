@@ -9,9 +9,9 @@ from jaxtyping import Float64
 
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.kept import remembered
-from fmucorrect.discovery.nuisances import sensitivities
+from fmucorrect.discovery.nuisances import PERTURBED, sensitivities
 from fmucorrect.discovery.problem import Model, Problem
-from fmucorrect.discovery.terms import coordinates, moved
+from fmucorrect.discovery.terms import coordinates, moved, room
 
 PROBE = 0.02
 """By how much a coordinate is moved for its sensitivity."""
@@ -25,6 +25,9 @@ HOPE, HOPELESS = 8.0, 60.0
 """A fit is given up when so many more gains like its last one would leave it so far behind its rival."""
 GAINED = 0.3
 """A step that lowers the surprise by less is the last one."""
+SLOW, HOLDS = 3.0, 0.3
+"""Where a step lowers the surprise by less, and a sensitivity to a base parameter is off by a larger share, they are taken
+anew."""
 
 
 @dataclass(frozen=True)
@@ -112,12 +115,13 @@ def fit(
         return None
     volume = _volume(setting, setting.base)
     state = judge(setting, Fitted(model, at, setting.measured - at, 1.0, 0.0, setting.base, volume, model.base))
-    damping = 1e-2
+    damping, reach = 1e-2, np.clip(problem.reach, -FARTHEST, FARTHEST)
     slopes = _slopes(problem, state)
+    sure = False  # whether the sensitivities to base parameters have been looked at
     for iteration in range(iterations):
         gained = 0.0
         for _ in range(5):
-            following = _step(setting, state, slopes, damping)
+            following = _step(setting, state, slopes, reach, damping)
             (y,) = problem.many([following])
             if y is not None:
                 tried = judge(setting, replace(state, model=following, at=y, residual=setting.measured - y))
@@ -126,15 +130,32 @@ def fit(
                     state, damping = tried, max(damping / 6.0, 1e-6)
                     break
             damping = max(damping, 1e-3) * 10.0
-        if gained < GAINED or (iteration >= 2 and state.surprise - HOPE * gained > rival + HOPELESS):
+        anew = False
+        if gained < SLOW and not sure and state.surprise < rival + HOPELESS:
+            anew, sure = not _holds(problem, state), True
+        if not anew and gained < GAINED:
             break
-        if max((abs(a - b) for a, b in zip(state.model.base, state.around, strict=True)), default=0.0) > STALE:
+        if not anew and iteration >= 2 and state.surprise - HOPE * gained > rival + HOPELESS:
+            break
+        moved = max((abs(a - b) for a, b in zip(state.model.base, state.around, strict=True)), default=0.0)
+        if anew or moved > STALE:
             base = sensitivities(problem, state.model, state.at)
             state = replace(state, base=base, volume=_volume(setting, base), around=state.model.base)
-            state = judge(setting, state)
-        slopes = _slopes(problem, state)
+            state, damping = judge(setting, state), min(damping, 1e-2)
+        slopes = _slopes(problem, state) if gained > 0.0 else slopes
     state = replace(state, slopes=slopes)
     return replace(state, covariance=covariance(setting, state))
+
+
+def _holds(problem: Problem, state: Fitted) -> bool:
+    """Whether the largest of the sensitivities to base parameters is still that of the model."""
+    sizes = np.linalg.norm(state.base, axis=0)
+    if not sizes.any():
+        return True
+    i = int(np.argmax(sizes))
+    base = tuple(z + PERTURBED * (k == i) for k, z in enumerate(state.model.base))
+    (y,) = problem.many([replace(state.model, base=base)])
+    return y is None or float(np.linalg.norm((y - state.at) / PERTURBED - state.base[:, i])) < HOLDS * float(sizes[i])
 
 
 def _volume(setting: Setting, base: Float64[np.ndarray, "n A"]) -> Float64[np.ndarray, " m"]:
@@ -179,19 +200,46 @@ def normal(
     return H, g
 
 
-def _step(setting: Setting, state: Fitted, slopes: Float64[np.ndarray, "n p"], damping: float) -> Model:
+def _step(
+    setting: Setting,
+    state: Fitted,
+    slopes: Float64[np.ndarray, "n p"],
+    reach: Float64[np.ndarray, "A 2"],
+    damping: float,
+) -> Model:
+    """The model one step on."""
     H, g = normal(setting, state, slopes)
     if not len(g):
         return state.model
     count = slopes.shape[1]
-    steps = np.linalg.solve(H + np.diag(damping * np.diag(H) + 1e-12 * max(float(np.trace(H)), 1e-300)), g)
-    scales = [scale for term in state.model.terms for scale in coordinates(term)]
-    longest = np.array([LONGEST if scale == 0.0 else 2.0 * LONGEST for scale in scales])
-    steps[:count] = np.clip(steps[:count], -longest, longest)
-    base = np.clip(
-        np.asarray(state.model.base) + np.clip(steps[count:], -2 * LONGEST, 2 * LONGEST), -FARTHEST, FARTHEST
-    )
-    return replace(stepped(state.model, steps[:count]), base=tuple(float(x) for x in base))
+    base = np.asarray(state.model.base)
+    scales = [coordinates(term) for term in state.model.terms]
+    longest = [LONGEST if scale == 0.0 else 2.0 * LONGEST for row in scales for scale in row]
+    longest = np.array([*longest, *(2.0 * LONGEST for _ in base)])
+    rooms = [ends for t, row in zip(state.model.terms, scales, strict=True) for ends in room(t, row)]
+    low, high = np.array([*rooms, *((a - z, b - z) for (a, b), z in zip(reach, base, strict=True))]).T
+    damped = H + np.diag(damping * np.diag(H) + 1e-12 * max(float(np.trace(H)), 1e-300))
+    steps = _within(damped, g, np.maximum(low, -longest), np.minimum(high, longest))
+    return replace(stepped(state.model, steps[:count]), base=tuple(float(x) for x in base + steps[count:]))
+
+
+def _within(
+    H: Float64[np.ndarray, "q q"],
+    g: Float64[np.ndarray, " q"],
+    low: Float64[np.ndarray, " q"],
+    high: Float64[np.ndarray, " q"],
+) -> Float64[np.ndarray, " q"]:
+    """H x = g, where a number that would leave its bounds stays at the bound and the others make the best of that."""
+    x, free = np.zeros_like(g), np.ones(len(g), dtype=bool)
+    while free.any():
+        own = np.ix_(free, free)
+        x[free] = np.linalg.solve(H[own], g[free] - H[np.ix_(free, ~free)] @ x[~free])
+        out = free & ((x < low) | (x > high))
+        if not out.any():
+            break
+        x[out] = np.clip(x[out], low[out], high[out])
+        free &= ~out
+    return x
 
 
 def covariance(setting: Setting, state: Fitted) -> Float64[np.ndarray, "p p"]:

@@ -13,8 +13,8 @@ from fmucorrect.discovery.fit import Fitted, Setting, fit, judge, price
 from fmucorrect.discovery.marks import PROMISING, Marks, Target, marks
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.search import Search
-from fmucorrect.discovery.sets import Progress, admissible, first_of, merged, names
-from fmucorrect.discovery.terms import ForceTerm
+from fmucorrect.discovery.sets import LONG, Progress, admissible, extended, first_of, merged, names
+from fmucorrect.discovery.terms import ForceTerm, Term
 
 EXPLAINED = 1.3
 """A variance of the error, over its least, at which no larger set is looked for at once."""
@@ -68,8 +68,10 @@ def look(
     curves: Sequence[Curve],
     listed: Sequence[int],
     progress: Progress,
+    begun: Sequence[Term] = (),
 ) -> tuple[Marks, list[Fitted]]:
-    """Candidates beside what `around` has already: marks, search, fits of the short list."""
+    """Candidates beside what `around` has already: marks, search, fits of the short list. begun: terms that are fitted too,
+    from where they are."""
     have = names(around)
     free = [curve for curve in curves if curve.key not in have]
     total = 2 * len(free) + 3 * min(len(free), PROMISING)
@@ -85,10 +87,17 @@ def look(
     penalty = [price(setting, curve.numbers) for curve in found.curves]
     search = Search(around.linear, whole, found, setting.share, penalty, setting.floor)
     fits: list[Fitted] = []
+    for i, term in enumerate(begun):
+        progress("afresh", i, len(begun))
+        model = replace(around.model, terms=(*around.model.terms, term))
+        fitted = fit(problem, setting, model, LONG, rival=first_of([around, *fits]).surprise)
+        fits += [] if fitted is None else [fitted]
     todo = search.best(listed)
     for i, item in enumerate(todo):
         progress("fits", i, len(todo))
-        if len(item.members) > 1 and min((f.s2 for f in fits), default=np.inf) < EXPLAINED * setting.floor:
+        if len(item.members) > 1 and len(todo[i - 1].members) == 1 and _is_open(setting, fits):
+            fits += extended(problem, setting, fits)
+        if len(item.members) > 1 and not _is_open(setting, fits):
             break
         terms = [found.curves[place.curve].term(place.size) for place in item.members]
         if any(term is None for term in terms):
@@ -98,6 +107,11 @@ def look(
         if fitted is not None:
             fits.append(fitted)
     return found, merged(fits)
+
+
+def _is_open(setting: Setting, fits: Sequence[Fitted]) -> bool:
+    """Whether all fits leave more than the noise."""
+    return min((f.s2 for f in fits), default=np.inf) >= EXPLAINED * setting.floor
 
 
 def at_other_places(problem: Problem, setting: Setting, best: Fitted) -> list[Fitted]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,10 +19,15 @@ _PORTS = ("displacement", "velocity", "acceleration", "nominal_force")
 
 def motions(study: Study, conditions: Sequence[Condition]) -> dict[str, Motion]:
     """The motion of every joint, over all of `conditions`, without any law in the loop."""
-    names = sorted({name for joint in study.joints for name in _names(joint) if name})
+    names = ports(study.joints)
     parts = [_record(study, condition, names) for condition in conditions]
     column = {name: np.concatenate([part[:, i] for part in parts]) for i, name in enumerate(names)}
-    return {joint.name: _motion(joint, column, study.simulation.step_size) for joint in study.joints}
+    return {joint.name: motion_of(joint, column, study.simulation.step_size) for joint in study.joints}
+
+
+def ports(joints: Sequence[Joint]) -> list[str]:
+    """The FMU's outputs that joints show their motion by."""
+    return sorted({name for joint in joints for name in _names(joint) if name})
 
 
 def _names(joint: Joint) -> list[str]:
@@ -41,7 +46,8 @@ def _record(study: Study, condition: Condition, names: Sequence[str]) -> np.ndar
         return result.values
 
 
-def _motion(joint: Joint, column: dict[str, np.ndarray], step: float) -> Motion:
+def motion_of(joint: Joint, column: Mapping[str, np.ndarray], step: float) -> Motion:
+    """Of one joint, from what its ports show: SI, by name, one after another where there are several records."""
     d, v, a, f = (column.get(name) for name in _names(joint))
     assert d is not None
     if v is None:
@@ -53,8 +59,9 @@ def _motion(joint: Joint, column: dict[str, np.ndarray], step: float) -> Motion:
         scale = np.abs(rows).max(0) + 1e-300
         solved = np.linalg.lstsq(rows / scale, f, rcond=1e-9)[0] / scale
         stiffness, damping = float(solved[0]), float(solved[1])
-    return Motion(_peak(d), _peak(v), _peak(a), _peak(f), stiffness, damping)
+    return Motion(peak(d), peak(v), peak(a), peak(f), stiffness, damping)
 
 
-def _peak(x: np.ndarray | None) -> float:
+def peak(x: np.ndarray | None) -> float:
+    """The size that all but a two hundredth stays below; 0 for nothing."""
     return 0.0 if x is None else float(np.quantile(np.abs(x), 0.995))

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
 
+from fmucorrect.catalogue.motion import Motion
 from fmucorrect.discovery import nuisances
+from fmucorrect.discovery.afresh import is_far, measured_motions, starts
 from fmucorrect.discovery.calibration import calibrated
 from fmucorrect.discovery.candidates import Curve, candidates, places
 from fmucorrect.discovery.evidence import Nuisances
@@ -18,18 +21,21 @@ from fmucorrect.discovery.marks import with_marks
 from fmucorrect.discovery.motion import motions
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.sets import (
+    LONG,
     Progress,
     admissible,
+    credible,
     distinct,
     finer,
     first_of,
+    has_room,
     merged,
     names,
-    room,
     settled,
     share_of,
     smaller,
 )
+from fmucorrect.discovery.terms import Term
 
 LISTED = (7, 5, 3)
 """Sets of one effect, two and three that are fitted in the loop."""
@@ -42,6 +48,8 @@ LOOKS, BESIDE = 5, 3
 """How often all candidates are looked at beside a set, and how many of the best sets that may be."""
 CALIBRATED = 0.02
 """Share of the residual's energy, left by moved parameters alone, below which the first look is beside these."""
+AFRESH = 8
+"""Candidates that are begun afresh."""
 CLEAR = 8.0
 """A drop of -2 log p below which a further effect is not believed."""
 
@@ -76,11 +84,22 @@ def _somewhere(problem: Problem, progress: Progress) -> Naming:
     """By all conditions, or by few first."""
     few = problem.few(round(QUICK * min(1.0, PLACES / max(len(places(problem.study)), 1))))
     if few is None:
-        return _name(problem, progress)
+        return _finished(problem, _name(problem, progress))
     with few:
         naming = _name(few, progress)
     problem.couple(few.substeps)
-    return _on_all(problem, naming, progress)
+    return _finished(problem, _on_all(problem, naming, progress))
+
+
+def _finished(problem: Problem, naming: Naming) -> Naming:
+    """The best set fitted to its end."""
+    best = naming.best
+    if not best.model.terms:
+        return naming
+    fitted = fit(problem, replace(naming.setting, base=best.base), best.model, LONG, best.at)
+    if fitted is None or fitted.surprise > best.surprise:
+        return naming
+    return replace(naming, sets=tuple(fitted if old is best else old for old in naming.sets))
 
 
 def _on_all(problem: Problem, naming: Naming, progress: Progress) -> Naming:
@@ -102,7 +121,7 @@ def _on_all(problem: Problem, naming: Naming, progress: Progress) -> Naming:
     base = first_of([base, *(fitted for fitted in found if not fitted.model.terms)])
     setting, base, found = settled(problem, setting, base, [f for f in found if f.model.terms])
     kept = [f for f in merged(admissible(base, found, setting.share * len(base.at))) if f.model.terms]
-    return Naming(base, tuple(kept), setting)
+    return Naming(base, tuple(credible(kept)), setting)
 
 
 def _begun(problem: Problem) -> tuple[Setting, np.ndarray, list[np.ndarray]]:
@@ -125,7 +144,7 @@ def _name(problem: Problem, progress: Progress) -> Naming:
     setting, base, _ = settled(problem, setting, base, [])
     moves = with_marks(problem, moves, at, base.residual) if can_act else moves
 
-    def looked_for(around: Fitted) -> list[Curve]:
+    def looked_for(around: Fitted, moves: Mapping[str, Motion] = moves) -> list[Curve]:
         rest, step = problem.split(around.residual), problem.study.simulation.step_size
 
         @cache
@@ -142,8 +161,14 @@ def _name(problem: Problem, progress: Progress) -> Naming:
     setting, base, found = settled(problem, setting, base, [] if moved is None else [moved])
     raw = float(np.mean((setting.measured - at) ** 2))
     parent = found[0] if found and found[0].s2 < CALIBRATED * raw else base
+    begun: list[Term] = []
+    if parent is base and moves and is_far(problem, base):
+        seen = measured_motions(problem, base, moves)
+        whole = {name: seen.get(name, replace(motion, mark=0.0)) for name, motion in moves.items()}
+        begun = starts(problem, setting, base, looked_for(base, whole), AFRESH)
     around = replace(setting, base=parent.base)
-    first, more = look(problem, around, parent, curves if parent is base else looked_for(parent), LISTED, progress)
+    curves = curves if parent is base else looked_for(parent)
+    first, more = look(problem, around, parent, curves, LISTED, progress, begun)
     setting, base, found = settled(problem, setting, base, merged([*found, *more]))
     setting, found = finer(problem, setting, base, found, progress)
     done = [names(parent)]
@@ -158,7 +183,7 @@ def _name(problem: Problem, progress: Progress) -> Naming:
             moved = calibrated(problem, replace(setting, base=best.base), best)
             found = merged(found if moved is None else [*found, moved])
         kept = sorted(admissible(base, found, setting.share * len(base.at)), key=lambda fitted: fitted.surprise)
-        beside = [fitted for fitted in distinct(kept)[:BESIDE] if names(fitted) not in done and room(fitted)]
+        beside = [fitted for fitted in distinct(kept)[:BESIDE] if names(fitted) not in done and has_room(fitted)]
         if not beside or (beside[0] is not kept[0] and kept[0].s2 < EXPLAINED * setting.floor):
             break
         parent = beside[0]
@@ -169,4 +194,4 @@ def _name(problem: Problem, progress: Progress) -> Naming:
     setting, base, found = settled(problem, setting, base, found)
     found += rivals(problem, setting, base, found, first, progress)
     kept = [f for f in merged(admissible(base, found, setting.share * len(base.at))) if f.model.terms]
-    return Naming(base, tuple(kept), setting)
+    return Naming(base, tuple(credible(kept)), setting)

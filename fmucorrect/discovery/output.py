@@ -20,6 +20,8 @@ from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, SignalTerm, Term
 from fmucorrect.study import Study
 from fmucorrect.wrapping.laws import functions
 
+NOTICED = 0.05
+"""Tolerances that a parameter must have moved to be reported."""
 SHOWN = 2000
 """Points of a time series in the report."""
 SECONDS = 4.0
@@ -148,17 +150,14 @@ def _short(x: np.ndarray) -> list[float]:
     return [float(f"{value:.6g}") for value in x]
 
 
-def noticeable(base: Sequence[float]) -> tuple[float, ...]:
-    """Base parameters, in tolerances, those that hardly moved at their start values."""
-    return tuple(z if abs(z) >= 0.05 else 0.0 for z in base)
-
-
-def adjusted(problem: Problem, base: Sequence[float]) -> tuple[dict[str, float], dict[str, float]]:
-    """The tolerated parameters that moved noticeably: where they are, and where they were."""
+def adjusted(
+    problem: Problem, base: Sequence[float], least: float = NOTICED
+) -> tuple[dict[str, float], dict[str, float]]:
+    """The tolerated parameters that moved by at least so many tolerances: where they are, and where they were."""
     now: dict[str, float] = {}
     before: dict[str, float] = {}
-    for adjustable, z in zip(problem.tolerated, noticeable(base), strict=True):
-        if z == 0.0:
+    for adjustable, z in zip(problem.tolerated, base, strict=True):
+        if abs(z) < least:
             continue
         for name in adjustable.parameters:
             start = start_value(problem.study, problem.fmu, None, name)

@@ -127,6 +127,20 @@ class Problem:
         """The FMU as it is."""
         return Model((), (0.0,) * len(self.tolerated))
 
+    @property
+    def reach(self) -> Float64[np.ndarray, "A 2"]:
+        """How far each base parameter may go down and up within its own bounds, in tolerances."""
+        rows: list[tuple[float, float]] = []
+        for adjustable in self.tolerated:
+            single = len(adjustable.parameters) == 1
+            at = (
+                start_value(self.study, self.fmu, self.trials[0].condition, adjustable.parameters[0]) if single else 1.0
+            )
+            one = tolerance_of(adjustable, at)
+            ends = (adjustable.minimum - at, adjustable.maximum - at)
+            rows.append((ends[0] / one, ends[1] / one) if one > 0.0 else (-np.inf, np.inf))
+        return np.array(rows).reshape(-1, 2)
+
     def _runner(self, k: int) -> Runner:
         trial = self.trials[k]
         return runner(self.study, trial.condition, self.library, trial.rows.stop, self.substeps)

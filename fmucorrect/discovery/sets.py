@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from fmucorrect.catalogue import CATALOGUE
+from fmucorrect.discovery.candidates import may_act
 from fmucorrect.discovery.evidence import independent
 from fmucorrect.discovery.fit import Fitted, Setting, fit, judge
 from fmucorrect.discovery.problem import Problem
@@ -24,6 +26,13 @@ COARSE = 0.3
 """An error of the coupling, in units of the noise, above which it is made finer."""
 REFITTED = 4
 """Sets that are fitted again with a finer coupling."""
+
+OPEN = 2.0
+"""Variance of the error, in units of the noise, above which something stays unexplained."""
+EXTENDED = 6
+"""Sets in which a member gives way to a law that contains it."""
+LONG = 20
+"""Iterations of a fit that begins far from its end."""
 
 Progress = Callable[[str, int, int], object]
 """Told the stage, what is done and how much there is to do."""
@@ -63,6 +72,18 @@ def _worth(less: Fitted, more: Fitted, energy: float, count: float) -> bool:
     return less.s2 - more.s2 >= least or less.surprise - more.surprise >= count * float(np.log1p(least / more.s2))
 
 
+def credible(found: Sequence[Fitted]) -> list[Fitted]:
+    """Without the sets of several in which an effect takes away less than what all of them leave above the noise: beside a
+    large rest that nothing explains, a small further effect may be any."""
+    kept: list[Fitted] = []
+    for fitted in found:
+        parts = [names(fitted) - {term.key} for term in fitted.model.terms]
+        less = [other.s2 for other in found if names(other) in parts]
+        if all(s2 - fitted.s2 >= fitted.s2 - OPEN for s2 in less):
+            kept.append(fitted)
+    return kept
+
+
 def _simpler(less: Fitted, more: Fitted) -> bool:
     """Whether a set is another with effects left out, or with one that is a special case of what stands there."""
     if names(less) < names(more):
@@ -94,6 +115,28 @@ def smaller(problem: Problem, setting: Setting, base: Fitted, found: Sequence[Fi
         fitted = fit(problem, replace(setting, base=best.base), replace(best.model, terms=terms), 6)
         fits += [] if fitted is None else [fitted]
     return fits
+
+
+def extended(problem: Problem, setting: Setting, found: Sequence[Fitted]) -> list[Fitted]:
+    """The likeliest sets with a law that contains one of theirs in its place, begun with numbers that do about the same."""
+    fits: list[Fitted] = []
+    for old in sorted(found, key=lambda fitted: fitted.surprise)[:EXTENDED]:
+        for t, term in enumerate(old.model.terms):
+            for new in _containing(term):
+                terms = (*old.model.terms[:t], new, *old.model.terms[t + 1 :])
+                model, rival = replace(old.model, terms=terms), first_of([*found, *fits]).surprise
+                fitted = fit(problem, replace(setting, base=old.base), model, LONG, rival=rival)
+                fits += [] if fitted is None else [fitted]
+    return fits
+
+
+def _containing(term: Term) -> Iterator[ForceTerm]:
+    """Laws that contain a member's, with numbers that do about the same."""
+    if isinstance(term, ForceTerm):
+        for law in (law for forms in CATALOGUE.values() for law in forms if may_act(law, term.joints)):
+            for label, extend in law.extends:
+                if label == term.law.label:
+                    yield ForceTerm(law, term.where, term.joints, law.complete(extend(term.values)))
 
 
 def finer(
@@ -148,7 +191,7 @@ def share_of(problem: Problem, setting: Setting, residual: np.ndarray) -> float:
     return independent(problem.split(residual - setting.sensors.columns @ belief.fitted))
 
 
-def room(fitted: Fitted) -> bool:
+def has_room(fitted: Fitted) -> bool:
     """Whether a set may have one more effect."""
     return sum(not isinstance(term, OffsetTerm) for term in fitted.model.terms) < MOST
 

@@ -140,6 +140,19 @@ def coordinates(term: Term) -> tuple[float, ...]:
     return tuple(scales)
 
 
+def room(term: Term, scales: tuple[float, ...]) -> tuple[tuple[float, float], ...]:
+    """How far each coordinate may go down and up until its number's own bounds, in steps of `scales`."""
+    found: list[tuple[float, float]] = []
+    for name, scale in zip(term.estimated, scales, strict=True):
+        known, value = term.parameter(name), term.values[name]
+        if scale == 0.0:
+            low = math.log(known.minimum / value) if known.minimum > 0.0 else -math.inf
+            found.append((low, math.log(known.maximum / value)))
+        else:
+            found.append(((known.minimum - value) / scale, (known.maximum - value) / scale))
+    return tuple(found)
+
+
 def moved(term: Term, scales: tuple[float, ...], steps: tuple[float, ...]) -> Term:
     """The term after its coordinates went `steps` from where they were, or as far of it as its numbers allow."""
     for share in (1.0, 0.5, 0.25):

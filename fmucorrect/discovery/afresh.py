@@ -1,0 +1,95 @@
+"""Candidates begun afresh, where the model as it is goes through something else than the measurement.
+
+How an effect is guessed hangs on the motion of its joint, and how strong it is on the mark that a little of it leaves. Both
+are taken from the model without it, and mislead where the missing effect is much of what holds the joint: at a resonance
+that only the model has, a small force leaves a large mark. Here both are taken from the measurement instead: the force
+at the joint that explains it (located.py) is pushed there, and what the joint then goes through is looked at.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import closing
+from dataclasses import replace
+
+import numpy as np
+
+from fmucorrect.catalogue.motion import Motion
+from fmucorrect.discovery.candidates import Curve
+from fmucorrect.discovery.fit import Fitted, Setting, judge
+from fmucorrect.discovery.located import Located, Pushed, located
+from fmucorrect.discovery.motion import motion_of, peak, ports
+from fmucorrect.discovery.problem import Model, Problem, overrides
+from fmucorrect.discovery.terms import ForceTerm, Term
+from fmucorrect.errors import FmuError
+from fmucorrect.signals import Channel
+
+FAR = 0.4
+"""A residual, as a share of what was measured, above which the model's own motion tells little."""
+EXPLAINS = 0.5
+"""Of what the best joint's force explains, the share that a joint's must explain to be looked at."""
+SETTLED = 1.0 / 3.0
+"""Of a record, its first part, in which what came before it still rings."""
+SIZES = (0.3, 1.0)
+"""Sizes that are looked at, in those that the located force asks for."""
+
+
+def is_far(problem: Problem, base: Fitted) -> bool:
+    """Whether the model, its adjustables moved, is another than what was measured rather than nearly the same."""
+    return float(np.linalg.norm(base.residual)) > FAR * float(np.linalg.norm(problem.measured))
+
+
+def measured_motions(problem: Problem, base: Fitted, moves: Mapping[str, Motion]) -> dict[str, Motion]:
+    """Of the joints whose forces explain the residual: their motion with that force, `mark` being its peak. moves: of every
+    joint in the bare model."""
+    responses = problem.responses(base.model)
+    residuals = [trial.measured - y for trial, y in zip(problem.trials, responses, strict=True)]
+    found = located(problem, base.model, residuals, problem.study.joints)
+    most = max((item.share for item in found), default=0.0)
+    result: dict[str, Motion] = {}
+    for item in found:
+        if item.share > 0.0 and item.share >= EXPLAINS * most:
+            motion = _pushed(problem, base.model, item)
+            if motion is not None and motion.d > 0.0 and motion.v > 0.0:
+                own = moves[item.joint.name]
+                result[item.joint.name] = replace(motion, stiffness=own.stiffness, damping=own.damping)
+    return result
+
+
+def _pushed(problem: Problem, model: Model, item: Located) -> Motion | None:
+    """What a joint goes through with its located force; None where the solver gives up."""
+    names = ports([item.joint])
+    study = replace(problem.study, channels=tuple(Channel(name, unit="", simulation=name) for name in names))
+    rows: list[np.ndarray] = []
+    forces: list[np.ndarray] = []
+    with replace(problem, study=study, _free=[]) as shown:
+        for trial, force in zip(problem.trials, item.forces, strict=True):
+            with closing(Pushed(shown, trial, (item.joint,))) as pushed:
+                given = np.zeros(len(pushed.times))
+                given[trial.rows] = force
+                pushed.push = (item.joint,), given
+                changed = overrides(problem.study, pushed.description, trial.condition, model, problem.tolerated)
+                try:
+                    y = pushed.run((), changed)[trial.rows]
+                except FmuError:
+                    return None
+            settled = slice(int(SETTLED * len(y)), None)
+            rows.append(y[settled])
+            forces.append(force[settled])
+    column = dict(zip(names, np.concatenate(rows).T, strict=True))
+    motion = motion_of(item.joint, column, problem.study.simulation.step_size)
+    return replace(motion, mark=peak(np.concatenate(forces)))
+
+
+def starts(problem: Problem, setting: Setting, base: Fitted, curves: Sequence[Curve], most: int) -> list[Term]:
+    """Of forces at joints, as the curves guess them, the best start of each form, the `most` likely first."""
+    asked = [curve.term(size * curve.size) for curve in curves for size in SIZES]
+    terms = [term for term in asked if isinstance(term, ForceTerm)]
+    models = [replace(base.model, terms=(*base.model.terms, term)) for term in terms]
+    best: dict[str, tuple[float, Term]] = {}
+    for term, model, y in zip(terms, models, problem.many(models), strict=True):
+        if y is not None:
+            tried = judge(setting, replace(base, model=model, at=y, residual=setting.measured - y))
+            key = f"{term.law.label} {term.where}"
+            best[key] = min(best.get(key, (np.inf, term)), (tried.surprise, term), key=lambda row: row[0])
+    return [term for _, term in sorted(best.values(), key=lambda row: row[0])[:most]]
