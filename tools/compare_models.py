@@ -1,10 +1,13 @@
-"""Network, named effect, and both on a virtual rig: python tools/compare_models.py RIG FOUND [-o OUT]
+"""Network, named effect, and both on a virtual rig: python tools/compare_models.py RIG [FOUND] [-o OUT]
 
 RIG: A, B or C. FOUND: what `fmucorrect discover fmus/roller_rig/RIG/study.toml -o FOUND` left there (of it augmented.fmu and
-study.toml; without the latter the rig's own study is taken). The rig is measured at 250 and 420 km/h too, which like 385 no
-training sees: OUT/measured_*.mcap, OUT/roller_rig.toml and OUT/augmented.toml, which are models of the same measurements
-(fmucorrect compare). Table, page and correctors lie in OUT (.compare_models/RIG), the figures beside the rig's model as
-exported_models/roller_rig[_RIG]/models.json. Minutes a model on two cores; killed, it goes on from where it was.
+study.toml; without the latter the rig's own study is taken). Without FOUND the model is given the rig's own hidden effects, as
+far as a discovery could know them (virtual_rig/known.py), and the figures say so.
+
+The rig is measured at 250 and 420 km/h too, which like 385 no training sees: OUT/measured_*.mcap, OUT/roller_rig.toml and
+OUT/augmented.toml, which are models of the same measurements (fmucorrect compare). Table, page and correctors lie in OUT
+(.compare_models/RIG), the figures beside the rig's model as exported_models/roller_rig[_RIG]/models.json. Minutes a model on
+two cores; killed, it goes on from where it was.
 """
 
 from __future__ import annotations
@@ -22,6 +25,7 @@ from tqdm import tqdm
 sys.path.insert(0, str(Path(__file__).resolve().parent / "virtual_rig"))
 
 import generate
+import known
 from plant import Plant
 
 from fmucorrect.discovery.augmented import augmented_study, toml
@@ -40,13 +44,18 @@ def main() -> None:
     """The command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("rig", choices=["A", "B", "C"])
-    parser.add_argument("found", type=Path)
+    parser.add_argument("found", type=Path, nargs="?")
     parser.add_argument("-o", "--out", type=Path)
     arguments = parser.parse_args()
     name = arguments.rig
     rig = tomllib.loads((ROOT / "tools" / "virtual_rig" / f"{name}.toml").read_text(encoding="utf-8"))
     study = ROOT / "fmus" / "roller_rig" / name / "study.toml"
-    table = compare(rig, study, arguments.found, arguments.out or ROOT / ".compare_models" / name)
+    out, found = arguments.out or ROOT / ".compare_models" / name, arguments.found
+    if found is None:
+        found = out / "known"
+        known.augment(rig, load_study(study), found)
+    table = compare(rig, study, found, out)
+    table["augmented"] = "discovery" if arguments.found else "the rig's own hidden effects, written by hand"
     beside = ROOT / "exported_models" / ("roller_rig" if name == "A" else f"roller_rig_{name}")
     (beside / "models.json").write_text(json.dumps(table, indent=1) + "\n", encoding="utf-8")
 
