@@ -231,7 +231,25 @@ def check_assessment(assessment: Assessment, description: FmuDescription) -> lis
     for loc, name, known in _wanted(assessment):
         if problem := misfit("variable", name, description.units, known):
             found.append(f"{place(assessment.places, loc)}: {problem[0]} in the FMU{problem[1]}")
+    for loc, parameter, speeds in [] if found else _speeds(assessment):
+        found += [f"{place(assessment.places, loc)}: {text}" for text in parameter.outside(description, speeds)]
     return by_line(dict.fromkeys(found))
+
+
+def _speeds(assessment: Assessment) -> list[tuple[Location, SpeedParameter, Sequence[float]]]:
+    """Where speeds stand, the FMU's parameter that they are for, and the speeds, m/s."""
+    speeds: list[tuple[Location, SpeedParameter, Sequence[float]]] = []
+    if (critical := assessment.critical_speed) is not None:
+        slow, steps = critical.deceleration, critical.bifurcation
+        for key, some in (
+            ("range", critical.speeds),
+            ("deceleration", (slow.highest, slow.lowest) if slow else ()),
+            ("bifurcation", steps.speeds if steps else ()),
+        ):
+            speeds.append((("critical_speed", key), critical.speed, some[:1] + some[-1:]))
+    if (safety := assessment.safety) is not None:
+        speeds += [(("safety", "runs", i, "speed"), safety.speed, (run.speed,)) for i, run in enumerate(safety.runs)]
+    return speeds
 
 
 def _wanted(assessment: Assessment) -> list[tuple[Location, str, Sequence[str]]]:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from fmucorrect.errors import SignalError
+from fmucorrect.errors import FmuError, SignalError
 from fmucorrect.signals import NANOSECONDS, Condition, Record, join
 from fmucorrect.stepper import Stepper, grid
 
@@ -23,12 +23,16 @@ def simulated_record(
 ) -> Record:
     """Reset `stepper` with these start values and run it for `duration` s; advance(samples) is called as it goes on.
 
-    Raises what the stepper raises, and SignalError that names run, channel and time where a value is not finite.
+    Raises what the stepper raises, the run named, and SignalError with channel and time where a value is not finite.
     """
-    stepper.reset(Condition(name, parameters=parameters))
     chunks: list[Record] = []
     for chunk in grid(duration, step_ns, ROWS):
-        chunks.append(stepper.process(chunk))
+        try:
+            if not chunks:
+                stepper.reset(Condition(name, parameters=parameters))
+            chunks.append(stepper.process(chunk))
+        except (FmuError, SignalError) as error:
+            raise type(error)(f"run {name!r}: {error}") from error
         advance(len(chunk))
         bad = np.argwhere(~np.isfinite(chunks[-1].values))
         if len(bad):

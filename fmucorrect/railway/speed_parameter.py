@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from fmucorrect.errors import FmuError
 from fmucorrect.fmu import FmuDescription
+from fmucorrect.railway.constants import KMH
 from fmucorrect.units import conversion
 
 
@@ -39,3 +41,12 @@ class SpeedParameter:
                 remedy="Give it, for example 'm/s' or 'km/h'.",
             )
         return conversion("m/s", unit, f"speed parameter {self.name!r}")
+
+    def outside(self, description: FmuDescription, speeds: Iterable[float]) -> list[str]:
+        """What is wrong with speeds (m/s) that the FMU does not run at. Raises as factor() does."""
+        factor, variable = self.factor(description), description.variables[self.name]
+        low, high = (KMH * bound / factor for bound in (variable.minimum, variable.maximum))
+        wrong = [KMH * v for v in speeds if not variable.minimum <= v * factor <= variable.maximum]
+        return [
+            f"{v:g} km/h is outside of the FMU's {self.name!r}, {low:g} to {high:g} km/h" for v in dict.fromkeys(wrong)
+        ]

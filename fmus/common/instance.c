@@ -119,12 +119,12 @@ Status instance_enter_initialisation(Instance *self)
     return STATUS_OK;
 }
 
-/* Logs the first state that is not a finite number. */
-static Status require_finite_states(Instance *self, const double *v, const char *call)
+/* Logs the first state that is not a finite number, and what that means. */
+static Status require_finite_states(Instance *self, const double *v, const char *call, const char *meaning)
 {
     for (size_t i = X0; i < (size_t)X0 + NX; i++)
         if (!isfinite(v[i]))
-            return instance_log(self, STATUS_ERROR, "%s: state %s became %g at t = %.9g s", call, variables[i].name, v[i], v[V_time]);
+            return instance_log(self, STATUS_ERROR, "%s: state %s became %g at t = %.9g s: %s", call, variables[i].name, v[i], v[V_time], meaning);
     return STATUS_OK;
 }
 
@@ -141,7 +141,7 @@ Status instance_exit_initialisation(Instance *self)
         return STATUS_ERROR;
     memcpy(self->scratch, self->state.v, sizeof self->scratch);
     model_initialise(OF(self) self->scratch);
-    if (require_finite_states(self, self->scratch, "initialisation"))
+    if (require_finite_states(self, self->scratch, "initialisation", "with these parameters there is nothing to start from"))
         return STATUS_ERROR;
     memcpy(self->state.v, self->scratch, sizeof self->scratch);
     self->state.phase = STEPPING;
@@ -243,7 +243,8 @@ Status instance_get(Instance *self, const unsigned references[], size_t n, doubl
             return instance_log(self, STATUS_ERROR, "get: expected a value reference from 0 to %d, got %u", NV - 1, references[i]);
         values[i] = v[references[i]];
         if (!isfinite(values[i]))
-            return instance_log(self, STATUS_ERROR, "get: %s is %g at t = %.9g s", variables[references[i]].name, values[i], v[V_time]);
+            return instance_log(self, STATUS_ERROR, "get: %s is %g at t = %.9g s, which the model does not describe",
+                                variables[references[i]].name, values[i], v[V_time]);
     }
     return STATUS_OK;
 }
@@ -287,7 +288,7 @@ Status instance_step(Instance *self, double t, double h)
     for (long i = 0; i < (long)n; i++)
         sub_step(self, t + (double)i * (h / n), h / n);
     v[V_time] = t + h;
-    if (require_finite_states(self, v, "step")) {
+    if (require_finite_states(self, v, "step", "the motion has left what the model describes")) {
         memcpy(v, self->scratch, sizeof self->scratch);
         return STATUS_ERROR;
     }

@@ -32,6 +32,15 @@ static const char *check_damper(const char *name, const Point *law, int n, doubl
     return problem;
 }
 
+static const char *check_places(const double *v, char *message, size_t size)
+{
+    if (P(wheelbase) < P(bogie_distance))
+        return NULL;
+    snprintf(message, size, "wheelbase: expected less than bogie_distance, %g m, got %g m", P(bogie_distance),
+             P(wheelbase));
+    return message;
+}
+
 static const char *check_curve(const double *v, char *message, size_t size)
 {
     if (P(curve_radius) != 0.0 && fabs(P(curve_radius)) < SHORTEST_RADIUS) {
@@ -77,6 +86,8 @@ const char *check_parameters(const double *v, char *message, size_t size)
                            message, size);
     if (!problem)
         problem = check_spin(v, message, size);
+    if (!problem)
+        problem = check_places(v, message, size);
     if (!problem)
         problem = check_curve(v, message, size);
     return problem;

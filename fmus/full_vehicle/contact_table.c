@@ -29,12 +29,8 @@ static bool check(const double *v, size_t rows, const char *path, char *message,
                 return false;
             }
     const double first = v[Y], last = v[(rows - 1) * WIDTH + Y], step = (last - first) / (double)(rows - 1);
-    for (size_t i = 0; i < rows; i++)
-        if (!(step > 0.0) || fabs(v[i * WIDTH + Y] - (first + step * (double)i)) > 1e-3 * step) {
-            snprintf(message, size, "%s: expected y to rise by the same step from row to row, got y = %g m in row %u",
-                     path, v[i * WIDTH + Y], (unsigned)(i + 1));
-            return false;
-        }
+    if (!csv_uniform(v, rows, WIDTH, names[Y], path, message, size))
+        return false;
     if (first > -REACH + 1e-9 || last < REACH - 1e-9 || step > COARSEST * 1.001) {
         snprintf(message, size,
                  "%s: expected y from -0.015 to 0.015 m in steps of at most 0.0001 m, got %g to %g m in steps of %g m",

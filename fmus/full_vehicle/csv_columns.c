@@ -2,7 +2,6 @@
 #include "csv_columns.h"
 
 #include <math.h>
-#include <stdbool.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -138,6 +137,7 @@ static double *parse(const char *text, const char *path, const char *const names
 {
     int place[COLUMNS], most = 0;
     size_t line = 1, lines = 0;
+    text += strncmp(text, "\xef\xbb\xbf", 3) ? 0 : 3; /* what some programs put before UTF-8 */
     for (const char *c = text; *c; c = next_line(c))
         lines++;
     while (*text == '#')
@@ -182,4 +182,17 @@ double *csv_columns(const char *path, const char *const names[], size_t n, size_
     double *values = parse(text, path, names, n, rows, message, size);
     free(text);
     return values;
+}
+
+bool csv_uniform(const double *values, size_t rows, size_t n, const char *name, const char *path, char *message,
+                 size_t size)
+{
+    const double step = (values[(rows - 1) * n] - values[0]) / (double)(rows - 1);
+    for (size_t i = 0; i < rows; i++)
+        if (!(step > 0.0) || fabs(values[i * n] - (values[0] + step * (double)i)) > 1e-3 * step) {
+            snprintf(message, size, "%s: expected %s to rise by the same step from row to row, got %g m in row %u", path,
+                     name, values[i * n], (unsigned)(i + 1));
+            return false;
+        }
+    return true;
 }

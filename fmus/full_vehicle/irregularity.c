@@ -17,21 +17,15 @@ static bool check(const double *v, size_t rows, const char *path, char *message,
         snprintf(message, size, "%s: expected at least two rows, got %u", path, (unsigned)rows);
         return false;
     }
-    const double first = v[0], step = (v[(rows - 1) * WIDTH] - first) / (double)(rows - 1);
-    for (size_t i = 0; i < rows; i++) {
-        if (!(step > 0.0) || fabs(v[i * WIDTH] - (first + step * (double)i)) > 1e-3 * step) {
-            snprintf(message, size,
-                     "%s: expected distance to rise by the same step from row to row, got %g m in row %u", path,
-                     v[i * WIDTH], (unsigned)(i + 1));
-            return false;
-        }
+    if (!csv_uniform(v, rows, WIDTH, names[DISTANCE], path, message, size))
+        return false;
+    for (size_t i = 0; i < rows; i++)
         for (int k = LATERAL; k < WIDTH; k++)
             if (fabs(v[i * WIDTH + k]) > LARGEST) {
                 snprintf(message, size, "%s: expected %s of at most %g m, got %g in row %u", path, names[k], LARGEST,
                          v[i * WIDTH + k], (unsigned)(i + 1));
                 return false;
             }
-    }
     return true;
 }
 

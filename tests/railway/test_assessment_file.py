@@ -234,6 +234,26 @@ def test_what_the_fmu_does_not_have_is_named_with_unit_and_line(folder: Path) ->
         assess(found)
 
 
+def test_speeds_that_the_fmu_does_not_run_at_are_named_before_anything_runs(tmp_path: Path) -> None:
+    """The full vehicle runs from 5 to 600 m/s, which are 18 to 2160 km/h."""
+    source = FMUS / "full_vehicle" / "assess.toml"
+    text = source.read_text(encoding="utf-8").replace('"full_vehicle.fmu"', f'"{source.with_name("full_vehicle.fmu")}"')
+    text = text.replace("range = [100.0, 1500.0]", "range = [10.0, 3000.0]").replace(
+        "radius = 600.0, speed = 90.0", "radius = 600.0, speed = 9.0"
+    )
+    path = tmp_path / "assess.toml"
+    path.write_text(text.replace("speeds = [600.0, 1400.0]", "speeds = [600.0, 2200.0]"), encoding="utf-8")
+    with pytest.raises(StudyError) as caught:
+        assess(load_assessment(path))
+    said = str(caught.value).split("\n")[1:]
+    assert [re.sub(r"^ *- line \d+, ", "", line) for line in said] == [
+        "[critical_speed], key range: 10 km/h is outside of the FMU's 'speed', 18 to 2160 km/h",
+        "[critical_speed], key range: 3000 km/h is outside of the FMU's 'speed', 18 to 2160 km/h",
+        "[critical_speed], key bifurcation: 2200 km/h is outside of the FMU's 'speed', 18 to 2160 km/h",
+        "[safety], runs 2 \"600 m\", key speed: 9 km/h is outside of the FMU's 'speed', 18 to 2160 km/h",
+    ]
+
+
 def test_files_that_are_no_mapping(tmp_path: Path) -> None:
     with pytest.raises(StudyError, match="cannot be read: No such file"):
         load_assessment(tmp_path / "none.toml")
