@@ -12,8 +12,8 @@ from typing import TypeVar
 import numpy as np
 
 from fmucorrect.discovery.candidates import adjustables
-from fmucorrect.discovery.fit import FARTHEST, Fitted, Setting, fit, normal, price
-from fmucorrect.discovery.problem import Problem
+from fmucorrect.discovery.fit import FARTHEST, Fitted, Setting, covariance, fit, judge, normal, price
+from fmucorrect.discovery.problem import Model, Problem
 from fmucorrect.discovery.sets import names
 from fmucorrect.discovery.terms import OffsetTerm, Term
 
@@ -93,3 +93,25 @@ def _put_back(setting: Setting, fitted: Fitted) -> tuple[list[Term], dict[tuple[
     kept = [term for term in fitted.model.terms if at.get(term.key, -1) not in out]
     base = np.clip(np.asarray(fitted.model.base) + change[ends[-1] :], -FARTHEST, FARTHEST)
     return kept, {key: float(change[k]) for key, k in at.items()}, tuple(float(z) for z in base)
+
+
+def whole(problem: Problem, setting: Setting, fitted: Fitted) -> Fitted:
+    """The same model, an offset with all of its parameter's move in it: what of it a tolerance would allow is no other thing.
+    Parameters that conditions set themselves stay as they are."""
+    own = {name for condition in problem.study.conditions for name in condition.parameters}
+    z = dict(zip(problem.tolerated, fitted.model.base, strict=True))
+
+    def told(term: Term) -> Term:
+        if not isinstance(term, OffsetTerm) or own & {*term.adjustable.parameters}:
+            return term
+        value = term.values["value"] + z.get(term.adjustable, 0.0) * term.scale
+        return replace(term, values={"value": value}) if term.low <= value <= term.high else term
+
+    terms = tuple(told(term) for term in fitted.model.terms)
+    gone = {new.adjustable for new in terms if isinstance(new, OffsetTerm) and new not in fitted.model.terms}
+    if not gone:
+        return fitted
+    kept = np.array([a not in gone for a in problem.tolerated])
+    base = tuple(float(x) for x in np.where(kept, fitted.model.base, 0.0))
+    moved = replace(fitted, model=Model(terms, base), base=fitted.base * kept)
+    return judge(setting, replace(moved, covariance=covariance(setting, moved)))

@@ -11,7 +11,7 @@ import numpy as np
 from fmucorrect.catalogue.motion import Motion
 from fmucorrect.discovery import nuisances
 from fmucorrect.discovery.afresh import is_far, measured_motions, starts
-from fmucorrect.discovery.calibration import calibrated
+from fmucorrect.discovery.calibration import calibrated, whole
 from fmucorrect.discovery.candidates import Curve, candidates, places
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fit import Fitted, Setting, fit
@@ -77,7 +77,8 @@ def name(problem: Problem, progress: Progress = lambda stage, done, total: None)
     """
     naming = _somewhere(problem, progress)
     found = at_other_places(problem, naming.setting, naming.best)
-    return replace(naming, sets=tuple(merged([*naming.sets, *found])))
+    sets = [whole(problem, naming.setting, fitted) for fitted in merged([*naming.sets, *found])]
+    return replace(naming, sets=tuple(sorted(sets, key=lambda fitted: fitted.surprise)))
 
 
 def _somewhere(problem: Problem, progress: Progress) -> Naming:
@@ -164,8 +165,8 @@ def _name(problem: Problem, progress: Progress) -> Naming:
     begun: list[Term] = []
     if parent is base and moves and is_far(problem, base):
         seen = measured_motions(problem, base, moves)
-        whole = {name: seen.get(name, replace(motion, mark=0.0)) for name, motion in moves.items()}
-        begun = starts(problem, setting, base, looked_for(base, whole), AFRESH)
+        pushed = {name: seen.get(name, replace(motion, mark=0.0)) for name, motion in moves.items()}
+        begun = starts(problem, setting, base, looked_for(base, pushed), AFRESH)
     around = replace(setting, base=parent.base)
     curves = curves if parent is base else looked_for(parent)
     first, more = look(problem, around, parent, curves, LISTED, progress, begun)

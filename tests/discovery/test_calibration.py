@@ -10,7 +10,7 @@ pytest.importorskip("sympy")
 
 from fmucorrect import experiment
 from fmucorrect.discovery import native, nuisances
-from fmucorrect.discovery.calibration import calibrated
+from fmucorrect.discovery.calibration import calibrated, whole
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fit import Setting, fit
 from fmucorrect.discovery.problem import load
@@ -84,11 +84,17 @@ def test_parameters_far_outside_their_tolerances_are_found_and_no_others(library
     with problem_of(tmp_path, library, k1=1300.0, c1=5.0) as problem:
         setting, base = begun(problem)
         found = calibrated(problem, setting, base)
+        assert found is not None
+        told = whole(problem, setting, found)
+        (y,) = problem.many([told.model])
     assert base.s2 > 100.0  # within its tolerances the model stays far off
-    assert found is not None
     assert found.s2 < 1.2
-    values = {term.where: term.values["value"] for term in found.model.terms}
-    assert values == pytest.approx({"k1": 300.0, "c1": -5.0}, rel=0.05)  # within a tolerance of each
+    assert y == pytest.approx(found.at, abs=1e-6)  # the same model, said otherwise
+    values = {term.where: term.values["value"] for term in told.model.terms}
+    assert values == pytest.approx({"k1": 300.0, "c1": -5.0}, rel=0.01)
+    for (name, value), std in zip(values.items(), told.std(), strict=True):
+        assert abs(value - {"k1": 300.0, "c1": -5.0}[name]) < 4.0 * std["value"]
+        assert std["value"] < 0.02 * abs(value)
 
 
 def test_parameters_within_their_tolerances_are_no_finding(library, tmp_path):
