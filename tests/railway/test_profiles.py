@@ -14,7 +14,7 @@ from fmucorrect.railway.profile_file import load_profile, read_profile
 from fmucorrect.railway.profile_smoothing import smoothed
 from fmucorrect.railway.standard_profiles import rail_60e1, s1002
 
-REFERENCE = Path("/work/shared/reference/profiles")
+REFERENCE = Path(__file__).resolve().parents[3] / "shared" / "reference" / "profiles"
 stored = pytest.mark.skipif(not REFERENCE.is_dir(), reason="the reference profiles are not on this machine")
 
 
