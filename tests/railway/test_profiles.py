@@ -184,6 +184,15 @@ BAD_WHEELS = {
 }
 
 
+def test_a_loop_is_found_in_a_scan_of_thousands_of_points() -> None:
+    wheel = s1002().points
+    along = np.linspace(0.0, len(wheel) - 1.0, 6000)
+    dense = np.column_stack([np.interp(along, np.arange(len(wheel)), column) for column in wheel.T])
+    assert len(Profile("scan", "wheel", dense).points) == 6000
+    with pytest.raises(SignalError, match=r"crosses itself.* near y = -\d"):
+        Profile("scan", "wheel", loop(dense))
+
+
 @pytest.mark.parametrize("name", BAD_WHEELS)
 def test_a_wheel_that_is_none_is_refused_with_a_remedy(name: str) -> None:
     change, message = BAD_WHEELS[name]
