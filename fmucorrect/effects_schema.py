@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 from fmucorrect.catalogue import CATALOGUE, PORTS, Law, find
-from fmucorrect.study_places import Location, by_line, nearest, place, scan
+from fmucorrect.study_places import Location, by_line, nearest, parse_toml, place, scan
 
 OFFSET = "parameter_offset"
 NOT_FORCES = (
@@ -90,15 +89,9 @@ _REQUIRED = {
 
 def parse(data: bytes) -> tuple[dict[str, Any], list[str]]:
     """The document of a file, and all that is wrong with it, a line each, in the order of the file."""
-    try:
-        text = data.decode("utf-8-sig").replace("\r\n", "\n")
-        document = tomllib.loads(text)
-    except UnicodeDecodeError as error:
-        return {}, [f"line {len(data[: error.start].splitlines()) or 1}: is not UTF-8 text"]
-    except tomllib.TOMLDecodeError as error:
-        what, _, at = str(error).partition(" (at ")
-        line = at.split(",")[0] if at.startswith("line") else f"line {len(data.splitlines())}"
-        return {}, [f"{line}: is not TOML: {what}"]
+    text, document, wrong = parse_toml(data)
+    if wrong:
+        return {}, wrong
     places = scan(text, document)
     found = [*_shape(document), *_names(document), *_effects(document)]
     return document, by_line(f"{place(places, loc)}: {text}" for loc, text in found)

@@ -40,6 +40,19 @@ def place(places: Places, loc: Location) -> str:
     return f"{places[known]}, key {rest}" if rest else places[known]
 
 
+def parse_toml(data: bytes) -> tuple[str, dict[str, Any], list[str]]:
+    """The text of a TOML file, its content, and, where it is none, what is wrong with its line."""
+    try:
+        text = data.decode("utf-8-sig").replace("\r\n", "\n")
+        return text, tomllib.loads(text), []
+    except UnicodeDecodeError as error:
+        return "", {}, [f"line {len(data[: error.start].splitlines()) or 1}: is not UTF-8 text"]
+    except tomllib.TOMLDecodeError as error:
+        what, _, at = str(error).partition(" (at ")
+        line = at.split(",")[0] if at.startswith("line") else f"line {len(data.splitlines())}"
+        return "", {}, [f"{line}: is not TOML: {what}"]
+
+
 def scan(text: str, document: Mapping[str, Any]) -> Places:
     """The places of a valid TOML text, which `document` is the content of.
 

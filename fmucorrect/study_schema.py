@@ -5,7 +5,6 @@ Imported by study.load_study only when a file is read; nothing of pydantic leave
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterator, Mapping
 from decimal import Decimal
 from pathlib import Path
@@ -15,7 +14,7 @@ from pydantic import AfterValidator, Field, ValidationError
 
 from fmucorrect import study_training_schema, units
 from fmucorrect.errors import SignalError
-from fmucorrect.study_places import Location, Places, by_line, nearest, place, scan
+from fmucorrect.study_places import Location, Places, by_line, nearest, parse_toml, place, scan
 from fmucorrect.study_validation import Table, message
 
 _QUANTITIES = {
@@ -171,16 +170,9 @@ def read(data: bytes, folder: Path) -> tuple[StudyTable | None, Places, list[str
 
     The tables are None when a single one is wrong; they are there but not to be used when they do not fit together.
     """
-    try:
-        text = data.decode("utf-8-sig").replace("\r\n", "\n")
-        document = tomllib.loads(text)
-    except UnicodeDecodeError as error:
-        before = data[: error.start].splitlines()
-        return None, {}, [f"line {len(before)}: is not UTF-8 text"]
-    except tomllib.TOMLDecodeError as error:
-        what, _, at = str(error).partition(" (at ")
-        line = at.split(",")[0] if at.startswith("line") else f"line {len(data.splitlines())}"
-        return None, {}, [f"{line}: is not TOML: {what}"]
+    text, document, wrong = parse_toml(data)
+    if wrong:
+        return None, {}, wrong
     places = scan(text, document)
     table, problems = None, list(_across(document, folder, places))
     training, wrong = study_training_schema.read(document)

@@ -6,7 +6,6 @@ Imported by assessment.load_assessment only when a file is read; nothing of pyda
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -17,7 +16,7 @@ from fmucorrect.railway.assessment_checks import misfits, row_places
 from fmucorrect.railway.constants import CONTACT_SPACING, GRAVITY
 from fmucorrect.railway.preload_mapping import CONVERGENCE, RESIDUAL_ACCELERATION, TOLERANCE
 from fmucorrect.railway.supports import GROUND
-from fmucorrect.study_places import Places, by_line, place, scan
+from fmucorrect.study_places import Places, by_line, parse_toml, place, scan
 from fmucorrect.study_schema import NotNegative, Number, Positive, Sign, SimulationTable, Text
 from fmucorrect.study_validation import Table, message
 
@@ -276,15 +275,9 @@ def read(data: bytes, folder: Path) -> tuple[AssessmentTable | None, Places, lis
 
     The tables are None when a single one is wrong; they are there but not to be used when they do not fit together.
     """
-    try:
-        text = data.decode("utf-8-sig").replace("\r\n", "\n")
-        document = tomllib.loads(text)
-    except UnicodeDecodeError as error:
-        return None, {}, [f"line {len(data[: error.start].splitlines()) or 1}: is not UTF-8 text"]
-    except tomllib.TOMLDecodeError as error:
-        what, _, at = str(error).partition(" (at ")
-        line = at.split(",")[0] if at.startswith("line") else f"line {len(data.splitlines())}"
-        return None, {}, [f"{line}: is not TOML: {what}"]
+    text, document, wrong = parse_toml(data)
+    if wrong:
+        return None, {}, wrong
     places = {**scan(text, document), **row_places(text, document)}
     table, found = None, list(misfits(document, folder))
     try:

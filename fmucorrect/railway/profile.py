@@ -150,18 +150,13 @@ def _check_arc(name: str, points: Points) -> None:
 def _check_crossing(name: str, points: Points) -> None:
     """No two segments cut each other: the ends of each lie on opposite sides of the other."""
     p, q = points[:-1], points[1:]
-
-    def side(a: Points, b: Points) -> Float64[np.ndarray, "N N"]:
-        """Twice the area of the triangle of segment i's ends and point j."""
-        d = q - p
-        return np.sign(
-            d[:, None, 0] * (b[None, :, 1] - a[:, None, 1]) - d[:, None, 1] * (b[None, :, 0] - a[:, None, 0])
-        )
-
-    apart = side(p, p) * side(p, q) < 0.0
-    crossing = np.argwhere(np.triu(apart & apart.T, 2))
-    if len(crossing):
-        i = int(crossing[0, 0])
+    for first in range(0, len(p), 256):  # blocks, so that a scan of ten thousand points fits into memory
+        some = slice(first, first + 256)
+        cuts = _divides(p[some], q[some], p, q) & _divides(p, q, p[some], q[some]).T
+        crossing = np.argwhere(np.triu(cuts, first + 2))
+        if not len(crossing):
+            continue
+        i = first + int(crossing[0, 0])
         raise SignalError(
             "the profile crosses itself",
             where=name,
@@ -169,6 +164,18 @@ def _check_crossing(name: str, points: Points) -> None:
             got=f"a crossing near y = {points[i, 0] * 1e3:.3f} mm, z = {points[i, 1] * 1e3:.3f} mm",
             remedy="Sort the points along the profile and remove the stray ones",
         )
+
+
+def _divides(p: Points, q: Points, a: Points, b: Points) -> Bool[np.ndarray, "_ _"]:
+    """Whether the line through p and q (a row each) has the points a and b (a column each) on different sides."""
+    d = q - p
+
+    def side(c: Points) -> Float64[np.ndarray, "_ _"]:
+        return np.sign(
+            d[:, None, 0] * (c[None, :, 1] - p[:, None, 1]) - d[:, None, 1] * (c[None, :, 0] - p[:, None, 0])
+        )
+
+    return side(a) * side(b) < 0.0
 
 
 def _check_orientation(name: str, kind: Kind, points: Points) -> None:

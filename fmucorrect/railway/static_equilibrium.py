@@ -31,7 +31,11 @@ from fmucorrect.railway.supports import GROUND, MOTIONS, Body, Support
 _WIDTH = len(MOTIONS)
 _KINDS = ("vertical", "lateral", "longitudinal", "roll")
 _RANK = 1e-10
-_ITERATIONS = 30
+_ITERATIONS = 200
+_SMALL = 0.1
+"""rad, up to which turns count as small."""
+_SETTLED = 1e-9
+"""Share of the weight by which loads may still change from one iteration to the next."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +68,9 @@ class StaticEquilibrium:
         return -float(row @ np.concatenate([self.displacements[body.name] for body in bodies]))
 
 
+_Solve = Callable[[Float64[np.ndarray, " M"]], tuple[Float64[np.ndarray, " M"], Float64[np.ndarray, " S"]]]
+
+
 class _Component(NamedTuple):
     """One direction in which a support carries."""
 
@@ -86,8 +93,8 @@ def static_equilibrium(
     mass, and a support in the middle between its two moved ends, its vertical load leaning with the mean turn of both
     bodies. Else all moments are those of the design position.
 
-    Raises SignalError where names do not fit, a mass or stiffness is not usable, a body is not held against its load, or
-    the loads of rigid supports are not determined by balance.
+    Raises SignalError where names do not fit, a mass or stiffness is not usable, a body is not held against its load, the
+    loads of rigid supports are not determined by balance, or the moved bodies find no rest: they fall over.
     """
     _check(bodies, supports)
     index = {body.name: i for i, body in enumerate(bodies)}
@@ -108,9 +115,9 @@ def static_equilibrium(
     preload = np.array([part.support.preload if part.kind == "vertical" else 0.0 for part in parts])
     solve = _solver(bodies, parts, rows, weights, compliance, preload)
     displacements, forces = solve(weights)
-    for _ in range(_ITERATIONS if displaced else 0):
-        acting = [(part.support, part.kind, float(force)) for part, force in zip(parts, forces, strict=True)]
-        displacements, forces = solve(weights - moved_moments(bodies, acting, displacements))
+    weight = gravity * math.fsum(body.mass for body in bodies)
+    if displaced:
+        displacements, forces = _moved(bodies, parts, weights, solve, _SETTLED * weight)
     stress = _self_stress(rows)
     found: dict[str, dict[str, float]] = {kind: {s.name: 0.0 for s in supports} for kind in _KINDS}
     stressed = {support.name: np.zeros(stress.shape[1]) for support in supports}
@@ -126,7 +133,33 @@ def static_equilibrium(
         displacements={
             body.name: tuple(displacements[_WIDTH * i : _WIDTH * (i + 1)].tolist()) for i, body in enumerate(bodies)
         },
-        weight=gravity * math.fsum(body.mass for body in bodies),
+        weight=weight,
+    )
+
+
+def _moved(
+    bodies: Sequence[Body],
+    parts: Sequence[_Component],
+    weights: Float64[np.ndarray, " M"],
+    solve: _Solve,
+    settled: float,
+) -> tuple[Float64[np.ndarray, " M"], Float64[np.ndarray, " S"]]:
+    """Displacements and loads where moments are taken at the moved bodies, to `settled` N or N.m from step to step."""
+    displacements, forces = solve(weights)
+    for _ in range(_ITERATIONS):
+        acting = [(part.support, part.kind, float(force)) for part, force in zip(parts, forces, strict=True)]
+        displacements, again = solve(weights - moved_moments(bodies, acting, displacements))
+        change = float(np.abs(again - forces).max(initial=0.0))
+        forces = again
+        turned = np.abs(displacements.reshape(-1, _WIDTH)[:, 3:]).max(axis=1)
+        if not (turned < _SMALL).all():
+            break
+        if change <= settled:
+            return displacements, forces
+    raise SignalError(
+        "the bodies do not come to rest near the design position",
+        expected=f"supports stiff enough for the height of what they carry, turns below {_SMALL} rad",
+        remedy="Check stiffnesses and places; without displaced, moments are those of the design position.",
     )
 
 
@@ -157,7 +190,7 @@ def _solver(
     weights: Float64[np.ndarray, " M"],
     compliance: Float64[np.ndarray, " S"],
     preload: Float64[np.ndarray, " S"],
-) -> Callable[[Float64[np.ndarray, " M"]], tuple[Float64[np.ndarray, " M"], Float64[np.ndarray, " S"]]]:
+) -> _Solve:
     """Displacements (m, rad) and loads (N, N.m) by weights. Motions that `weights` do not load and nothing holds stay zero."""
     finite = compliance[compliance > 0.0]
     scale = 1.0 / float(finite.min()) if len(finite) else 1.0

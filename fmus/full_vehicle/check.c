@@ -63,7 +63,8 @@ static const char *check_curve(const double *v, char *message, size_t size)
 static const char *check_spin(const double *v, char *message, size_t size)
 {
     const double f11 = P(shear_modulus) * 1.8e-4, radius = P(wheel_radius);
-    return too_fast("speed: rotation of the wheelsets", 2.0 * f11 * radius * radius / (P(wheelset_Iyy) * P(speed)),
+    const double slowest = P(speed_rate) < 0.0 ? SLOWEST : P(speed);
+    return too_fast("speed: rotation of the wheelsets", 2.0 * f11 * radius * radius / (P(wheelset_Iyy) * slowest),
                     message, size);
 }
 

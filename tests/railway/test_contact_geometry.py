@@ -16,7 +16,7 @@ from fmucorrect.railway.profile import Profile
 from fmucorrect.railway.profile_file import read_profile
 from fmucorrect.railway.standard_profiles import rail_60e1, s1002
 
-REFERENCE = Path("/work/shared/reference/profiles")
+REFERENCE = Path(__file__).resolve().parents[3] / "shared" / "reference" / "profiles"
 stored = pytest.mark.skipif(not REFERENCE.is_dir(), reason="the reference profiles are not on this machine")
 
 CROWN = 0.045

@@ -14,7 +14,7 @@ from fmucorrect.railway.profile_file import load_profile, read_profile
 from fmucorrect.railway.profile_smoothing import smoothed
 from fmucorrect.railway.standard_profiles import rail_60e1, s1002
 
-REFERENCE = Path("/work/shared/reference/profiles")
+REFERENCE = Path(__file__).resolve().parents[3] / "shared" / "reference" / "profiles"
 stored = pytest.mark.skipif(not REFERENCE.is_dir(), reason="the reference profiles are not on this machine")
 
 
@@ -182,6 +182,15 @@ BAD_WHEELS = {
     "with its origin at the inner face": (lambda p: p + np.array([0.07, 0.0]), "running circle"),
     "that is a rail": (lambda _: rail_60e1().points, "look like a rail"),
 }
+
+
+def test_a_loop_is_found_in_a_scan_of_thousands_of_points() -> None:
+    wheel = s1002().points
+    along = np.linspace(0.0, len(wheel) - 1.0, 6000)
+    dense = np.column_stack([np.interp(along, np.arange(len(wheel)), column) for column in wheel.T])
+    assert len(Profile("scan", "wheel", dense).points) == 6000
+    with pytest.raises(SignalError, match=r"crosses itself.* near y = -\d"):
+        Profile("scan", "wheel", loop(dense))
 
 
 @pytest.mark.parametrize("name", BAD_WHEELS)

@@ -175,21 +175,33 @@ def test_rod_bush_against_its_internal_node(series: float, parallel: float, prel
     assert effective_stiffness(series, parallel) < min(series, parallel)
 
 
+def pendulum(k: float, b: float, h: float, e: float) -> tuple[list[Body], list[Support]]:
+    """A body of 1 t, its centre h m high and e m aside, on four springs b m to the left and right, k N/m on each side."""
+    corners = [(side, end) for side in (-1, 1) for end in (-1.0, 1.0)]
+    springs = [
+        Support(f"s{s}{x}", "body", GROUND, (x, s * b, 0.0), vertical=k / 2.0, lateral=math.inf if s > 0 else 0.0)
+        for s, x in corners
+    ]
+    return [Body("body", 1000.0, (0.0, e, h))], springs
+
+
 def test_displaced_a_body_on_springs_leans_as_an_inverted_pendulum() -> None:
     """2 k b^2 phi = W (e + h phi): the weight's lever grows with the lean; to first order phi = W e / (2 k b^2)."""
     k, b, h, e, weight = 1e5, 0.8, 1.5, 0.1, 1000.0 * G
-    body = [Body("body", 1000.0, (0.0, e, h))]
-    springs = [
-        Support(f"s{side}{end}", "body", GROUND, (end, side * b, 0.0), vertical=k / 2.0, lateral=math.inf * (side > 0))
-        if side > 0
-        else Support(f"s{side}{end}", "body", GROUND, (end, side * b, 0.0), vertical=k / 2.0)
-        for side in (-1, 1)
-        for end in (-1.0, 1.0)
-    ]
+    body, springs = pendulum(k, b, h, e)
     first = static_equilibrium(body, springs).displacements["body"][3]
     second = static_equilibrium(body, springs, displaced=True).displacements["body"][3]
     assert first == pytest.approx(weight * e / (2.0 * k * b**2), rel=1e-9)
     assert second == pytest.approx(weight * e / (2.0 * k * b**2 - weight * h), rel=1e-3)
+
+
+def test_displaced_a_body_that_falls_over_is_refused() -> None:
+    """2 k b^2 < W h: no lean is large enough."""
+    body, springs = pendulum(1e4, 0.8, 1.5, 0.1)
+    assert 1000.0 * G * 1.5 > 2.0 * 1e4 * 0.8**2
+    static_equilibrium(body, springs)
+    with pytest.raises(SignalError, match="do not come to rest near the design position"):
+        static_equilibrium(body, springs, displaced=True)
 
 
 def test_displaced_nothing_changes_where_nothing_leans() -> None:
