@@ -1,0 +1,125 @@
+"""Where the model as it is goes through something else than the measurement: fits that get there all the same."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from test_nexttest import CONDITIONS, library, problem_of, setting_of, term
+
+from fmucorrect.discovery.afresh import is_far, measured_motions, starts
+from fmucorrect.discovery.candidates import candidates
+from fmucorrect.discovery.fit import FARTHEST, _within, fit
+from fmucorrect.discovery.motion import motions
+from fmucorrect.discovery.sets import extended
+from fmucorrect.discovery.terms import coordinates, moved, room
+
+assert library
+
+STIFF = 3000.0  # N/m, beside the model's 1000: its resonance is at 5 Hz, the measurement's at 10 Hz
+
+
+@pytest.fixture(scope="module")
+def far(library, tmp_path_factory):
+    with problem_of(tmp_path_factory.mktemp("far"), library, CONDITIONS, "linear_stiffness", stiffness=STIFF) as made:
+        setting = setting_of(made)
+        base = fit(made, setting, made.nominal, 8)
+        assert base is not None
+        yield made, setting, base
+
+
+def test_the_motion_that_was_measured_sets_the_scales(far):
+    problem, _, base = far
+    assert is_far(problem, base)
+    conditions = [trial.condition for trial in problem.trials]
+    moves = motions(problem.study, conditions)
+    seen = measured_motions(problem, base, moves)["joint 1"]
+    measured = np.concatenate([trial.measured[len(trial.measured) // 3 :, 0] for trial in problem.trials])
+    peak = 1e-3 * np.quantile(np.abs(measured), 0.995)
+    assert moves["joint 1"].d > 3.0 * peak  # in the model, at its resonance
+    assert seen.d == pytest.approx(peak, rel=0.2)
+    assert seen.mark == pytest.approx(STIFF * peak, rel=0.3)
+
+
+def test_starts_are_forces_each_form_once_the_likely_first(far):
+    problem, setting, base = far
+    moves = motions(problem.study, [trial.condition for trial in problem.trials])
+    seen = measured_motions(problem, base, moves)
+    curves = candidates(problem, seen, problem.responses(problem.nominal))
+    begun = starts(problem, setting, base, curves, 5)
+    assert len({item.law.label for item in begun}) == len(begun) == 5
+    first, last = (fit(problem, setting, replace(base.model, terms=(begun[i],)), 0) for i in (0, -1))
+    assert first is not None
+    assert last is not None
+    assert first.surprise < last.surprise
+
+
+def test_sensitivities_of_the_bare_model_do_not_hold_a_fit_up(far):
+    """At its resonance they are large: what moves the base parameters seems to cost much."""
+    problem, setting, _ = far
+    away = replace(
+        problem.nominal, terms=(term(problem.study, "linear_stiffness", stiffness=2000.0),), base=(2.0, -2.0)
+    )
+    fitted = fit(problem, setting, away, 20)
+    assert fitted is not None
+    assert fitted.s2 < 1.1
+    k1 = 1000.0 * (1.0 + 0.02 * fitted.model.base[0])
+    assert k1 + fitted.model.terms[0].values["stiffness"] == pytest.approx(1000.0 + STIFF, rel=2e-3)
+    assert abs(fitted.model.base[0]) < 0.5
+
+
+def test_base_parameters_stay_where_the_study_allows_them(far):
+    problem, setting, _ = far
+    k1, c1 = problem.tolerated
+    tight = replace(problem, tolerated=(replace(k1, maximum=1030.0), c1), _free=[])
+    with tight:
+        np.testing.assert_allclose(tight.reach[0], [-40.0, 1.5])
+        fitted = fit(tight, setting, tight.nominal, 12)
+    assert fitted is not None
+    assert fitted.model.base[0] == pytest.approx(1.5)
+    assert abs(fitted.model.base[1]) <= FARTHEST
+
+
+def test_a_law_begins_where_one_that_it_contains_has_ended(library, tmp_path):
+    """Hysteresis that hardens, from friction that sticks."""
+    law = {"stiffness": 800.0, "alpha": 0.0, "beta": 500.0, "gamma": -650.0, "exponent": 1.0}
+    with problem_of(tmp_path / "loop", library, CONDITIONS, "bouc_wen_hysteresis", **law) as problem:
+        setting = setting_of(problem)
+        begin = term(problem.study, "coulomb_friction", friction_force=0.5, stick_displacement=1e-3)
+        friction = fit(problem, setting, replace(problem.nominal, terms=(begin,)), 12)
+        assert friction is not None
+        found = {fitted.model.terms[0].effect: fitted for fitted in extended(problem, setting, [friction])}
+    assert set(found) == {"bouc_wen_hysteresis", "friction_with_backlash"}
+    assert friction.s2 > 10.0
+    best = found["bouc_wen_hysteresis"]
+    assert best.s2 < 1.1
+    assert best.model.terms[0].values["beta"] == pytest.approx(500.0, rel=0.1)
+    assert best.model.terms[0].values["gamma"] == pytest.approx(-650.0, rel=0.1)
+
+
+def test_room_leads_to_the_bounds_and_no_farther(far):
+    problem, _, _ = far
+    whole = term(
+        problem.study, "bouc_wen_hysteresis", stiffness=800.0, alpha=0.3, beta=500.0, gamma=-200.0, exponent=1.0
+    )
+    scales = coordinates(whole)
+    ends = dict(zip(whole.estimated, room(whole, scales), strict=True))
+    for name, end in (("alpha", 0), ("alpha", 1)):
+        steps = tuple(ends[other][end] if other == name else 0.0 for other in whole.estimated)
+        assert moved(whole, scales, steps).values[name] == pytest.approx(float(end), abs=1e-12)
+    assert ends["stiffness"] == ends["beta"] == ends["gamma"] == (-np.inf, np.inf)
+
+
+@given(st.integers(0, 10_000), st.integers(1, 6))
+def test_a_step_stays_within_its_bounds_and_the_free_numbers_make_the_best_of_it(seed, count):
+    rng = np.random.default_rng(seed)
+    root = rng.normal(size=(count, count + 2))
+    H, g = root @ root.T, rng.normal(size=count)
+    low, high = -rng.uniform(0.0, 1.0, count), rng.uniform(0.0, 1.0, count)
+    x = _within(H, g, low, high)
+    assert (low <= x).all()
+    assert (x <= high).all()
+    free = (low < x) & (x < high)
+    np.testing.assert_allclose((H @ x - g)[free], 0.0, atol=1e-8)
+    np.testing.assert_allclose(_within(H, g, low - np.inf, high + np.inf), np.linalg.solve(H, g), rtol=1e-6, atol=1e-9)
