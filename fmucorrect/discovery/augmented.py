@@ -81,7 +81,7 @@ def _effects(
             used.update(joint.name for joint in term.joints)
         elif isinstance(term, OffsetTerm):
             for name in term.adjustable.parameters:
-                scale = 1.0 if len(term.adjustable.parameters) == 1 else start_value(study, fmu, None, name)
+                scale = 1.0 if term.single else start_value(study, fmu, None, name)
                 offsets[name] = offsets.get(name, 0.0) + term.values["value"] * scale
     places = {term.where for term in terms if isinstance(term, ForceTerm)}
     groups = tuple(group for group in study.groups if group.name in places)

@@ -67,7 +67,9 @@ def effect_row(
 
 def equation(term: Term) -> str:
     """As text."""
-    return f"{term.where} + Delta" if isinstance(term, OffsetTerm) else term.law.equation
+    if not isinstance(term, OffsetTerm):
+        return term.law.equation
+    return f"{term.where} + Delta" if term.single else f"({term.where}) (1 + Delta)"
 
 
 def unit_of(problem: Problem, term: Term, name: str) -> str:

@@ -275,10 +275,11 @@ def overrides(
                 changed[name] = value(name) + z * tolerance_of(adjustable, value(name))
     for term in model.terms:
         if isinstance(term, OffsetTerm):
-            single = len(term.adjustable.parameters) == 1
             for name in term.adjustable.parameters:
                 offset = term.values["value"]
-                changed[name] = value(name) + (offset if single else offset * start_value(study, fmu, condition, name))
+                changed[name] = value(name) + (
+                    offset if term.single else offset * start_value(study, fmu, condition, name)
+                )
     return changed
 
 

@@ -110,7 +110,13 @@ class OffsetTerm(_Keyed):
 
     def parameter(self, name: str) -> Parameter:
         """What is known of its number."""
-        return Parameter(name, "Delta", self.unit, "added to the start value", None, self.low, self.high, neutral=0.0)
+        meaning = "added to the start value" if self.single else "change of the start values' common factor"
+        return Parameter(name, "Delta", self.unit, meaning, None, self.low, self.high, neutral=0.0)
+
+    @property
+    def single(self) -> bool:
+        """Whether it is of one parameter, rather than of several that are scaled together."""
+        return len(self.adjustable.parameters) == 1
 
     def allowed(self) -> bool:
         """Whether the parameter stays within its bounds."""
