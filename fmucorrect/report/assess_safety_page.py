@@ -27,6 +27,8 @@ def add_safety(page: AssessmentPage, found: RunningSafety) -> None:
     page.text_block("The largest section value of each side. Dotted: a reference value, where there is one.")
     page.figure(assess_safety_figures.by_radius(found))
     page.open_fold("Every wheel, axle and acceleration")
+    if found.assessment.estimates:
+        page.text_block("In brackets: the estimated maximum, mean + k s over the sections of the radius.")
     page.table(["", *_columns(found)], _value_rows(found))
     page.close_fold()
     page.heading("Order of the radii")
@@ -54,13 +56,23 @@ def _columns(found: RunningSafety) -> list[str]:
 
 def _value_rows(found: RunningSafety) -> list[Row]:
     rows: list[Row] = []
+    estimated = {
+        (item.quantity, item.place, item.radius): item.estimate.value
+        for item in found.assessment.estimates
+        if item.statistic == "maximum"
+    }
     for quantity in found.assessment.quantities:
         rows.append(Row([SYMBOLS.get(quantity.name, quantity.name)], "group"))
         factor = _KILO.get(quantity.unit, 1.0)
         places = [v.place for v in found.assessment.values if v.quantity == quantity.name]
         for place in dict.fromkeys(places):
             values = found.assessment.by_radius(quantity.name, place)
-            rows.append(Row([place, *(short(factor * values[radius]) for radius in found.speeds)]))
+            row = [place]
+            for radius in found.speeds:
+                beside = estimated.get((quantity.name, place, radius))
+                bracket = "" if beside is None else f" ({short(factor * beside)})"
+                row.append(short(factor * values[radius]) + bracket)
+            rows.append(Row(row))
     return rows
 
 

@@ -15,6 +15,8 @@ from test_compare_page import opened
 from test_page import BROWSER
 
 from fmucorrect.railway.assess import Findings
+from fmucorrect.railway.estimated_maximum import estimated_maximum
+from fmucorrect.railway.safety_assessment import SafetyEstimate
 from fmucorrect.report import assess_figures, assess_page, assess_safety_figures, assess_text
 
 
@@ -93,6 +95,17 @@ def test_what_is_not_mapped_is_said_and_has_no_section() -> None:
     assert "not assessed: the mapping file has no section [preload]." in text
     assert "not assessed: the mapping file has no section [safety]." in text
     assert "The one assessment that was made found nothing out of order." in text
+
+
+def test_estimated_maxima_stand_in_brackets() -> None:
+    found = example.findings("safety")
+    assert found.safety is not None
+    assert "estimated maximum" not in words(found)
+    one = SafetyEstimate("lateral_force", "1l", 300.0, "maximum", estimated_maximum(np.array([39e3, 40e3, 41e3]), 2.2))
+    judged = replace(found.safety, assessment=replace(found.safety.assessment, estimates=(one,)))
+    text = words(replace(found, safety=judged))
+    assert "In brackets: the estimated maximum" in text
+    assert "1l 40.0 (42.2) 20.0 10.0" in text
 
 
 def test_the_page_says_plainly_what_it_does_not_prove() -> None:
