@@ -206,7 +206,7 @@ LAWS = (
     ),
     Law(
         name="friction_with_backlash",
-        special=("coulomb_friction",),
+        special=("coulomb_friction", "bump_stop"),
         family="friction",
         description="Dry friction behind a play: after each reversal it lets go, and grips again once the play is passed.",
         acts=_ANYWHERE,

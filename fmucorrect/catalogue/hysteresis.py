@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from fmucorrect.catalogue.law import Formula, Law, Parameter, State, Symbols, load_sympy
 from fmucorrect.catalogue.motion import Guess, Motion
@@ -46,6 +46,19 @@ def _as_dahl(values: Mapping[str, float]) -> Mapping[str, float]:
     return {"stiffness": values["friction_force"] / reach, **shape}
 
 
+def _with_exponent(exponent: float) -> Callable[[Mapping[str, float]], Mapping[str, float]]:
+    """The same loop, yielding at the same displacement, with other corners."""
+
+    def extend(values: Mapping[str, float]) -> Mapping[str, float]:
+        closing = values["beta"] + values["gamma"]
+        if closing <= 0.0:
+            return {**values, "exponent": exponent}
+        change = closing ** (exponent / values["exponent"] - 1.0)
+        return {**values, "beta": values["beta"] * change, "gamma": values["gamma"] * change, "exponent": exponent}
+
+    return extend
+
+
 LAWS = (
     Law(
         name="bouc_wen_hysteresis",
@@ -67,7 +80,7 @@ LAWS = (
         write=_bouc_wen,
         guesses=(*map(_yielding_at, (0.1, 0.3, 1.0)), _yielding_at(0.3, 2.0)),
         main="stiffness",
-        estimated=("stiffness", "alpha", "beta", "gamma"),
+        estimated=("stiffness", "alpha", "beta", "gamma", "exponent"),
         states=(State("yielding", "z", "D"),),
         note=(
             "z goes to z_y = (beta + gamma)^(-1/n), which is 1 mm (or mrad) with the defaults, meant for n = 1; the"
@@ -75,6 +88,9 @@ LAWS = (
             " n = 1, beta = k / F_c, gamma = 0. With gamma below -beta it hardens, and z has no limit."
         ),
         check=_passive,
-        extends=(("coulomb_friction_stick", _as_dahl),),
+        extends=(
+            ("coulomb_friction_stick", _as_dahl),
+            *(("bouc_wen_hysteresis", _with_exponent(exponent)) for exponent in (1.0, 1.5, 2.0)),
+        ),
     ),
 )

@@ -14,7 +14,7 @@ from fmucorrect.catalogue.motion import Guess, Motion
 from fmucorrect.catalogue.signal import SIGNALS, SignalLaw, extent
 from fmucorrect.discovery.problem import Problem, start_value, tolerance_of
 from fmucorrect.discovery.terms import EXCITATION, OFFSET, ForceTerm, OffsetTerm, SignalTerm, Term
-from fmucorrect.study import Joint, Study
+from fmucorrect.study import Adjustable, Joint, Study
 
 UNKNOWN = 0.05
 """Relative tolerance that scales the offset of a parameter without one."""
@@ -155,8 +155,22 @@ def adjustables(problem: Problem) -> list[OffsetTerm]:
     return found
 
 
+def _parts(problem: Problem) -> Iterator[OffsetTerm]:
+    """Each of the parameters that a study scales together, by itself: one of two dampers may be the worn one."""
+    study, fmu = problem.study, problem.fmu
+    for adjustable in study.adjustable if fmu is not None else ():
+        for name in adjustable.parameters if len(adjustable.parameters) > 1 else ():
+            start = start_value(study, fmu, problem.trials[0].condition, name)
+            low, high = sorted((adjustable.minimum * start, adjustable.maximum * start))
+            own = Adjustable((name,), low, high, adjustable.tolerance or adjustable.absolute_tolerance)
+            scale = (own.tolerance or UNKNOWN) * abs(start)
+            if scale > 0.0 and fmu is not None:
+                unit = fmu.variables[name].unit
+                yield OffsetTerm(own, name, scale, low - start, high - start, {"value": 0.0}, unit)
+
+
 def _of_parameters(problem: Problem) -> Iterator[Curve]:
-    for term in adjustables(problem):
+    for term in (*adjustables(problem), *_parts(problem)):
         for form, way, most in (("up", term.scale, term.high), ("down", -term.scale, -term.low)):
             if most > 0.0:  # two curves: seldom each other's mirror
                 size = min(FIRST, most / term.scale)

@@ -11,7 +11,7 @@ from jaxtyping import Float64
 from fmucorrect.discovery.fit import Fitted
 from fmucorrect.discovery.naming import CLEAR, Naming
 from fmucorrect.discovery.problem import Problem
-from fmucorrect.discovery.sets import has_room, names
+from fmucorrect.discovery.sets import WORTH, has_room, names
 from fmucorrect.discovery.terms import Term
 
 TEMPER = 2.0
@@ -21,7 +21,8 @@ CLOSE = 12.0
 AGREES = 1.3
 """Variance of the error, over its least, up to which simulation and measurement agree to the noise."""
 OPEN = 2.0
-"""Variance of the error, over its least, above which as many effects as are looked for at once are not believed."""
+"""Variance of the error, over its least, above which as many effects as are looked for at once are not believed, where a
+further one could be worth it."""
 LEFT = 0.2
 """Share of the residual's energy above the noise that a named effect may leave."""
 
@@ -67,7 +68,9 @@ def decide(naming: Naming) -> Decision:
     classes = tuple(_class(best, t, rivals) for t in range(len(best.model.terms)))
     if not best.model.terms:
         verdict = "none" if best.s2 <= AGREES * naming.setting.floor else "unexplained"
-    elif unexplained > LEFT or (not has_room(best) and best.s2 > OPEN * naming.setting.floor):
+    elif unexplained > LEFT or (
+        not has_room(best) and unexplained > WORTH**2 and best.s2 > OPEN * naming.setting.floor
+    ):
         verdict = "unexplained"
     else:
         verdict = "ambiguous" if any(classes) else "named"

@@ -34,11 +34,13 @@ anew."""
 class Setting:
     """What all fits of a problem share. measured: (n,). sensors: what may be off at them. share: of independent rows.
     floor: least variance of the error, in units of the noise. base: (n, A) one tolerance of each base parameter.
+    volume: eigenvalues of N'N, of all that is not known exactly, the same for all fits, so that they can be compared.
     candidates: how many effects at places are tried."""
 
     measured: Float64[np.ndarray, " n"]
     sensors: Nuisances
     base: Float64[np.ndarray, "n A"]
+    volume: Float64[np.ndarray, " m"]
     share: float
     floor: float = 1.0
     candidates: int = 1
@@ -57,7 +59,6 @@ class Fitted:
     s2: float
     surprise: float
     base: Float64[np.ndarray, "n A"]
-    volume: Float64[np.ndarray, " m"]
     around: tuple[float, ...]
     slopes: Float64[np.ndarray, "_ p"] = field(default_factory=lambda: np.zeros((0, 0)))
     covariance: Float64[np.ndarray, "_ _"] = field(default_factory=lambda: np.zeros((0, 0)))
@@ -89,7 +90,7 @@ def price(setting: Setting, numbers: int) -> float:
 
 def judge(setting: Setting, fitted: Fitted) -> Fitted:
     """The same model's surprise and s2 under a setting; nothing is simulated."""
-    belief = setting.sensors.believe(fitted.residual, setting.share, setting.floor, fitted.volume)
+    belief = setting.sensors.believe(fitted.residual, setting.share, setting.floor, setting.volume)
     far = float(np.sum(np.square(fitted.model.base)))
     prices = sum(price(setting, len(term.estimated)) for term in fitted.model.terms)
     return replace(fitted, s2=belief.s2, surprise=belief.surprise + far + prices)
@@ -113,8 +114,7 @@ def fit(
     at = start if start is not None else next(iter(problem.many([model])))
     if at is None:
         return None
-    volume = _volume(setting, setting.base)
-    state = judge(setting, Fitted(model, at, setting.measured - at, 1.0, 0.0, setting.base, volume, model.base))
+    state = judge(setting, Fitted(model, at, setting.measured - at, 1.0, 0.0, setting.base, model.base))
     damping, reach = 1e-2, np.clip(problem.reach, -FARTHEST, FARTHEST)
     slopes = _slopes(problem, state)
     sure = False  # whether the sensitivities to base parameters have been looked at
@@ -140,8 +140,7 @@ def fit(
         moved = max((abs(a - b) for a, b in zip(state.model.base, state.around, strict=True)), default=0.0)
         if anew or moved > STALE:
             base = sensitivities(problem, state.model, state.at)
-            state = replace(state, base=base, volume=_volume(setting, base), around=state.model.base)
-            state, damping = judge(setting, state), min(damping, 1e-2)
+            state, damping = replace(state, base=base, around=state.model.base), min(damping, 1e-2)
         slopes = _slopes(problem, state) if gained > 0.0 else slopes
     state = replace(state, slopes=slopes)
     return replace(state, covariance=covariance(setting, state))
@@ -156,12 +155,6 @@ def _holds(problem: Problem, state: Fitted) -> bool:
     base = tuple(z + PERTURBED * (k == i) for k, z in enumerate(state.model.base))
     (y,) = problem.many([replace(state.model, base=base)])
     return y is None or float(np.linalg.norm((y - state.at) / PERTURBED - state.base[:, i])) < HOLDS * float(sizes[i])
-
-
-def _volume(setting: Setting, base: Float64[np.ndarray, "n A"]) -> Float64[np.ndarray, " m"]:
-    """Eigenvalues of N'N, base parameters and sensors together."""
-    columns = np.concatenate([base, setting.sensors.columns], axis=1)
-    return np.maximum(np.linalg.eigvalsh(columns.T @ columns), 0.0)
 
 
 def _slopes(problem: Problem, state: Fitted) -> Float64[np.ndarray, "n p"]:

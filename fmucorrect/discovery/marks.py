@@ -21,6 +21,8 @@ WANTED = (0.3, 1.0, 3.0)
 """Marks that are simulated of every candidate, in shares of the residual."""
 PROMISING = 60
 """Curves that are simulated at several sizes."""
+LIKELY, FAINT = 150, 0.1
+"""Curves that are simulated at a second size, beside those whose first mark was below this share of the residual."""
 AT = 0.02
 """Variance of the error at which they are chosen, as a share of the residual's."""
 FIRST = 1e-6
@@ -67,8 +69,8 @@ def marks(
     done: Callable[[int], object] = lambda _: None,
 ) -> Marks:
     """Every curve around `model`, whose evidence is `at`, at sizes whose marks are about WANTED times the residual. A size at
-    which the solver gives up is not gone beyond. Of the curves, only the PROMISING that explain most by a mark as large as
-    the residual are simulated at other sizes, and kept."""
+    which the solver gives up is not gone beyond. Of the curves, only the LIKELY that explain most are simulated at a second
+    size, and of these the PROMISING at more; the latter are kept."""
     residual = float(np.linalg.norm(target.residual))
     rows: list[dict[float, np.ndarray]] = [{} for _ in curves]
     highest = [curve.most for curve in curves]
@@ -104,9 +106,17 @@ def marks(
             size = min(size * min(max((target / share) ** (1.0 / power), 1e-3), 1e3), highest[i])
             yield i, size
 
+    def explained() -> list[float]:
+        return [max((target.gain(mark) for mark in row.values()), default=0.0) for row in rows]
+
+    def faint(i: int) -> bool:
+        return all(float(np.linalg.norm(mark)) < FAINT * residual for mark in rows[i].values())
+
     look([(i, curve.size) for i, curve in enumerate(curves)])
-    look([row for i in range(len(curves)) for row in sized(i, 1.0)])
-    gains = [max((target.gain(mark) for mark in row.values()), default=0.0) for row in rows]
+    gains = explained()
+    likely = {int(i) for i in np.argsort(gains)[::-1][:LIKELY]}
+    look([row for i in range(len(curves)) if i in likely or faint(i) for row in sized(i, 1.0)])
+    gains = explained()
     chosen = [int(i) for i in np.argsort(gains)[::-1][:PROMISING] if gains[i] > 0.0]
     for targets in ((1.0,), (WANTED[0], WANTED[-1])):
         look([row for i in chosen for share in targets for row in sized(i, share)])

@@ -26,14 +26,15 @@ from fmucorrect.discovery.sets import (
     admissible,
     credible,
     distinct,
+    extended,
     finer,
     first_of,
     has_room,
     merged,
     names,
+    pared,
     settled,
     share_of,
-    smaller,
 )
 from fmucorrect.discovery.terms import Term
 
@@ -118,9 +119,8 @@ def _on_all(problem: Problem, naming: Naming, progress: Progress) -> Naming:
         fitted = fit(problem, own, old.model, 6, rival=first_of([base, *found]).surprise)
         found += [] if fitted is None else [fitted]
     setting, base, found = settled(problem, setting, base, found)
-    found = [*found, *smaller(problem, setting, base, found)]
-    base = first_of([base, *(fitted for fitted in found if not fitted.model.terms)])
-    setting, base, found = settled(problem, setting, base, [f for f in found if f.model.terms])
+    base, found = pared(problem, setting, base, found)
+    setting, base, found = settled(problem, setting, base, found)
     kept = [f for f in merged(admissible(base, found, setting.share * len(base.at))) if f.model.terms]
     return Naming(base, tuple(credible(kept)), setting)
 
@@ -130,7 +130,9 @@ def _begun(problem: Problem) -> tuple[Setting, np.ndarray, list[np.ndarray]]:
     start = problem.responses(problem.nominal)
     at = problem.stack(start)
     sensors = Nuisances(nuisances.sensors(problem, start))
-    setting = Setting(problem.measured, sensors, nuisances.sensitivities(problem, problem.nominal, at), 1.0)
+    own = nuisances.sensitivities(problem, problem.nominal, at)
+    volume = Nuisances(np.concatenate([own, sensors.columns], axis=1)).values
+    setting = Setting(problem.measured, sensors, own, volume, 1.0)
     return setting, at, start
 
 
@@ -144,8 +146,11 @@ def _name(problem: Problem, progress: Progress) -> Naming:
     setting = replace(setting, base=base.base)
     setting, base, _ = settled(problem, setting, base, [])
     moves = with_marks(problem, moves, at, base.residual) if can_act else moves
+    marked = float(np.linalg.norm(base.residual)) or 1.0
 
     def looked_for(around: Fitted, moves: Mapping[str, Motion] = moves) -> list[Curve]:
+        left = float(np.linalg.norm(around.linear)) / marked
+        near = {joint: replace(motion, mark=left * motion.mark) for joint, motion in moves.items()}
         rest, step = problem.split(around.residual), problem.study.simulation.step_size
 
         @cache
@@ -153,7 +158,7 @@ def _name(problem: Problem, progress: Progress) -> Naming:
             frequencies = [trial.condition.speed / 3.6 / wave for trial in problem.trials]
             return stands(problem.trials, rest, step, frequencies)
 
-        return candidates(problem, moves, start, line(problem.trials, rest, step), turns)
+        return candidates(problem, near, start, line(problem.trials, rest, step), turns)
 
     curves = looked_for(base)
     setting = replace(setting, candidates=len(curves))
@@ -175,14 +180,13 @@ def _name(problem: Problem, progress: Progress) -> Naming:
     done = [names(parent)]
     while len(done) < LOOKS:
         setting, base, found = settled(problem, setting, base, found)
-        found = [*found, *smaller(problem, setting, base, found)]
-        base = first_of([base, *(fitted for fitted in found if not fitted.model.terms)])
-        found = [fitted for fitted in found if fitted.model.terms]
+        base, found = pared(problem, setting, base, found)
         best = first_of(admissible(base, found, setting.share * len(base.at)))
         if best.s2 > EXPLAINED * setting.floor and best.model.terms:
             progress("calibration", len(done), LOOKS)
             moved = calibrated(problem, replace(setting, base=best.base), best)
-            found = merged(found if moved is None else [*found, moved])
+            found = merged([*found, *([] if moved is None else [moved]), *extended(problem, setting, [best])])
+            base, found = pared(problem, setting, base, found)
         kept = sorted(admissible(base, found, setting.share * len(base.at)), key=lambda fitted: fitted.surprise)
         beside = [fitted for fitted in distinct(kept)[:BESIDE] if names(fitted) not in done and has_room(fitted)]
         if not beside or (beside[0] is not kept[0] and kept[0].s2 < EXPLAINED * setting.floor):
@@ -194,5 +198,6 @@ def _name(problem: Problem, progress: Progress) -> Naming:
         done.append(names(parent))
     setting, base, found = settled(problem, setting, base, found)
     found += rivals(problem, setting, base, found, first, progress)
+    base, found = pared(problem, setting, base, found)
     kept = [f for f in merged(admissible(base, found, setting.share * len(base.at))) if f.model.terms]
     return Naming(base, tuple(credible(kept)), setting)

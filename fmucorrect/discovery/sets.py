@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from fmucorrect.catalogue import CATALOGUE
+from fmucorrect.discovery import nuisances
 from fmucorrect.discovery.candidates import may_act
-from fmucorrect.discovery.evidence import independent
+from fmucorrect.discovery.evidence import Nuisances, independent
 from fmucorrect.discovery.fit import Fitted, Setting, fit, judge
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, Term
@@ -102,19 +103,48 @@ def _forms(terms: Sequence[Term]) -> frozenset[tuple[str, str]]:
     return frozenset((t.law.label if isinstance(t, ForceTerm) else t.effect, t.where) for t in terms)
 
 
-def smaller(problem: Problem, setting: Setting, base: Fitted, found: Sequence[Fitted]) -> list[Fitted]:
-    """The best set without one of its effects, each fitted from where the set stands, where that has not been done. Of one
-    effect alone that is the base model once more, by another way."""
-    best = first_of(admissible(base, found, setting.share * len(base.at)))
-    have = {_forms(fitted.model.terms) for fitted in found}
-    fits: list[Fitted] = []
-    for term in best.model.terms:
-        terms = tuple(other for other in best.model.terms if other is not term)
-        if terms and _forms(terms) in have:
-            continue
-        fitted = fit(problem, replace(setting, base=best.base), replace(best.model, terms=terms), 6)
-        fits += [] if fitted is None else [fitted]
-    return fits
+def pared(problem: Problem, setting: Setting, base: Fitted, found: Sequence[Fitted]) -> tuple[Fitted, list[Fitted]]:
+    """The base and all sets, with those that are simpler than the best one by one step, and so on until the best one needs all
+    that it has. Each is fitted from where the larger set stands, unless it has been fitted to a better end. Of one effect alone
+    that is the base model once more, by another way."""
+    found = list(found)
+    done: set[frozenset[tuple[str, str]]] = set()
+    while True:
+        best = first_of(admissible(base, found, setting.share * len(base.at)))
+        known = {_forms(fitted.model.terms): fitted.surprise for fitted in sorted(found, key=lambda f: -f.surprise)}
+        fits: list[Fitted] = []
+        for terms in (terms for terms in _with_less(best.model.terms) if _forms(terms) not in done):
+            done.add(_forms(terms))
+            less = replace(best.model, terms=terms)
+            (y,) = problem.many([less])
+            if y is None:
+                continue
+            start = judge(setting, replace(best, model=less, at=y, residual=setting.measured - y))
+            if start.surprise < known.get(_forms(terms), np.inf):
+                fitted = fit(problem, replace(setting, base=best.base), less, 6, y, rival=best.surprise)
+                fits += [] if fitted is None else [fitted]
+        if not fits:
+            return base, found
+        base = first_of([base, *(fitted for fitted in fits if not fitted.model.terms)])
+        found += [fitted for fitted in fits if fitted.model.terms]
+
+
+def _with_less(terms: Sequence[Term]) -> Iterator[tuple[Term, ...]]:
+    """Without one of the effects; or with a law in its place that is a special case of its own, the numbers that both have
+    being the same."""
+    for t, term in enumerate(terms):
+        yield (*terms[:t], *terms[t + 1 :])
+        if isinstance(term, ForceTerm):
+            others = {other.key for other in terms}
+            yield from ((*terms[:t], new, *terms[t + 1 :]) for new in _special(term) if new.key not in others)
+
+
+def _special(term: ForceTerm) -> Iterator[ForceTerm]:
+    """The simpler laws that a member's law contains, with the numbers that both have."""
+    for law in (law for name in term.law.special for law in CATALOGUE[name] if may_act(law, term.joints)):
+        values = {p.name: term.values[p.name] for p in law.parameters if p.name in term.values}
+        if {*law.required, *law.estimated} <= {*values}:
+            yield ForceTerm(law, term.where, term.joints, law.complete(values))
 
 
 def extended(problem: Problem, setting: Setting, found: Sequence[Fitted]) -> list[Fitted]:
@@ -135,8 +165,9 @@ def _containing(term: Term) -> Iterator[ForceTerm]:
     if isinstance(term, ForceTerm):
         for law in (law for forms in CATALOGUE.values() for law in forms if may_act(law, term.joints)):
             for label, extend in law.extends:
-                if label == term.law.label:
-                    yield ForceTerm(law, term.where, term.joints, law.complete(extend(term.values)))
+                new = law.complete(extend(term.values)) if label == term.law.label else term.values
+                if new != term.values:
+                    yield ForceTerm(law, term.where, term.joints, new)
 
 
 def finer(
@@ -173,7 +204,11 @@ def _coupling(problem: Problem, fitted: Fitted) -> float:
 def settled(
     problem: Problem, setting: Setting, base: Fitted, found: list[Fitted]
 ) -> tuple[Setting, Fitted, list[Fitted]]:
-    """All judged with the share of independent rows that the best set's residual tells."""
+    """All judged with sensors that take their part of the best set's response, and with the share of independent rows that its
+    residual tells."""
+    best = first_of([base, *found])
+    setting = replace(setting, sensors=Nuisances(nuisances.sensors(problem, problem.responses(best.model))))
+    base, found = judge(setting, base), [judge(setting, fitted) for fitted in found]
     for _ in range(3):
         best = first_of([base, *found])
         share = share_of(problem, setting, best.residual)

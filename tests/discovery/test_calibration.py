@@ -74,7 +74,9 @@ def begun(problem):
     start = problem.responses(problem.nominal)
     at = problem.stack(start)
     base = nuisances.sensitivities(problem, problem.nominal, at)
-    setting = Setting(problem.measured, Nuisances(nuisances.sensors(problem, start)), base, 0.5, candidates=20)
+    sensors = Nuisances(nuisances.sensors(problem, start))
+    volume = Nuisances(np.concatenate([base, sensors.columns], axis=1)).values
+    setting = Setting(problem.measured, sensors, base, volume, 0.5, candidates=20)
     fitted = fit(problem, setting, problem.nominal, 8, at)
     assert fitted is not None
     return setting, fitted

@@ -101,7 +101,9 @@ def problem_of(folder: Path, library: Path, conditions: dict[str, float], truth:
 def setting_of(problem) -> Setting:
     start = problem.responses(problem.nominal)
     base = nuisances.sensitivities(problem, problem.nominal, problem.stack(start))
-    return Setting(problem.measured, Nuisances(nuisances.sensors(problem, start)), base, 1.0, candidates=10)
+    sensors = Nuisances(nuisances.sensors(problem, start))
+    volume = Nuisances(np.concatenate([base, sensors.columns], axis=1)).values
+    return Setting(problem.measured, sensors, base, volume, 1.0, candidates=10)
 
 
 def fitted_with(problem, setting, term):
