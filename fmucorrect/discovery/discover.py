@@ -10,7 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float64
 
+from fmucorrect import experiment
 from fmucorrect.discovery import output
 from fmucorrect.discovery.augmented import Found, found_of, write_model
 from fmucorrect.discovery.confirm import Gap, carries_over, gaps, sensor_errors
@@ -20,7 +22,7 @@ from fmucorrect.discovery.kept import Kept
 from fmucorrect.discovery.located import located
 from fmucorrect.discovery.naming import Naming, name
 from fmucorrect.discovery.nexttest import next_test
-from fmucorrect.discovery.outputmap import output_maps
+from fmucorrect.discovery.outputmap import force_map, output_maps
 from fmucorrect.discovery.pictures import picture
 from fmucorrect.discovery.problem import Problem, load
 from fmucorrect.discovery.sets import Progress
@@ -29,6 +31,7 @@ from fmucorrect.discovery.where import Residual, where
 from fmucorrect.errors import StudyError
 from fmucorrect.inspection import study_problems
 from fmucorrect.study import Study, load_study
+from fmucorrect.units import parse
 
 
 def discover(
@@ -149,7 +152,7 @@ def _report(
         "series": output.series(study, checked),
         "unexplained": decision.unexplained,
         "next_test": _next(problem, naming, decision) if verdict == "ambiguous" else None,
-        "notes": _notes(study, problem, decision) + _in_words(study, verdict, residuals),
+        "notes": _notes(study, problem, decision) + _in_words(problem, verdict, residuals),
     }
     terms = best.model.terms if named else ()
     changed = bool(now) or any(not isinstance(term, SignalTerm) for term in terms)
@@ -217,11 +220,30 @@ def sentence(report: dict[str, Any], checked: Sequence[Gap]) -> str:
     return f"Simulation and measurement disagree, and nothing in the catalogue explains it: {left}."
 
 
-def _in_words(study: Study, verdict: str, residuals: Sequence[Residual]) -> list[str]:
-    """Where no force can act, and there is something to say: each channel's residual as shapes of its response."""
+def _in_words(problem: Problem, verdict: str, residuals: Sequence[Residual]) -> list[str]:
+    """Where no force can act, and there is something to say: each channel's residual as shapes of its response; that of a
+    force, where the excitation is a displacement, as shapes of this motion."""
+    study = problem.study
     if study.joints or verdict == "none":
         return []
-    return [item.sentence for item in output_maps(residuals, study.channels)]
+    moves, unit = _prescribed(problem) if any(c.quantity == "force" for c in study.channels) else (None, "")
+    maps = output_maps(residuals, study.channels)
+    for j, channel in enumerate(study.channels):
+        if channel.quantity == "force" and moves is not None:
+            maps[j] = force_map(residuals, channel, j, moves, unit)
+    return [item.sentence for item in maps]
+
+
+def _prescribed(problem: Problem) -> tuple[list[Float64[np.ndarray, " N"]] | None, str]:
+    """The excitation at the measured rows of every condition where it is a displacement, and its unit; else None."""
+    study = problem.study
+    if study.excitation is None:
+        return None, ""
+    records = [experiment.simulate(study, trial.condition) for trial in problem.trials]
+    column = records[0].index(study.excitation.simulation)
+    unit = records[0].channels[column].unit
+    moves = [record.values[trial.rows, column] for record, trial in zip(records, problem.trials, strict=True)]
+    return (moves, unit) if parse(unit).dimension == parse("m").dimension else (None, "")
 
 
 def _notes(study: Study, problem: Problem, decision: Decision) -> list[str]:

@@ -215,6 +215,27 @@ def test_recorded_simulations_alone_are_described_in_words(tmp_path):
     assert sum("x1" in note or "x2" in note for note in report["notes"]) >= 2
 
 
+def test_the_force_of_a_prescribed_motion_is_described_by_that_motion(tmp_path):
+    """Friction that only the recorded simulation of a device lacks: the force's residual is told by the motion given."""
+    t, rng = np.arange(4000) * STEP, np.random.default_rng(5)
+    head = f'format = 1\nname = "device"\n[simulation]\nstep_size = {STEP}\n'
+    head += '[[channels]]\nname = "F"\nsimulation = "F"\nmeasurement = "F"\nquantity = "force"\nunit = "N"\n'
+    head += '[excitation]\nsimulation = "d"\nmeasurement = "d"\nkind = "actual"\n'
+    for i, role in enumerate(("development", "development", "evaluation")):
+        d = (1.0 + i) * np.sin(2.0 * np.pi * (1.0 + 0.5 * t) * t)
+        spring, slide = 3.0 * d, 1.5 * np.tanh(np.gradient(d, STEP) / 0.05)
+        for name, force in (("simulated", spring), ("measured", spring + slide + 0.02 * rng.normal(size=len(t)))):
+            rows = "\n".join(f"{a:.6f},{b:.9g},{c:.9g}" for a, b, c in zip(t, force, d, strict=True))
+            (tmp_path / f"{name}_{i}.csv").write_text(f"time [s],F [N],d [mm]\n{rows}\n")
+        head += f'[[conditions]]\nname = "{i}"\nrole = "{role}"\nsimulated = "simulated_{i}.csv"\n'
+        head += f'measurement = "measured_{i}.csv"\n'
+    (tmp_path / "study.toml").write_text(head)
+    report = discover(tmp_path / "study.toml", tmp_path / "out")
+    (words,) = (note for note in report["notes"] if note.startswith("F: "))
+    assert "1.5" in words
+    assert "follows the velocity's sign" in words
+
+
 def test_only_independent_rows_count():
     rng = np.random.default_rng(0)
     white = rng.normal(size=(4000, 2))
