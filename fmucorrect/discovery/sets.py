@@ -11,7 +11,7 @@ from fmucorrect.catalogue import CATALOGUE
 from fmucorrect.discovery import nuisances
 from fmucorrect.discovery.candidates import may_act
 from fmucorrect.discovery.evidence import Nuisances, independent
-from fmucorrect.discovery.fit import Fitted, Setting, fit, judge
+from fmucorrect.discovery.fit import HOPELESS, Fitted, Setting, fit, judge, price
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, Term
 
@@ -106,8 +106,9 @@ def _forms(terms: Sequence[Term]) -> frozenset[tuple[str, str]]:
 def pared(problem: Problem, setting: Setting, base: Fitted, found: Sequence[Fitted]) -> tuple[Fitted, list[Fitted]]:
     """The base and all sets, with those that are simpler than the best one by one step, and so on until the best one needs all
     that it has. Each is fitted from where the larger set stands, unless it has been fitted to a better end. Of one effect alone
-    that is the base model once more, by another way."""
+    that is the base model once more, by another way. What was needed in a larger set is needed in a smaller one."""
     found = list(found)
+    tried: list[Fitted] = []
     done: set[frozenset[tuple[str, str]]] = set()
     while True:
         best = first_of(admissible(base, found, setting.share * len(base.at)))
@@ -115,6 +116,8 @@ def pared(problem: Problem, setting: Setting, base: Fitted, found: Sequence[Fitt
         fits: list[Fitted] = []
         for terms in (terms for terms in _with_less(best.model.terms) if _forms(terms) not in done):
             done.add(_forms(terms))
+            if any(_at_least(setting, terms, fitted) > best.surprise + HOPELESS for fitted in tried):
+                continue
             less = replace(best.model, terms=terms)
             (y,) = problem.many([less])
             if y is None:
@@ -125,8 +128,18 @@ def pared(problem: Problem, setting: Setting, base: Fitted, found: Sequence[Fitt
                 fits += [] if fitted is None else [fitted]
         if not fits:
             return base, found
+        tried += fits
         base = first_of([base, *(fitted for fitted in fits if not fitted.model.terms)])
         found += [fitted for fitted in fits if fitted.model.terms]
+
+
+def _at_least(setting: Setting, terms: Sequence[Term], larger: Fitted) -> float:
+    """A surprise that these terms will not be below, by that of a set that has them all and more."""
+    have = {term.key for term in terms}
+    more = [term for term in larger.model.terms if term.key not in have]
+    if len(more) + len(terms) > len(larger.model.terms):
+        return -np.inf
+    return larger.surprise - sum(price(setting, len(term.estimated)) for term in more)
 
 
 def _with_less(terms: Sequence[Term]) -> Iterator[tuple[Term, ...]]:
