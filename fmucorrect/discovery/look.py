@@ -33,7 +33,7 @@ def rivals(
     progress: Progress,
 ) -> list[Fitted]:
     """Of a best set of several effects: sets in which one of them gives way to another candidate."""
-    best = first_of(admissible(base, found, setting.share * len(base.at)))
+    best = first_of(admissible(setting, base, found))
     if len(best.model.terms) < 2:
         return []
     fits: list[Fitted] = []

@@ -108,7 +108,8 @@ def _on_all(problem: Problem, naming: Naming, progress: Progress) -> Naming:
     """The likely sets of a few conditions, fitted to all."""
     setting, _, _ = _begun(problem)
     before = naming.setting
-    setting = replace(setting, share=before.share, floor=before.floor, candidates=before.candidates)
+    sensors = Nuisances(nuisances.sensors(problem, problem.responses(naming.best.model)))
+    setting = replace(setting, share=before.share, floor=before.floor, candidates=before.candidates, sensors=sensors)
     base = fit(problem, setting, replace(problem.nominal, base=naming.base.model.base), 8)
     assert base is not None
     likely = [f for f in naming.sets if f.surprise < naming.best.surprise + LIKELY][:TRANSFERRED]
@@ -121,7 +122,7 @@ def _on_all(problem: Problem, naming: Naming, progress: Progress) -> Naming:
     setting, base, found = settled(problem, setting, base, found)
     base, found = pared(problem, setting, base, found)
     setting, base, found = settled(problem, setting, base, found)
-    kept = [f for f in merged(admissible(base, found, setting.share * len(base.at))) if f.model.terms]
+    kept = [f for f in merged(admissible(setting, base, found)) if f.model.terms]
     return Naming(base, tuple(credible(kept)), setting)
 
 
@@ -181,13 +182,13 @@ def _name(problem: Problem, progress: Progress) -> Naming:
     while len(done) < LOOKS:
         setting, base, found = settled(problem, setting, base, found)
         base, found = pared(problem, setting, base, found)
-        best = first_of(admissible(base, found, setting.share * len(base.at)))
+        best = first_of(admissible(setting, base, found))
         if best.s2 > EXPLAINED * setting.floor and best.model.terms:
             progress("calibration", len(done), LOOKS)
             moved = calibrated(problem, replace(setting, base=best.base), best)
             found = merged([*found, *([] if moved is None else [moved]), *extended(problem, setting, [best])])
             base, found = pared(problem, setting, base, found)
-        kept = sorted(admissible(base, found, setting.share * len(base.at)), key=lambda fitted: fitted.surprise)
+        kept = sorted(admissible(setting, base, found), key=lambda fitted: fitted.surprise)
         beside = [fitted for fitted in distinct(kept)[:BESIDE] if names(fitted) not in done and has_room(fitted)]
         if not beside or (beside[0] is not kept[0] and kept[0].s2 < EXPLAINED * setting.floor):
             break
@@ -199,5 +200,5 @@ def _name(problem: Problem, progress: Progress) -> Naming:
     setting, base, found = settled(problem, setting, base, found)
     found += rivals(problem, setting, base, found, first, progress)
     base, found = pared(problem, setting, base, found)
-    kept = [f for f in merged(admissible(base, found, setting.share * len(base.at))) if f.model.terms]
+    kept = [f for f in merged(admissible(setting, base, found)) if f.model.terms]
     return Naming(base, tuple(credible(kept)), setting)

@@ -49,14 +49,13 @@ def first_of(found: Sequence[Fitted]) -> Fitted:
     return min(found, key=lambda fitted: fitted.surprise)
 
 
-def admissible(base: Fitted, found: Sequence[Fitted], count: float) -> list[Fitted]:
-    """The base and all sets whose every effect is worth it: no smaller set in `found` leaves about as little. count: of
-    independent rows."""
+def admissible(setting: Setting, base: Fitted, found: Sequence[Fitted]) -> list[Fitted]:
+    """The base and all sets whose every effect is worth it: no smaller set in `found` leaves about as little."""
     kept = [base]
     for fitted in sorted(found, key=lambda f: sum(1 + len(term.estimated) for term in f.model.terms)):
         simpler = [less for less in kept if _simpler(less, fitted)]
         moved = [less.s2 for less in simpler if _exact(less)]
-        if _exact(fitted) or all(_worth(less, fitted, min(moved), count) for less in simpler):
+        if _exact(fitted) or all(_worth(setting, less, fitted, min(moved)) for less in simpler):
             kept.append(fitted)
     return kept
 
@@ -66,11 +65,23 @@ def _exact(fitted: Fitted) -> bool:
     return all(isinstance(term, OffsetTerm) for term in fitted.model.terms)
 
 
-def _worth(less: Fitted, more: Fitted, energy: float, count: float) -> bool:
-    """Whether a larger set takes away enough: of the error, or of what sensors and base parameters had to take on. energy:
-    mean square of the residual that was to be explained. count: of independent rows."""
+def _worth(setting: Setting, less: Fitted, more: Fitted, energy: float) -> bool:
+    """Whether a larger set takes away enough: of the error, or of what sensors and base parameters had to take on. A parameter
+    that is off does so too where the base parameters would else be further from their start values than it costs. energy: mean
+    square of the residual that was to be explained."""
     least = WORTH**2 * energy
-    return less.s2 - more.s2 >= least or less.surprise - more.surprise >= count * float(np.log1p(least / more.s2))
+    if less.s2 - more.s2 >= least:
+        return True
+    count, gained = setting.share * len(setting.measured), less.surprise - more.surprise
+    extra = [term for term in more.model.terms if term.key not in names(less)]
+    nearer = float(np.sum(np.square(less.model.base)) - np.sum(np.square(more.model.base)))
+    if (
+        gained > 0.0
+        and all(isinstance(term, OffsetTerm) for term in extra)
+        and nearer >= price(setting, 1) * len(extra)
+    ):
+        return True
+    return gained >= count * float(np.log1p(least / more.s2))
 
 
 def credible(found: Sequence[Fitted]) -> list[Fitted]:
@@ -111,7 +122,7 @@ def pared(problem: Problem, setting: Setting, base: Fitted, found: Sequence[Fitt
     tried: list[Fitted] = []
     done: set[frozenset[tuple[str, str]]] = set()
     while True:
-        best = first_of(admissible(base, found, setting.share * len(base.at)))
+        best = first_of(admissible(setting, base, found))
         known = {_forms(fitted.model.terms): fitted.surprise for fitted in sorted(found, key=lambda f: -f.surprise)}
         fits: list[Fitted] = []
         for terms in (terms for terms in _with_less(best.model.terms) if _forms(terms) not in done):
