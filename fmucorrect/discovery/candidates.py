@@ -155,7 +155,7 @@ def adjustables(problem: Problem) -> list[OffsetTerm]:
     return found
 
 
-def _parts(problem: Problem) -> Iterator[OffsetTerm]:
+def parts(problem: Problem) -> Iterator[OffsetTerm]:
     """Each of the parameters that a study scales together, by itself: one of two dampers may be the worn one."""
     study, fmu = problem.study, problem.fmu
     for adjustable in study.adjustable if fmu is not None else ():
@@ -170,7 +170,7 @@ def _parts(problem: Problem) -> Iterator[OffsetTerm]:
 
 
 def _of_parameters(problem: Problem) -> Iterator[Curve]:
-    for term in (*adjustables(problem), *_parts(problem)):
+    for term in (*adjustables(problem), *parts(problem)):
         for form, way, most in (("up", term.scale, term.high), ("down", -term.scale, -term.low)):
             if most > 0.0:  # two curves: seldom each other's mirror
                 size = min(FIRST, most / term.scale)

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from fmucorrect.discovery.candidates import Curve, may_act, places
+from fmucorrect.discovery.candidates import Curve, may_act, parts, places
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fit import Fitted, Setting, fit, judge, price
 from fmucorrect.discovery.marks import PROMISING, Marks, Target, marks
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.search import Search
 from fmucorrect.discovery.sets import LONG, Progress, admissible, extended, first_of, merged, names
-from fmucorrect.discovery.terms import ForceTerm, Term
+from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, Term
 
 EXPLAINED = 1.3
 """A variance of the error, over its least, at which no larger set is looked for at once."""
@@ -115,13 +115,13 @@ def _is_open(setting: Setting, fits: Sequence[Fitted]) -> bool:
 
 
 def at_other_places(problem: Problem, setting: Setting, best: Fitted) -> list[Fitted]:
-    """The best set with one of its laws at another place instead: joints that move alike cannot be told apart."""
+    """The best set with one of its laws at another place instead, or with another one of parameters that are scaled together:
+    joints that move alike cannot be told apart."""
     moved = [
         replace(best.model, terms=(*best.model.terms[:t], other, *best.model.terms[t + 1 :]))
         for t, term in enumerate(best.model.terms)
-        if isinstance(term, ForceTerm)
-        for where, joints in places(problem.study).items()
-        if may_act(term.law, joints) and (other := replace(term, where=where, joints=joints)).key not in names(best)
+        for other in _elsewhere(problem, term)
+        if other.key not in names(best)
     ]
     found: list[Fitted] = []
     for model, y in zip(moved, problem.many(moved), strict=True):
@@ -130,3 +130,34 @@ def at_other_places(problem: Problem, setting: Setting, best: Fitted) -> list[Fi
             found += [there] if there.surprise < best.surprise + APART else []
     fitted = [fit(problem, replace(setting, base=best.base), f.model, 4, f.at) for f in merged(found)[:RIVALS]]
     return [f for f in fitted if f is not None]
+
+
+def regrouped(problem: Problem, setting: Setting, best: Fitted) -> list[Fitted]:
+    """The best set with a law at one joint of its group instead, or at a group of its joint, each fitted from there."""
+    fits: list[Fitted] = []
+    for t, term in enumerate(best.model.terms):
+        for other in _elsewhere(problem, term):
+            own, new = _joints(term), _joints(other)
+            if (own < new or new < own) and other.key not in names(best):
+                model = replace(best.model, terms=(*best.model.terms[:t], other, *best.model.terms[t + 1 :]))
+                fitted = fit(problem, replace(setting, base=best.base), model, LONG, rival=best.surprise)
+                fits += [] if fitted is None else [fitted]
+    return fits
+
+
+def _joints(term: Term) -> set[str]:
+    return {joint.name for joint in term.joints} if isinstance(term, ForceTerm) else set()
+
+
+def _elsewhere(problem: Problem, term: Term) -> Iterator[Term]:
+    """A member at the other places where it may be."""
+    if isinstance(term, ForceTerm):
+        for where, joints in places(problem.study).items():
+            if may_act(term.law, joints):
+                yield replace(term, where=where, joints=joints)
+    elif isinstance(term, OffsetTerm) and term.single:
+        (own,) = term.adjustable.parameters
+        together = {name for a in problem.study.adjustable if own in a.parameters for name in a.parameters}
+        for part in parts(problem):
+            if part.where in together:
+                yield replace(part, values={"value": term.values["value"] * part.scale / term.scale})

@@ -16,7 +16,7 @@ from fmucorrect.discovery.candidates import Curve, candidates, places
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fit import Fitted, Setting, fit
 from fmucorrect.discovery.lines import line, stands
-from fmucorrect.discovery.look import EXPLAINED, at_other_places, look, rivals
+from fmucorrect.discovery.look import EXPLAINED, at_other_places, look, regrouped, rivals
 from fmucorrect.discovery.marks import with_marks
 from fmucorrect.discovery.motion import motions
 from fmucorrect.discovery.problem import Problem
@@ -36,7 +36,7 @@ from fmucorrect.discovery.sets import (
     settled,
     share_of,
 )
-from fmucorrect.discovery.terms import Term
+from fmucorrect.discovery.terms import OffsetTerm, Term
 
 LISTED = (7, 5, 3)
 """Sets of one effect, two and three that are fitted in the loop."""
@@ -113,10 +113,12 @@ def _on_all(problem: Problem, naming: Naming, progress: Progress) -> Naming:
     base = fit(problem, setting, replace(problem.nominal, base=naming.base.model.base), 8)
     assert base is not None
     likely = [f for f in naming.sets if f.surprise < naming.best.surprise + LIKELY][:TRANSFERRED]
-    found: list[Fitted] = []
+    moved = replace(naming.best.model, terms=tuple(t for t in naming.best.model.terms if isinstance(t, OffsetTerm)))
+    exact = fit(problem, setting, moved, 8) if moved.terms and moved != naming.best.model else None
+    found = [] if exact is None else [exact]
     for i, old in enumerate(likely):
         progress("all conditions", i, len(likely))
-        own = replace(setting, base=found[0].base if found else base.base)
+        own = replace(setting, base=found[-1].base if found else base.base)
         fitted = fit(problem, own, old.model, 6, rival=first_of([base, *found]).surprise)
         found += [] if fitted is None else [fitted]
     setting, base, found = settled(problem, setting, base, found)
@@ -178,7 +180,7 @@ def _name(problem: Problem, progress: Progress) -> Naming:
     first, more = look(problem, around, parent, curves, LISTED, progress, begun)
     setting, base, found = settled(problem, setting, base, merged([*found, *more]))
     setting, found = finer(problem, setting, base, found, progress)
-    done = [names(parent)]
+    done, replaced = [names(parent)], [names(base)]
     while len(done) < LOOKS:
         setting, base, found = settled(problem, setting, base, found)
         base, found = pared(problem, setting, base, found)
@@ -187,18 +189,25 @@ def _name(problem: Problem, progress: Progress) -> Naming:
             progress("calibration", len(done), LOOKS)
             moved = calibrated(problem, replace(setting, base=best.base), best)
             found = merged([*found, *([] if moved is None else [moved]), *extended(problem, setting, [best])])
-            base, found = pared(problem, setting, base, found)
+        if names(best) not in done:
+            found = merged([*found, *regrouped(problem, setting, best)])
+        base, found = pared(problem, setting, base, found)
         kept = sorted(admissible(setting, base, found), key=lambda fitted: fitted.surprise)
         beside = [fitted for fitted in distinct(kept)[:BESIDE] if names(fitted) not in done and has_room(fitted)]
-        if not beside or (beside[0] is not kept[0] and kept[0].s2 < EXPLAINED * setting.floor):
+        if beside and (beside[0] is kept[0] or kept[0].s2 >= EXPLAINED * setting.floor):
+            parent = beside[0]
+            around = replace(setting, base=parent.base)
+            _, more = look(problem, around, parent, looked_for(parent), LISTED[:1], progress)
+            done.append(names(parent))
+        elif names(kept[0]) not in replaced:
+            replaced.append(names(kept[0]))
+            more = rivals(problem, setting, base, found, first, progress)
+        else:
             break
-        parent = beside[0]
-        around = replace(setting, base=parent.base)
-        _, more = look(problem, around, parent, looked_for(parent), LISTED[:1], progress)
         found = merged([*found, *more])
-        done.append(names(parent))
     setting, base, found = settled(problem, setting, base, found)
-    found += rivals(problem, setting, base, found, first, progress)
+    if names(first_of(admissible(setting, base, found))) not in replaced:
+        found += rivals(problem, setting, base, found, first, progress)
     base, found = pared(problem, setting, base, found)
     kept = [f for f in merged(admissible(setting, base, found)) if f.model.terms]
     return Naming(base, tuple(credible(kept)), setting)

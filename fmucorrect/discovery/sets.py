@@ -135,7 +135,7 @@ def pared(problem: Problem, setting: Setting, base: Fitted, found: Sequence[Fitt
                 continue
             start = judge(setting, replace(best, model=less, at=y, residual=setting.measured - y))
             if start.surprise < known.get(_forms(terms), np.inf):
-                fitted = fit(problem, replace(setting, base=best.base), less, 6, y, rival=best.surprise)
+                fitted = fit(problem, replace(setting, base=best.base), less, LONG, y, rival=best.surprise)
                 fits += [] if fitted is None else [fitted]
         if not fits:
             return base, found
@@ -164,10 +164,10 @@ def _with_less(terms: Sequence[Term]) -> Iterator[tuple[Term, ...]]:
 
 
 def _special(term: ForceTerm) -> Iterator[ForceTerm]:
-    """The simpler laws that a member's law contains, with the numbers that both have."""
+    """The simpler laws that a member's law contains, with the numbers that both have, and the defaults of others."""
     for law in (law for name in term.law.special for law in CATALOGUE[name] if may_act(law, term.joints)):
         values = {p.name: term.values[p.name] for p in law.parameters if p.name in term.values}
-        if {*law.required, *law.estimated} <= {*values}:
+        if {*law.required} <= {*values}:
             yield ForceTerm(law, term.where, term.joints, law.complete(values))
 
 
