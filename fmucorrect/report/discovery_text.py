@@ -165,7 +165,8 @@ def listed(names: Sequence[str], word: str = "and") -> str:
 
 
 def markup(equation: str) -> str:
-    """An equation in plain text as HTML: letters in italics, _ lowers, ^ raises, Greek by name; all is escaped."""
+    """An equation in plain text as HTML: letters in italics, _ lowers behind a letter, ^ raises, Greek by name; names of
+    parameters stay as they are; all is escaped."""
     return "".join(_token(found) for found in _TOKEN.finditer(equation.strip()))
 
 
@@ -179,6 +180,8 @@ def _token(found: re.Match[str]) -> str:
         head, tail = (letter[0], name[letter.end() :]) if letter else (name, "")
         symbol = SYMBOLS.get(head, head)
         upright = len(symbol) > 2
+        if upright and below and head not in SYMBOLS:  # the name of an FMU's parameter
+            return escape(text)
         lowered = escape(SYMBOLS.get(tail + below, tail + below))
         return (symbol if upright else f"<i>{symbol}</i>") + (f"<sub{_SMALL}>{lowered}</sub>" if lowered else "")
     return {"*": "&middot;", "-": "−"}.get(text, escape(text))

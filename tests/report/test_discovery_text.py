@@ -19,6 +19,8 @@ def test_equations_are_set_and_escaped() -> None:
     )
     assert markup("z^(n - 1)").startswith(f"<i>z</i><sup{small}><i>n</i> − 1</sup>")
     assert "<b>" not in markup("<b> & d < g")
+    assert markup("yaw_damper_scale + Delta") == "yaw_damper_scale + <i>Δ</i>"
+    assert markup("alpha_x") == f"<i>α</i><sub{small}>x</sub>"
 
 
 @pytest.mark.parametrize(
