@@ -1,0 +1,75 @@
+"""A mass on a spring whose parameters the study may adjust, measured with others."""
+
+from pathlib import Path
+
+import numpy as np
+
+from fmucorrect import experiment
+from fmucorrect.discovery import nuisances
+from fmucorrect.discovery.evidence import Nuisances
+from fmucorrect.discovery.fit import Fitted, Setting, fit
+from fmucorrect.discovery.problem import Problem, load
+from fmucorrect.study import load_study
+
+FMU = Path(__file__).resolve().parents[2] / "fmus" / "oscillator" / "oscillator.fmu"
+STEP, SECONDS, NOISE = 2e-3, 6.0, 0.01  # s, s, mm
+T = np.arange(round(SECONDS / STEP) + 1) * STEP
+ADJUSTABLE = {"k1": (200.0, 4000.0), "c1": (2.0, 40.0), "m1": (0.5, 2.0)}
+HEAD = f"""format = 1
+name = "a mass on a spring"
+[simulation]
+fmu = "{FMU.as_posix()}"
+step_size = {STEP}
+parameters = {{ masses = 1.0, m1 = 1.0, k1 = 1000.0, c1 = 10.0 }}
+[[channels]]
+name = "x1"
+simulation = "mass1.x"
+measurement = "x1"
+quantity = "displacement"
+unit = "mm"
+noise = {NOISE}
+[[conditions]]
+name = "sweep"
+role = "development"
+inputs = "force.csv"
+measurement = "measured.csv"
+parameters = {{ }}
+"""
+APART = "".join(
+    f'[[adjustable]]\nparameter = "{name}"\nminimum = {low}\nmaximum = {high}\ntolerance = 0.02\n'
+    for name, (low, high) in ADJUSTABLE.items()
+)
+TOGETHER = '[[adjustable]]\nparameters = ["k1", "c1"]\nminimum = 0.2\nmaximum = 2.0\ntolerance = 0.02\n'
+
+
+def write(path: Path, name: str, values: np.ndarray) -> None:
+    np.savetxt(path, np.column_stack([T, values]), "%.9g", ",", header=f"time,{name}", comments="")
+
+
+def problem_of(folder: Path, library: Path, adjustable: str = APART, **truth: float) -> Problem:
+    """The study, measured on a mass with other parameters."""
+    t = np.clip(T - 0.3, 0.0, None)
+    force = 0.5 * np.sin(2 * np.pi * (1.0 + t) * t) * (t > 0.0)
+    write(folder / "force.csv", "mass1.f [N]", force)
+    write(folder / "measured.csv", "x1 [mm]", 0.0 * T)
+    (folder / "true.toml").write_text(
+        HEAD.replace("parameters = { }", "parameters = { " + ", ".join(f"{n} = {v}" for n, v in truth.items()) + " }")
+    )
+    (folder / "study.toml").write_text(HEAD + adjustable, encoding="utf-8")
+    true = load_study(folder / "true.toml")
+    y = experiment.simulate(true, true.conditions[0]).values[:, 0]
+    write(folder / "measured.csv", "x1 [mm]", y + NOISE * np.random.default_rng(2).normal(size=len(y)))
+    return load(load_study(folder / "study.toml"), library, 2)
+
+
+def begun(problem: Problem) -> tuple[Setting, Fitted]:
+    """What the fits of the problem share, and the model with nothing but its base parameters moved."""
+    start = problem.responses(problem.nominal)
+    at = problem.stack(start)
+    base = nuisances.sensitivities(problem, problem.nominal, at)
+    sensors = Nuisances(nuisances.sensors(problem, start))
+    volume = Nuisances(np.concatenate([base, sensors.columns], axis=1)).values
+    setting = Setting(problem.measured, sensors, base, volume, 0.5, candidates=20)
+    fitted = fit(problem, setting, problem.nominal, 8, at)
+    assert fitted is not None
+    return setting, fitted

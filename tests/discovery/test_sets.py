@@ -1,0 +1,69 @@
+"""Sets of effects on a mass on a spring: what is needed stays, what is not goes, and parts of what is scaled together count."""
+
+from dataclasses import replace
+
+import pytest
+
+pytest.importorskip("ziglang")
+pytest.importorskip("sympy")
+
+from one_mass import TOGETHER, begun, problem_of
+
+from fmucorrect.discovery import native
+from fmucorrect.discovery.candidates import adjustables, parts
+from fmucorrect.discovery.fit import fit
+from fmucorrect.discovery.look import at_other_places
+from fmucorrect.discovery.problem import overrides
+from fmucorrect.discovery.sets import admissible, first_of, names, pared
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory):
+    return native.build(tmp_path_factory.mktemp("march"))
+
+
+def fitted(problem, setting, *wanted, iterations=30):
+    terms = tuple(term for term in adjustables(problem) if term.where in wanted)
+    found = fit(problem, setting, replace(problem.nominal, terms=terms), iterations)
+    assert found is not None
+    return found
+
+
+def places(found):
+    return {where for _, where in names(found)}
+
+
+def test_a_set_is_pared_to_what_it_needs_even_where_that_had_been_fitted_badly(library, tmp_path):
+    with problem_of(tmp_path, library, k1=1300.0) as problem:
+        setting, base = begun(problem)
+        larger, bad = fitted(problem, setting, "k1", "c1"), fitted(problem, setting, "k1", iterations=0)
+        assert bad.s2 > 10.0 * larger.s2
+        base, found = pared(problem, setting, base, [larger, bad])
+        best = first_of(admissible(setting, base, found))
+    assert places(best) == {"k1"}
+    assert best.s2 < 1.2
+
+
+def test_what_is_needed_stays(library, tmp_path):
+    with problem_of(tmp_path, library, k1=1300.0, c1=5.0) as problem:
+        setting, base = begun(problem)
+        base, found = pared(problem, setting, base, [fitted(problem, setting, "k1", "c1")])
+        best = first_of(admissible(setting, base, found))
+    assert places(best) == {"k1", "c1"}
+
+
+def test_each_of_the_parameters_that_are_scaled_together_may_be_off_by_itself(library, tmp_path):
+    with problem_of(tmp_path, library, TOGETHER, k1=1300.0) as problem:
+        setting, _ = begun(problem)
+        found = {}
+        for part in parts(problem):
+            model = replace(problem.nominal, terms=(replace(part, values={"value": 2.0 * part.scale}),))
+            changed = overrides(problem.study, problem.fmu, problem.trials[0].condition, model, problem.tolerated)
+            assert changed == {part.where: pytest.approx(1.04 * {"k1": 1000.0, "c1": 10.0}[part.where])}
+            found[part.where] = fit(problem, setting, model, 12)
+        best = first_of(list(found.values()))
+        elsewhere = at_other_places(problem, setting, best)
+    assert set(found) == {"k1", "c1"}
+    assert best is found["k1"]
+    assert best.model.terms[0].values["value"] + 1000.0 * 0.02 * best.model.base[0] == pytest.approx(300.0, rel=0.02)
+    assert elsewhere == []  # the damper's coefficient does not act like the spring's
