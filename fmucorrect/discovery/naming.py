@@ -199,7 +199,7 @@ def _name(problem: Problem, progress: Progress) -> Naming:
             around = replace(setting, base=parent.base)
             _, more = look(problem, around, parent, looked_for(parent), LISTED[:1], progress)
             done.append(names(parent))
-        elif names(kept[0]) not in replaced:
+        elif names(kept[0]) not in replaced and len(replaced) <= BESIDE:
             replaced.append(names(kept[0]))
             more = rivals(problem, setting, base, found, first, progress)
         else:
