@@ -24,6 +24,7 @@ from fmucorrect.discovery.sets import (
     LONG,
     Progress,
     admissible,
+    complete,
     credible,
     distinct,
     extended,
@@ -194,7 +195,8 @@ def _name(problem: Problem, progress: Progress) -> Naming:
         base, found = pared(problem, setting, base, found)
         kept = sorted(admissible(setting, base, found), key=lambda fitted: fitted.surprise)
         beside = [fitted for fitted in distinct(kept)[:BESIDE] if names(fitted) not in done and has_room(fitted)]
-        if beside and (beside[0] is kept[0] or kept[0].s2 >= EXPLAINED * setting.floor):
+        finished = complete(setting, base, found, kept[0])
+        if beside and not finished and (beside[0] is kept[0] or kept[0].s2 >= EXPLAINED * setting.floor):
             parent = beside[0]
             around = replace(setting, base=parent.base)
             _, more = look(problem, around, parent, looked_for(parent), LISTED[:1], progress)
