@@ -85,8 +85,8 @@ def _worth(setting: Setting, less: Fitted, more: Fitted, energy: float) -> bool:
 
 
 def complete(setting: Setting, base: Fitted, found: Sequence[Fitted], best: Fitted) -> bool:
-    """Whether nothing is left beside the best set that a further effect could be worth: in the error, or in base parameters that
-    are far from their start values."""
+    """Whether nothing is left beside the best set that a further effect could be worth: in the error, or in base parameters
+    that are far from their start values."""
     energy = min(fitted.s2 for fitted in (base, *found) if _exact(fitted) and names(fitted) <= names(best))
     far = float(np.sum(np.square(best.model.base)))
     return best.s2 - setting.floor < WORTH**2 * energy and far < price(setting, 1)
