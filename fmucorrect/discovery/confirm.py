@@ -111,7 +111,10 @@ def _gap(
     )
 
 
-def sensor_errors(fitted: Float64[np.ndarray, " m"], channels: int) -> Float64[np.ndarray, "J 2"]:
-    """Gain error and lag of each channel from the sensors' nuisances, in the order of nuisances.sensors."""
+def sensor_errors(fitted: Float64[np.ndarray, " m"], channels: int, conditions: int) -> Float64[np.ndarray, "J 2"]:
+    """Gain error and lag of each channel from the sensors' nuisances, in the order of nuisances.sensors. What all conditions'
+    clocks have in common is a lag of every channel."""
     rows = fitted[: 2 * channels].reshape(channels, 2)
-    return rows * np.array([GAIN, LAG])
+    own = fitted[2 * channels :].reshape(conditions, -1)
+    clock = float(own[:, 0].mean()) if own.shape[1] == 1 + 2 * channels else 0.0
+    return (rows + np.array([0.0, clock])) * np.array([GAIN, LAG])

@@ -116,9 +116,8 @@ def _report(
 ) -> tuple[dict[str, Any], Found | None]:
     """The report, and what an FMU can be given of what was found."""
     best = decision.best
-    sensors = sensor_errors(
-        naming.setting.sensors.believe(best.residual, naming.setting.share).fitted, len(study.channels)
-    )
+    told = naming.setting.sensors.believe(best.residual, naming.setting.share).fitted
+    sensors = sensor_errors(told, len(study.channels), len(problem.trials))
     progress("confirm", 0, len(study.conditions))
     checked = gaps(study, problem.library, study.conditions, best.model, problem.tolerated, sensors, problem.substeps)
     verdict = confirmed(decision, checked)

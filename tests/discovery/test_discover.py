@@ -16,8 +16,10 @@ import fmpy
 
 from fmucorrect import records
 from fmucorrect.cli import main
-from fmucorrect.discovery import discover
+from fmucorrect.discovery import discover, nuisances
+from fmucorrect.discovery.confirm import sensor_errors
 from fmucorrect.discovery.evidence import Nuisances, independent
+from fmucorrect.discovery.problem import load
 from fmucorrect.errors import StudyError
 from fmucorrect.experiment import simulate
 from fmucorrect.signals import Channel, Record
@@ -234,6 +236,21 @@ def test_the_force_of_a_prescribed_motion_is_described_by_that_motion(tmp_path):
     (words,) = (note for note in report["notes"] if note.startswith("F: "))
     assert "1.5" in words
     assert "follows the velocity's sign" in words
+
+
+def test_a_lag_that_all_conditions_have_is_one_of_every_channel(tmp_path):
+    """Nuisances of a measurement that is late everywhere: gaps are shown through sensors that are."""
+    study = load_study(write_study(tmp_path, nothing))
+    with load(study, None) as problem:
+        late = 0.8e-3
+        still = [np.zeros((len(trial.measured), 2)) for trial in problem.trials]
+        responses = [trial.measured for trial in problem.trials]
+        columns = nuisances.sensors(problem, responses)
+        delayed = [y - late * np.gradient(y, STEP, axis=0) for y in responses]
+        belief = Nuisances(columns).believe(problem.stack(delayed) - problem.stack(responses), 1.0)
+        found = sensor_errors(belief.fitted, 2, len(still))
+    assert found[:, 1] == pytest.approx(late, rel=0.1)
+    assert found[:, 0] == pytest.approx(0.0, abs=2e-3)
 
 
 def test_only_independent_rows_count():
