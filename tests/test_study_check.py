@@ -1,0 +1,106 @@
+"""A study against its FMU and its records: what does not fit, all of it at once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from study_example import CHANNEL, CONDITION, EXAMPLE, JOINT, edited, files, write
+
+from fmucorrect.study import check_study, load_study
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return files(tmp_path)
+
+
+VARIABLES = {
+    "FW": "m",
+    "platform_yaw": "rad",
+    "yaw_damper_left.f": "N",
+    "yaw_damper_left.d": "m",
+    "yaw_damper_left.v": "m/s",
+    "yaw_damper_left.F": "kN",
+    "yaw_damper_right.f": "N.m",
+    "yaw_damper_right.d": "rad",
+    "frame.a": "m/s2",
+    "equivalent_conicity": "1",
+    "speed": "m/s",
+    "brake": "N",
+}
+COLUMNS = {
+    "measured_300.mcap": {"lvdt_FW": "um", "acc_FW": "gn", "platform_yaw": "deg"},
+    "simulated_300.mcap": {"FW": "mm", "platform_yaw": "deg"},
+    "inputs_300.csv": {"brake": "kN", "speed": "1"},
+}
+
+
+def checked(
+    folder: Path, text: str, variables: dict[str, str] | None, columns: dict[str, dict[str, str]] | None = None
+) -> list[str]:
+    study = load_study(write(folder, text))
+    return check_study(study, variables, {(folder / k).resolve(): v for k, v in (columns or {}).items()})
+
+
+@pytest.mark.parametrize("simulated", [True, False])
+def test_check_finds_nothing_wrong_when_all_fits(folder: Path, simulated: bool) -> None:
+    text = EXAMPLE if simulated else edited(('simulated = "simulated_300.mcap"', ""))
+    assert checked(folder, text, VARIABLES, COLUMNS) == []
+    assert checked(folder, text, None, COLUMNS) == []
+    assert checked(folder, text, VARIABLES) == []
+
+
+IN_FMU = [
+    ("{ }", "{ sped = 1 }", "[simulation], key parameters.sped: there is no variable 'sped' in the FMU; "
+     "did you mean 'speed'?"),
+    ("{ speed =", "{ sped =", f"{CONDITION}, key parameters.sped: there is no variable 'sped' in the FMU; "
+     "did you mean 'speed'?"),
+    ('"equivalent_conicity"', '"equivalent_conicty"', "[[adjustable]] 1, key parameter: there is no variable "
+     "'equivalent_conicty' in the FMU; did you mean 'equivalent_conicity'?"),
+    ('"yaw_damper_left.f"', '"yaw_damper_leftt.f"', f"{JOINT}, key force: there is no variable 'yaw_damper_leftt.f' in "
+     "the FMU; did you mean 'yaw_damper_left.f'?"),
+    ('"yaw_damper_left.f"', '"speed"', f"{JOINT}, key force: variable 'speed' has unit 'm/s' in the FMU, "
+     "expected one like 'N' or 'N.m'"),
+    ('"yaw_damper_left.v"', '"equivalent_conicity"', f"{JOINT}, key velocity: variable 'equivalent_conicity' has no unit "
+     "in the FMU, expected one like 'm/s'"),
+    ('"yaw_damper_left.F"', '"yaw_damper_right.f"', f"{JOINT}, key nominal_force: variable 'yaw_damper_right.f' has unit "
+     "'N.m' in the FMU, expected one like 'N'"),
+    ('"frame.a"', '"FW"', f"{JOINT}, key acceleration: variable 'FW' has unit 'm' in the FMU, "
+     "expected one like 'm/s2' or 'rad/s2'"),
+    ('simulation = "FW" ', 'simulation = "brake" ', f"{CHANNEL}, key simulation: variable 'brake' has unit 'N' in the FMU, "
+     "expected one like 'mm'"),
+    ('simulation = "platform_yaw"', 'simulation = "platfrm_yaw"', "[excitation], key simulation: there is no variable "
+     "'platfrm_yaw' in the FMU; did you mean 'platform_yaw'?"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("old", "new", "expected"), IN_FMU, ids=[case[2][:60] for case in IN_FMU])
+def test_check_of_the_fmu(folder: Path, old: str, new: str, expected: str) -> None:
+    (found,) = checked(folder, edited((old, new), ('simulated = "simulated_300.mcap"', "")), VARIABLES)
+    assert found.startswith(f"line {EXAMPLE[: EXAMPLE.index(old)].count(chr(10)) + 1}, {expected}")
+
+
+def test_check_of_records(folder: Path) -> None:
+    columns = {
+        "measured_300.mcap": {"lvdt_FB": "mm", "acc_FW": "V", "platform_yaw": "m/s"},
+        "simulated_300.mcap": {"FW": "1", "yaw": "deg"},
+        "inputs_300.csv": {"break": "N", "brake": "m"},
+    }
+    assert [problem.split(", ", 1)[1] for problem in checked(folder, EXAMPLE, VARIABLES, columns)] == [
+        f"{CHANNEL}, key simulation: column 'FW' has no unit in simulated_300.mcap, expected one like 'mm'",
+        f"{CHANNEL}, key measurement: there is no column 'lvdt_FW' in measured_300.mcap; did you mean 'lvdt_FB'?",
+        f"{CHANNEL}, key acceleration: column 'acc_FW' has unit 'V' in measured_300.mcap, expected one like 'm/s2'",
+        "[excitation], key simulation: there is no column 'platform_yaw' in simulated_300.mcap; there are 'FW', 'yaw'",
+        "[excitation], key measurement: column 'platform_yaw' has unit 'm/s' in measured_300.mcap, expected one like 'rad'",
+        f"{CONDITION}, key inputs: there is no input 'break' in the FMU; did you mean 'brake'?",
+        f"{CONDITION}, key inputs: column 'brake' has unit 'm', not like 'N'",
+    ]
+
+
+def test_a_column_missing_in_several_records_is_one_problem(folder: Path) -> None:
+    (folder / "second.mcap").touch()
+    more = '\n[[conditions]]\nname = "2"\nrole = "evaluation"\nmeasurement = "second.mcap"\n'
+    columns = {name: {"acc_FW": "m/s2", "platform_yaw": "deg"} for name in ("measured_300.mcap", "second.mcap")}
+    (found,) = checked(folder, EXAMPLE + more, None, columns)
+    assert "there is no column 'lvdt_FW' in measured_300.mcap, second.mcap" in found
