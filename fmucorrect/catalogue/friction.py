@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from fmucorrect.catalogue import smooth
-from fmucorrect.catalogue.law import Expr, Formula, Law, Parameter, State, Symbols, load_sympy
+from fmucorrect.catalogue.law import Expr, Extension, Formula, Law, Parameter, State, Symbols, load_sympy
 from fmucorrect.catalogue.motion import Guess, Motion
 
 _ANYWHERE = "any joint"
@@ -130,6 +130,16 @@ def _half_of_it_play(values: Mapping[str, float]) -> Mapping[str, float]:
     return {"friction_force": force, "gap": half, "stiffness": force / half}
 
 
+def _falling_from(pace: str, over: str = "") -> Extension:
+    """Breakaway a fifth higher, gone at a velocity that the friction itself tells."""
+
+    def extend(values: Mapping[str, float]) -> Mapping[str, float]:
+        slow = values[pace] / values[over] if over else 10.0 * values[pace]
+        return {**values, "breakaway_force": 1.2 * values["friction_force"], "stribeck_velocity": slow}
+
+    return extend
+
+
 LAWS = (
     Law(
         name="coulomb_friction",
@@ -176,6 +186,7 @@ LAWS = (
         estimated=("friction_force", "breakaway_force", "stribeck_velocity", "smoothing_velocity"),
         note=f"F_b is reached as far as v_s is small against v_b. {_LIMIT}",
         check=_falling,
+        extends=(("coulomb_friction", _falling_from("smoothing_velocity")),),
     ),
     Law(
         name="stribeck_friction",
@@ -203,6 +214,7 @@ LAWS = (
         states=(_BRISTLE,),
         note=f"LuGre's friction with a damping that keeps it passive. {_HOLD}",
         check=_falling,
+        extends=(("coulomb_friction_stick", _falling_from("stick_displacement", "stick_time")),),
     ),
     Law(
         name="friction_with_backlash",

@@ -67,29 +67,33 @@ def _exact(fitted: Fitted) -> bool:
 
 def _worth(setting: Setting, less: Fitted, more: Fitted, energy: float) -> bool:
     """Whether a larger set takes away enough: of the error, or of what sensors and base parameters had to take on. A parameter
-    that is off does so too where the base parameters would else be further from their start values than it costs. energy: mean
-    square of the residual that was to be explained."""
+    or a sensor that is off does so too where the others would else be further from what is expected of them than it costs.
+    energy: mean square of the residual that was to be explained."""
     least = WORTH**2 * energy
     if less.s2 - more.s2 >= least:
         return True
     count, gained = setting.share * len(setting.measured), less.surprise - more.surprise
     extra = [term for term in more.model.terms if term.key not in names(less)]
-    nearer = float(np.sum(np.square(less.model.base)) - np.sum(np.square(more.model.base)))
-    if (
-        gained > 0.0
-        and all(isinstance(term, OffsetTerm) for term in extra)
-        and nearer >= price(setting, 1) * len(extra)
-    ):
-        return True
+    if gained > 0.0 and not any(isinstance(term, ForceTerm) for term in extra):
+        paid = sum(price(setting, len(term.estimated)) for term in extra)
+        if _far(setting, less) - _far(setting, more) >= paid:
+            return True
     return gained >= count * float(np.log1p(least / more.s2))
 
 
+def _far(setting: Setting, fitted: Fitted) -> float:
+    """How far base parameters and sensors are from what is expected of them: a sum of squares, in standard deviations."""
+    sensors = setting.sensors.believe(fitted.residual, setting.share, setting.floor).fitted
+    return float(np.sum(np.square(fitted.model.base)) + np.sum(np.square(sensors)))
+
+
 def complete(setting: Setting, base: Fitted, found: Sequence[Fitted], best: Fitted) -> bool:
-    """Whether nothing is left beside the best set that a further effect could be worth: in the error, or in base parameters
-    that are far from their start values."""
+    """Whether nothing is left beside the best set that a further effect could be worth: in the error, in base parameters that
+    are far from their start values, or in a sensor that would be off by more than it costs to say so."""
     energy = min(fitted.s2 for fitted in (base, *found) if _exact(fitted) and names(fitted) <= names(best))
     far = float(np.sum(np.square(best.model.base)))
-    return best.s2 - setting.floor < WORTH**2 * energy and far < price(setting, 1)
+    sensors = np.square(setting.sensors.believe(best.residual, setting.share, setting.floor).fitted).max(initial=0.0)
+    return best.s2 - setting.floor < WORTH**2 * energy and max(far, float(sensors)) < price(setting, 1)
 
 
 def credible(found: Sequence[Fitted]) -> list[Fitted]:
