@@ -90,7 +90,7 @@ def test_a_law_begins_where_one_that_it_contains_has_ended(library, tmp_path):
         friction = fit(problem, setting, replace(problem.nominal, terms=(begin,)), 12)
         assert friction is not None
         found = {fitted.model.terms[0].effect: fitted for fitted in extended(problem, setting, [friction])}
-    assert set(found) == {"bouc_wen_hysteresis", "friction_with_backlash"}
+    assert set(found) == {"bouc_wen_hysteresis", "friction_with_backlash", "stribeck_friction"}
     assert friction.s2 > 10.0
     best = found["bouc_wen_hysteresis"]
     assert best.s2 < 1.1
