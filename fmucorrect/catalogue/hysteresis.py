@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
-from fmucorrect.catalogue.law import Formula, Law, Parameter, State, Symbols, load_sympy
+from fmucorrect.catalogue.law import Extension, Formula, Law, Parameter, State, Symbols, load_sympy
 from fmucorrect.catalogue.motion import Guess, Motion
 
 
@@ -46,7 +46,7 @@ def _as_dahl(values: Mapping[str, float]) -> Mapping[str, float]:
     return {"stiffness": values["friction_force"] / reach, **shape}
 
 
-def _with_exponent(exponent: float) -> Callable[[Mapping[str, float]], Mapping[str, float]]:
+def _with_exponent(exponent: float) -> Extension:
     """The same loop, yielding at the same displacement, with other corners."""
 
     def extend(values: Mapping[str, float]) -> Mapping[str, float]:

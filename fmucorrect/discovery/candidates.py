@@ -140,33 +140,31 @@ def _curve(law: Law | SignalLaw, place: str, make: Make, factor: float, numbers:
 
 def adjustables(problem: Problem) -> list[OffsetTerm]:
     """Every adjustable of the study as an offset, of 0 yet."""
-    study, fmu = problem.study, problem.fmu
-    found: list[OffsetTerm] = []
-    for adjustable in study.adjustable if fmu is not None else ():
-        first = adjustable.parameters[0]
-        single = len(adjustable.parameters) == 1
-        start = start_value(study, fmu, problem.trials[0].condition, first) if single else 1.0
-        scale = tolerance_of(adjustable, start) or UNKNOWN * abs(start)
-        unit = fmu.variables[first].unit if single and fmu is not None else "1"
-        low, high = adjustable.minimum - start, adjustable.maximum - start
-        if scale > 0.0:
-            name = " and ".join(adjustable.parameters)
-            found.append(OffsetTerm(adjustable, name, scale, low, high, {"value": 0.0}, unit))
-    return found
+    given = problem.study.adjustable if problem.fmu is not None else ()
+    found = [_as_offset(problem, adjustable) for adjustable in given]
+    return [term for term in found if term.scale > 0.0]
 
 
-def parts(problem: Problem) -> Iterator[OffsetTerm]:
+def parts(problem: Problem) -> list[OffsetTerm]:
     """Each of the parameters that a study scales together, by itself: one of two dampers may be the worn one."""
-    study, fmu = problem.study, problem.fmu
-    for adjustable in study.adjustable if fmu is not None else ():
-        for name in adjustable.parameters if len(adjustable.parameters) > 1 else ():
-            start = start_value(study, fmu, problem.trials[0].condition, name)
-            low, high = sorted((adjustable.minimum * start, adjustable.maximum * start))
-            own = Adjustable((name,), low, high, adjustable.tolerance or adjustable.absolute_tolerance)
-            scale = (own.tolerance or UNKNOWN) * abs(start)
-            if scale > 0.0 and fmu is not None:
-                unit = fmu.variables[name].unit
-                yield OffsetTerm(own, name, scale, low - start, high - start, {"value": 0.0}, unit)
+    found: list[OffsetTerm] = []
+    for together in problem.study.adjustable if problem.fmu is not None else ():
+        for name in together.parameters if len(together.parameters) > 1 else ():
+            start = start_value(problem.study, problem.fmu, problem.trials[0].condition, name)
+            low, high = sorted((together.minimum * start, together.maximum * start))
+            share = together.tolerance or together.absolute_tolerance
+            found.append(_as_offset(problem, Adjustable((name,), low, high, share)))
+    return [term for term in found if term.scale > 0.0]
+
+
+def _as_offset(problem: Problem, adjustable: Adjustable) -> OffsetTerm:
+    first = adjustable.parameters[0]
+    single = len(adjustable.parameters) == 1
+    start = start_value(problem.study, problem.fmu, problem.trials[0].condition, first) if single else 1.0
+    scale = tolerance_of(adjustable, start) or UNKNOWN * abs(start)
+    unit = problem.fmu.variables[first].unit if single and problem.fmu is not None else "1"
+    low, high = adjustable.minimum - start, adjustable.maximum - start
+    return OffsetTerm(adjustable, " and ".join(adjustable.parameters), scale, low, high, {"value": 0.0}, unit)
 
 
 def _of_parameters(problem: Problem) -> Iterator[Curve]:

@@ -22,7 +22,7 @@ from fmucorrect.discovery.kept import Kept
 from fmucorrect.discovery.located import located
 from fmucorrect.discovery.naming import Naming, name
 from fmucorrect.discovery.nexttest import next_test
-from fmucorrect.discovery.outputmap import force_map, output_maps
+from fmucorrect.discovery.outputmap import output_maps
 from fmucorrect.discovery.pictures import picture
 from fmucorrect.discovery.problem import Problem, load
 from fmucorrect.discovery.sets import Progress
@@ -225,24 +225,20 @@ def _in_words(problem: Problem, verdict: str, residuals: Sequence[Residual]) -> 
     study = problem.study
     if study.joints or verdict == "none":
         return []
-    moves, unit = _prescribed(problem) if any(c.quantity == "force" for c in study.channels) else (None, "")
-    maps = output_maps(residuals, study.channels)
-    for j, channel in enumerate(study.channels):
-        if channel.quantity == "force" and moves is not None:
-            maps[j] = force_map(residuals, channel, j, moves, unit)
-    return [item.sentence for item in maps]
+    return [item.sentence for item in output_maps(residuals, study.channels, *_prescribed(problem))]
 
 
-def _prescribed(problem: Problem) -> tuple[list[Float64[np.ndarray, " N"]] | None, str]:
-    """The excitation at the measured rows of every condition where it is a displacement, and its unit; else None."""
+def _prescribed(problem: Problem) -> tuple[list[Float64[np.ndarray, " N"]], str]:
+    """The excitation at the measured rows of every condition where it is a displacement that gives forces, and its unit; else
+    none."""
     study = problem.study
-    if study.excitation is None:
-        return None, ""
+    if study.excitation is None or not any(channel.quantity == "force" for channel in study.channels):
+        return [], ""
     records = [experiment.simulate(study, trial.condition) for trial in problem.trials]
     column = records[0].index(study.excitation.simulation)
     unit = records[0].channels[column].unit
     moves = [record.values[trial.rows, column] for record, trial in zip(records, problem.trials, strict=True)]
-    return (moves, unit) if parse(unit).dimension == parse("m").dimension else (None, "")
+    return (moves, unit) if parse(unit).dimension == parse("m").dimension else ([], "")
 
 
 def _notes(study: Study, problem: Problem, decision: Decision) -> list[str]:

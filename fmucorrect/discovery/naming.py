@@ -36,6 +36,7 @@ from fmucorrect.discovery.sets import (
     pared,
     settled,
     share_of,
+    with_sensors,
 )
 from fmucorrect.discovery.terms import OffsetTerm, Term
 
@@ -107,10 +108,10 @@ def _finished(problem: Problem, naming: Naming) -> Naming:
 
 def _on_all(problem: Problem, naming: Naming, progress: Progress) -> Naming:
     """The likely sets of a few conditions, fitted to all."""
-    setting, _, _ = _begun(problem)
+    setting, _, _ = begin(problem)
     before = naming.setting
-    sensors = Nuisances(nuisances.sensors(problem, problem.responses(naming.best.model)))
-    setting = replace(setting, share=before.share, floor=before.floor, candidates=before.candidates, sensors=sensors)
+    setting = replace(setting, share=before.share, floor=before.floor, candidates=before.candidates)
+    setting = with_sensors(problem, setting, naming.best.model)
     base = fit(problem, setting, replace(problem.nominal, base=naming.base.model.base), 8)
     assert base is not None
     likely = [f for f in naming.sets if f.surprise < naming.best.surprise + LIKELY][:TRANSFERRED]
@@ -129,7 +130,7 @@ def _on_all(problem: Problem, naming: Naming, progress: Progress) -> Naming:
     return Naming(base, tuple(credible(kept)), setting)
 
 
-def _begun(problem: Problem) -> tuple[Setting, np.ndarray, list[np.ndarray]]:
+def begin(problem: Problem) -> tuple[Setting, np.ndarray, list[np.ndarray]]:
     """What all fits share, around the FMU as it is; its evidence and responses."""
     start = problem.responses(problem.nominal)
     at = problem.stack(start)
@@ -141,7 +142,7 @@ def _begun(problem: Problem) -> tuple[Setting, np.ndarray, list[np.ndarray]]:
 
 
 def _name(problem: Problem, progress: Progress) -> Naming:
-    setting, at, start = _begun(problem)
+    setting, at, start = begin(problem)
     can_act = problem.study.fmu is not None and bool(problem.study.joints)
     moves = motions(problem.study, [trial.condition for trial in problem.trials]) if can_act else {}
     setting = replace(setting, share=share_of(problem, setting, setting.measured - at))

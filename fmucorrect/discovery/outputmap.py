@@ -91,9 +91,19 @@ class OutputMap:
         return {**asdict(self), "held_out": {name: list(pair) for name, pair in self.held_out.items()}}
 
 
-def output_maps(residuals: Sequence[Residual], channels: Sequence[Channel]) -> list[OutputMap]:
-    """One map a channel, of its own simulated response; [] where there is no residual."""
-    return [_channel_map(residuals, j, channel) for j, channel in enumerate(channels)] if residuals else []
+def output_maps(
+    residuals: Sequence[Residual], channels: Sequence[Channel], moves: Sequence[Series] = (), unit: str = ""
+) -> list[OutputMap]:
+    """One map a channel, of its own simulated response; [] where there is no residual. moves: the displacement that is
+    prescribed, where there is one (in `unit`), a series a condition: forces are told by it."""
+    if not residuals:
+        return []
+    return [
+        force_map(residuals, channel, j, moves, unit)
+        if moves and channel.quantity == "force"
+        else _channel_map(residuals, j, channel)
+        for j, channel in enumerate(channels)
+    ]
 
 
 def force_map(

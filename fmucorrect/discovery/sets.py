@@ -12,7 +12,7 @@ from fmucorrect.discovery import nuisances
 from fmucorrect.discovery.candidates import may_act
 from fmucorrect.discovery.evidence import Nuisances, independent
 from fmucorrect.discovery.fit import HOPELESS, Fitted, Setting, fit, judge, price
-from fmucorrect.discovery.problem import Problem
+from fmucorrect.discovery.problem import Model, Problem
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, Term
 
 WORTH = 0.04
@@ -83,8 +83,12 @@ def _worth(setting: Setting, less: Fitted, more: Fitted, energy: float) -> bool:
 
 def _far(setting: Setting, fitted: Fitted) -> float:
     """How far base parameters and sensors are from what is expected of them: a sum of squares, in standard deviations."""
-    sensors = setting.sensors.believe(fitted.residual, setting.share, setting.floor).fitted
-    return float(np.sum(np.square(fitted.model.base)) + np.sum(np.square(sensors)))
+    return float(np.sum(np.square(fitted.model.base)) + np.sum(_sensed(setting, fitted)))
+
+
+def _sensed(setting: Setting, fitted: Fitted) -> np.ndarray:
+    """The same of each thing that may be off at the sensors."""
+    return np.square(setting.sensors.believe(fitted.residual, setting.share, setting.floor).fitted)
 
 
 def complete(setting: Setting, base: Fitted, found: Sequence[Fitted], best: Fitted) -> bool:
@@ -92,8 +96,8 @@ def complete(setting: Setting, base: Fitted, found: Sequence[Fitted], best: Fitt
     are far from their start values, or in a sensor that would be off by more than it costs to say so."""
     energy = min(fitted.s2 for fitted in (base, *found) if _exact(fitted) and names(fitted) <= names(best))
     far = float(np.sum(np.square(best.model.base)))
-    sensors = np.square(setting.sensors.believe(best.residual, setting.share, setting.floor).fitted).max(initial=0.0)
-    return best.s2 - setting.floor < WORTH**2 * energy and max(far, float(sensors)) < price(setting, 1)
+    sensed = float(_sensed(setting, best).max(initial=0.0))
+    return best.s2 - setting.floor < WORTH**2 * energy and max(far, sensed) < price(setting, 1)
 
 
 def credible(found: Sequence[Fitted]) -> list[Fitted]:
@@ -243,7 +247,7 @@ def settled(
     """All judged with sensors that take their part of the best set's response, and with the share of independent rows that its
     residual tells."""
     best = first_of([base, *found])
-    setting = replace(setting, sensors=Nuisances(nuisances.sensors(problem, problem.responses(best.model))))
+    setting = with_sensors(problem, setting, best.model)
     base, found = judge(setting, base), [judge(setting, fitted) for fitted in found]
     for _ in range(3):
         best = first_of([base, *found])
@@ -254,6 +258,11 @@ def settled(
         base = judge(setting, base)
         found = [judge(setting, fitted) for fitted in found]
     return setting, base, sorted(found, key=lambda fitted: fitted.surprise)
+
+
+def with_sensors(problem: Problem, setting: Setting, model: Model) -> Setting:
+    """The setting with sensors that take their part of a model's response."""
+    return replace(setting, sensors=Nuisances(nuisances.sensors(problem, problem.responses(model))))
 
 
 def share_of(problem: Problem, setting: Setting, residual: np.ndarray) -> float:

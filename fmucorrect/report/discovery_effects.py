@@ -192,7 +192,10 @@ def _adjusted(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
     after, before = mapping(report.get("adjusted")), mapping(report.get("adjusted_from"))
     if not after:
         return
-    page.section("Parameters of the model that moved along", "Inside the tolerance that the study gives them.")
+    page.section(
+        "Parameters of the model that moved along",
+        "By as much as their tolerances, which are standard deviations, make likely.",
+    )
     table: list[Row] = []
     for name, value in after.items():
         old, new = number(before.get(name)), number(value)

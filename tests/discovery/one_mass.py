@@ -1,12 +1,12 @@
 """A mass on a spring whose parameters the study may adjust, measured with others."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from fmucorrect import experiment
-from fmucorrect.discovery import nuisances
-from fmucorrect.discovery.evidence import Nuisances
+from fmucorrect.discovery import naming
 from fmucorrect.discovery.fit import Fitted, Setting, fit
 from fmucorrect.discovery.problem import Problem, load
 from fmucorrect.study import load_study
@@ -15,7 +15,7 @@ FMU = Path(__file__).resolve().parents[2] / "fmus" / "oscillator" / "oscillator.
 STEP, SECONDS, NOISE = 2e-3, 6.0, 0.01  # s, s, mm
 T = np.arange(round(SECONDS / STEP) + 1) * STEP
 ADJUSTABLE = {"k1": (200.0, 4000.0), "c1": (2.0, 40.0), "m1": (0.5, 2.0)}
-HEAD = f"""format = 1
+MASS = f"""format = 1
 name = "a mass on a spring"
 [simulation]
 fmu = "{FMU.as_posix()}"
@@ -28,7 +28,8 @@ measurement = "x1"
 quantity = "displacement"
 unit = "mm"
 noise = {NOISE}
-[[conditions]]
+"""
+HEAD = f"""{MASS}[[conditions]]
 name = "sweep"
 role = "development"
 inputs = "force.csv"
@@ -64,12 +65,8 @@ def problem_of(folder: Path, library: Path, adjustable: str = APART, **truth: fl
 
 def begun(problem: Problem) -> tuple[Setting, Fitted]:
     """What the fits of the problem share, and the model with nothing but its base parameters moved."""
-    start = problem.responses(problem.nominal)
-    at = problem.stack(start)
-    base = nuisances.sensitivities(problem, problem.nominal, at)
-    sensors = Nuisances(nuisances.sensors(problem, start))
-    volume = Nuisances(np.concatenate([base, sensors.columns], axis=1)).values
-    setting = Setting(problem.measured, sensors, base, volume, 0.5, candidates=20)
+    setting, at, _ = naming.begin(problem)
+    setting = replace(setting, share=0.5, candidates=20)
     fitted = fit(problem, setting, problem.nominal, 8, at)
     assert fitted is not None
     return setting, fitted

@@ -9,9 +9,10 @@ import pytest
 pytest.importorskip("ziglang")
 pytest.importorskip("sympy")
 
+from one_mass import MASS, NOISE, SECONDS, STEP, T, write
+
 from fmucorrect.catalogue import find
-from fmucorrect.discovery import native, nuisances
-from fmucorrect.discovery.evidence import Nuisances
+from fmucorrect.discovery import naming, native
 from fmucorrect.discovery.fit import Setting, fit
 from fmucorrect.discovery.nexttest import SPLIT, exciting, next_test, repeats
 from fmucorrect.discovery.problem import Model, load, runner, simulate
@@ -19,24 +20,8 @@ from fmucorrect.discovery.terms import ForceTerm, OffsetTerm
 from fmucorrect.signals import Condition
 from fmucorrect.study import Excitation, load_study
 
-FMU = Path(__file__).resolve().parents[2] / "fmus" / "oscillator" / "oscillator.fmu"
-STEP, SECONDS, REST = 2e-3, 6.0, 0.5
-NOISE = 0.01  # mm
-T = np.arange(round(SECONDS / STEP) + 1) * STEP
-HEAD = f"""format = 1
-name = "a mass on a spring"
-[simulation]
-fmu = "{FMU.as_posix()}"
-step_size = {STEP}
-parameters = {{ masses = 1.0, m1 = 1.0, k1 = 1000.0, c1 = 10.0 }}
-[[channels]]
-name = "x1"
-simulation = "mass1.x"
-measurement = "x1"
-quantity = "displacement"
-unit = "mm"
-noise = {NOISE}
-[[joints]]
+REST = 0.5
+HEAD = f"""{MASS}[[joints]]
 name = "joint 1"
 force = "joint1.f"
 displacement = "joint1.d"
@@ -73,10 +58,6 @@ def term(study, effect: str, **values: float) -> ForceTerm:
     return ForceTerm(law, "joint 1", study.joints, law.complete(values))
 
 
-def write(path: Path, name: str, values: np.ndarray) -> None:
-    np.savetxt(path, np.column_stack([T, values]), "%.9g", ",", header=f"time,{name}", comments="")
-
-
 def problem_of(folder: Path, library: Path, conditions: dict[str, float], truth: str, **values: float):
     """The study on disk, measured with one effect in it."""
     folder.mkdir(exist_ok=True)
@@ -99,11 +80,8 @@ def problem_of(folder: Path, library: Path, conditions: dict[str, float], truth:
 
 
 def setting_of(problem) -> Setting:
-    start = problem.responses(problem.nominal)
-    base = nuisances.sensitivities(problem, problem.nominal, problem.stack(start))
-    sensors = Nuisances(nuisances.sensors(problem, start))
-    volume = Nuisances(np.concatenate([base, sensors.columns], axis=1)).values
-    return Setting(problem.measured, sensors, base, volume, 1.0, candidates=10)
+    setting, _, _ = naming.begin(problem)
+    return replace(setting, candidates=10)
 
 
 def fitted_with(problem, setting, term):
