@@ -10,6 +10,7 @@ from jaxtyping import Float64
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.kept import remembered
 from fmucorrect.discovery.nuisances import PERTURBED, sensitivities
+from fmucorrect.discovery.nuisances import sensors as sensors_of
 from fmucorrect.discovery.problem import Model, Problem
 from fmucorrect.discovery.terms import coordinates, moved, room
 
@@ -80,6 +81,22 @@ class Fitted:
                 k += 1
             found.append(row)
         return found
+
+
+def begin(problem: Problem) -> tuple[Setting, np.ndarray, list[np.ndarray]]:
+    """What all fits share, around the FMU as it is; its evidence and responses."""
+    start = problem.responses(problem.nominal)
+    at = problem.stack(start)
+    sensors = Nuisances(sensors_of(problem, start))
+    own = sensitivities(problem, problem.nominal, at)
+    volume = Nuisances(np.concatenate([own, sensors.columns], axis=1)).values
+    setting = Setting(problem.measured, sensors, own, volume, 1.0)
+    return setting, at, start
+
+
+def with_sensors(problem: Problem, setting: Setting, model: Model) -> Setting:
+    """The setting with sensors that take their part of a model's response."""
+    return replace(setting, sensors=Nuisances(sensors_of(problem, problem.responses(model))))
 
 
 def price(setting: Setting, numbers: int) -> float:

@@ -9,15 +9,14 @@ from functools import cache
 import numpy as np
 
 from fmucorrect.catalogue.motion import Motion
-from fmucorrect.discovery import nuisances
 from fmucorrect.discovery.afresh import is_far, measured_motions, starts
 from fmucorrect.discovery.calibration import calibrated, whole
 from fmucorrect.discovery.candidates import Curve, candidates, places
-from fmucorrect.discovery.evidence import Nuisances
-from fmucorrect.discovery.fit import Fitted, Setting, fit
+from fmucorrect.discovery.ending import ended
+from fmucorrect.discovery.fit import Fitted, Setting, begin, fit, with_sensors
 from fmucorrect.discovery.lines import line, stands
 from fmucorrect.discovery.look import EXPLAINED, at_other_places, look, regrouped, rivals
-from fmucorrect.discovery.marks import with_marks
+from fmucorrect.discovery.marks import Marks, with_marks
 from fmucorrect.discovery.motion import motions
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.sets import (
@@ -36,7 +35,6 @@ from fmucorrect.discovery.sets import (
     pared,
     settled,
     share_of,
-    with_sensors,
 )
 from fmucorrect.discovery.terms import OffsetTerm, Term
 
@@ -79,9 +77,14 @@ def name(problem: Problem, progress: Progress = lambda stage, done, total: None)
     fitted to all of them.
     """
     naming = _somewhere(problem, progress)
-    found = at_other_places(problem, naming.setting, naming.best)
-    sets = [whole(problem, naming.setting, fitted) for fitted in merged([*naming.sets, *found])]
-    return replace(naming, sets=tuple(sorted(sets, key=lambda fitted: fitted.surprise)))
+    setting = naming.setting
+    found = merged([*naming.sets, *at_other_places(problem, setting, naming.best)])
+    sets = sorted(((whole(problem, setting, fitted), fitted) for fitted in found), key=lambda pair: pair[0].surprise)
+    told = [fitted for fitted, _ in sets]
+    if sets:  # its numbers to their end; compared with the others as they were fitted alike
+        best = whole(problem, setting, ended(problem, setting, naming.base, sets[0][1]))
+        told[0] = replace(best, surprise=told[0].surprise)
+    return replace(naming, sets=tuple(told))
 
 
 def _somewhere(problem: Problem, progress: Progress) -> Naming:
@@ -130,18 +133,34 @@ def _on_all(problem: Problem, naming: Naming, progress: Progress) -> Naming:
     return Naming(base, tuple(credible(kept)), setting)
 
 
-def begin(problem: Problem) -> tuple[Setting, np.ndarray, list[np.ndarray]]:
-    """What all fits share, around the FMU as it is; its evidence and responses."""
-    start = problem.responses(problem.nominal)
-    at = problem.stack(start)
-    sensors = Nuisances(nuisances.sensors(problem, start))
-    own = nuisances.sensitivities(problem, problem.nominal, at)
-    volume = Nuisances(np.concatenate([own, sensors.columns], axis=1)).values
-    setting = Setting(problem.measured, sensors, own, volume, 1.0)
-    return setting, at, start
+@dataclass(frozen=True)
+class _Around:
+    """What the candidates are looked for with. moves: of every joint, with the size of force that the residual asks for at
+    first. start: the FMU's own responses. marked: size of the residual at first, in units of the noise."""
+
+    problem: Problem
+    moves: Mapping[str, Motion]
+    start: list[np.ndarray]
+    marked: float
+
+    def curves(self, around: Fitted, moves: Mapping[str, Motion] | None = None) -> list[Curve]:
+        """All candidates beside a fitted set, first sizes by what it leaves."""
+        problem = self.problem
+        left = float(np.linalg.norm(around.linear)) / self.marked
+        moves = self.moves if moves is None else moves
+        near = {joint: replace(motion, mark=left * motion.mark) for joint, motion in moves.items()}
+        rest, step = problem.split(around.residual), problem.study.simulation.step_size
+
+        @cache
+        def turns(wave: float) -> bool:
+            frequencies = [trial.condition.speed / 3.6 / wave for trial in problem.trials]
+            return stands(problem.trials, rest, step, frequencies)
+
+        return candidates(problem, near, self.start, line(problem.trials, rest, step), turns)
 
 
 def _name(problem: Problem, progress: Progress) -> Naming:
+    """By the problem's conditions alone."""
     setting, at, start = begin(problem)
     can_act = problem.study.fmu is not None and bool(problem.study.joints)
     moves = motions(problem.study, [trial.condition for trial in problem.trials]) if can_act else {}
@@ -151,37 +170,49 @@ def _name(problem: Problem, progress: Progress) -> Naming:
     setting = replace(setting, base=base.base)
     setting, base, _ = settled(problem, setting, base, [])
     moves = with_marks(problem, moves, at, base.residual) if can_act else moves
-    marked = float(np.linalg.norm(base.residual)) or 1.0
+    around = _Around(problem, moves, start, float(np.linalg.norm(base.residual)) or 1.0)
 
-    def looked_for(around: Fitted, moves: Mapping[str, Motion] = moves) -> list[Curve]:
-        left = float(np.linalg.norm(around.linear)) / marked
-        near = {joint: replace(motion, mark=left * motion.mark) for joint, motion in moves.items()}
-        rest, step = problem.split(around.residual), problem.study.simulation.step_size
-
-        @cache
-        def turns(wave: float) -> bool:
-            frequencies = [trial.condition.speed / 3.6 / wave for trial in problem.trials]
-            return stands(problem.trials, rest, step, frequencies)
-
-        return candidates(problem, near, start, line(problem.trials, rest, step), turns)
-
-    curves = looked_for(base)
+    curves = around.curves(base)
     setting = replace(setting, candidates=len(curves))
     progress("calibration", 0, 1)
     moved = calibrated(problem, setting, base)
     setting, base, found = settled(problem, setting, base, [] if moved is None else [moved])
     raw = float(np.mean((setting.measured - at) ** 2))
     parent = found[0] if found and found[0].s2 < CALIBRATED * raw else base
-    begun: list[Term] = []
-    if parent is base and moves and is_far(problem, base):
-        seen = measured_motions(problem, base, moves)
-        pushed = {name: seen.get(name, replace(motion, mark=0.0)) for name, motion in moves.items()}
-        begun = starts(problem, setting, base, looked_for(base, pushed), AFRESH)
-    around = replace(setting, base=parent.base)
-    curves = curves if parent is base else looked_for(parent)
-    first, more = look(problem, around, parent, curves, LISTED, progress, begun)
+    begun = _begun(around, setting, base) if parent is base and moves and is_far(problem, base) else []
+    curves = curves if parent is base else around.curves(parent)
+    first, more = look(problem, replace(setting, base=parent.base), parent, curves, LISTED, progress, begun)
     setting, base, found = settled(problem, setting, base, merged([*found, *more]))
     setting, found = finer(problem, setting, base, found, progress)
+
+    setting, base, found, replaced = _deepened(around, setting, base, found, parent, first, progress)
+    setting, base, found = settled(problem, setting, base, found)
+    if names(first_of(admissible(setting, base, found))) not in replaced:
+        found += rivals(problem, setting, base, found, first, progress)
+    base, found = pared(problem, setting, base, found)
+    kept = [f for f in merged(admissible(setting, base, found)) if f.model.terms]
+    return Naming(base, tuple(credible(kept)), setting)
+
+
+def _begun(around: _Around, setting: Setting, base: Fitted) -> list[Term]:
+    """Laws begun from the force that the data ask for, where the model is far from the measurement."""
+    seen = measured_motions(around.problem, base, around.moves)
+    pushed = {name: seen.get(name, replace(motion, mark=0.0)) for name, motion in around.moves.items()}
+    return starts(around.problem, setting, base, around.curves(base, pushed), AFRESH)
+
+
+def _deepened(
+    around: _Around,
+    setting: Setting,
+    base: Fitted,
+    found: list[Fitted],
+    parent: Fitted,
+    first: Marks,
+    progress: Progress,
+) -> tuple[Setting, Fitted, list[Fitted], list[frozenset[tuple[str, str]]]]:
+    """Looks beside the best sets, and for what may stand in the place of their members, until nothing new comes of it. The sets
+    whose rivals were fitted come last."""
+    problem = around.problem
     done, replaced = [names(parent)], [names(base)]
     while len(done) < LOOKS:
         setting, base, found = settled(problem, setting, base, found)
@@ -199,8 +230,8 @@ def _name(problem: Problem, progress: Progress) -> Naming:
         finished = complete(setting, base, found, kept[0])
         if beside and not finished and (beside[0] is kept[0] or kept[0].s2 >= EXPLAINED * setting.floor):
             parent = beside[0]
-            around = replace(setting, base=parent.base)
-            _, more = look(problem, around, parent, looked_for(parent), LISTED[:1], progress)
+            own = replace(setting, base=parent.base)
+            _, more = look(problem, own, parent, around.curves(parent), LISTED[:1], progress)
             done.append(names(parent))
         elif names(kept[0]) not in replaced and len(replaced) <= BESIDE:
             replaced.append(names(kept[0]))
@@ -208,9 +239,4 @@ def _name(problem: Problem, progress: Progress) -> Naming:
         else:
             break
         found = merged([*found, *more])
-    setting, base, found = settled(problem, setting, base, found)
-    if names(first_of(admissible(setting, base, found))) not in replaced:
-        found += rivals(problem, setting, base, found, first, progress)
-    base, found = pared(problem, setting, base, found)
-    kept = [f for f in merged(admissible(setting, base, found)) if f.model.terms]
-    return Naming(base, tuple(credible(kept)), setting)
+    return setting, base, found, replaced

@@ -100,6 +100,12 @@ class Problem:
         """The same of these conditions only, with solvers of its own."""
         return replace(self, trials=trials, _free=[])
 
+    def longer(self, seconds: float) -> Problem | None:
+        """The same with so many seconds of single tones; None where nothing more was measured."""
+        trials = tuple(read(self.study, trial.condition, seconds) for trial in self.trials)
+        more = any(new.rows.stop > old.rows.stop for new, old in zip(trials, self.trials, strict=True))
+        return self.of(trials) if more else None
+
     def couple(self, substeps: int) -> None:
         """From now on so many couplings in a communication step."""
         self._release()

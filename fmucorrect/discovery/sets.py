@@ -8,11 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from fmucorrect.catalogue import CATALOGUE
-from fmucorrect.discovery import nuisances
 from fmucorrect.discovery.candidates import may_act
-from fmucorrect.discovery.evidence import Nuisances, independent
-from fmucorrect.discovery.fit import HOPELESS, Fitted, Setting, fit, judge, price
-from fmucorrect.discovery.problem import Model, Problem
+from fmucorrect.discovery.evidence import independent
+from fmucorrect.discovery.fit import HOPELESS, Fitted, Setting, fit, judge, price, with_sensors
+from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, Term
 
 WORTH = 0.04
@@ -258,11 +257,6 @@ def settled(
         base = judge(setting, base)
         found = [judge(setting, fitted) for fitted in found]
     return setting, base, sorted(found, key=lambda fitted: fitted.surprise)
-
-
-def with_sensors(problem: Problem, setting: Setting, model: Model) -> Setting:
-    """The setting with sensors that take their part of a model's response."""
-    return replace(setting, sensors=Nuisances(nuisances.sensors(problem, problem.responses(model))))
 
 
 def share_of(problem: Problem, setting: Setting, residual: np.ndarray) -> float:

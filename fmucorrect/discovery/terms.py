@@ -59,12 +59,18 @@ class _OfLaw(_Keyed, Generic[L]):
 
 @dataclass(frozen=True)
 class ForceTerm(_OfLaw[Law]):
-    """A law at a joint, or alike at each joint of a group. values: all parameters of the law, SI."""
+    """A law at a joint, or alike at each joint of a group. values: all parameters of the law, SI. free: what is estimated
+    beside what the law says."""
 
     law: Law
     where: str
     joints: tuple[Joint, ...]
     values: Mapping[str, float]
+    free: tuple[str, ...] = ()
+
+    @property
+    def estimated(self) -> tuple[str, ...]:
+        return self.law.estimated + self.free
 
     def allowed(self) -> bool:
         """Whether its numbers keep the law's bounds, each and together."""

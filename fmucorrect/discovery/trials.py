@@ -53,15 +53,16 @@ class Trial:
         return max(rows / max(self.ratio, 1.0), 1.0)
 
 
-def read(study: Study, condition: Condition) -> Trial:
-    """A condition's data: the measurement registered on the simulation, and how much its sensors' noise is."""
+def read(study: Study, condition: Condition, settled: float = SETTLED) -> Trial:
+    """A condition's data: the measurement registered on the simulation, and how much its sensors' noise is. settled: seconds of
+    a single tone."""
     pair = experiment.pair(study, condition)
     step = study.simulation.step_size
     measured, first = pair.measured, pair.rows.start
     sigma, known, notes = sensor_noise(study, condition, measured, pair.response, first * step)
     stop = len(measured)
     if condition.frequency > 0.0:
-        seconds = condition.start + max(SETTLED, PERIODS / condition.frequency)
+        seconds = condition.start + max(settled, PERIODS / condition.frequency)
         stop = min(stop, max(round(seconds / step) - first, 16))
     begin = max(round((condition.start - 1.0) / step) - first, 0) if condition.start > 2.0 else 0
     measured = measured[begin:stop]

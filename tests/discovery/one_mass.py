@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from fmucorrect import experiment
-from fmucorrect.discovery import naming
-from fmucorrect.discovery.fit import Fitted, Setting, fit
+from fmucorrect.discovery.fit import Fitted, Setting, begin, fit
 from fmucorrect.discovery.problem import Problem, load
 from fmucorrect.study import load_study
 
@@ -44,7 +43,8 @@ TOGETHER = '[[adjustable]]\nparameters = ["k1", "c1"]\nminimum = 0.2\nmaximum = 
 
 
 def write(path: Path, name: str, values: np.ndarray) -> None:
-    np.savetxt(path, np.column_stack([T, values]), "%.9g", ",", header=f"time,{name}", comments="")
+    t = np.arange(len(values)) * STEP
+    np.savetxt(path, np.column_stack([t, values]), "%.9g", ",", header=f"time,{name}", comments="")
 
 
 def problem_of(folder: Path, library: Path, adjustable: str = APART, **truth: float) -> Problem:
@@ -65,7 +65,7 @@ def problem_of(folder: Path, library: Path, adjustable: str = APART, **truth: fl
 
 def begun(problem: Problem) -> tuple[Setting, Fitted]:
     """What the fits of the problem share, and the model with nothing but its base parameters moved."""
-    setting, at, _ = naming.begin(problem)
+    setting, at, _ = begin(problem)
     setting = replace(setting, share=0.5, candidates=20)
     fitted = fit(problem, setting, problem.nominal, 8, at)
     assert fitted is not None

@@ -12,8 +12,8 @@ pytest.importorskip("sympy")
 from one_mass import MASS, NOISE, SECONDS, STEP, T, write
 
 from fmucorrect.catalogue import find
-from fmucorrect.discovery import naming, native
-from fmucorrect.discovery.fit import Setting, fit
+from fmucorrect.discovery import native
+from fmucorrect.discovery.fit import Setting, begin, fit
 from fmucorrect.discovery.nexttest import SPLIT, exciting, next_test, repeats
 from fmucorrect.discovery.problem import Model, load, runner, simulate
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm
@@ -80,7 +80,7 @@ def problem_of(folder: Path, library: Path, conditions: dict[str, float], truth:
 
 
 def setting_of(problem) -> Setting:
-    setting, _, _ = naming.begin(problem)
+    setting, _, _ = begin(problem)
     return replace(setting, candidates=10)
 
 

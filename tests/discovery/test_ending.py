@@ -1,0 +1,126 @@
+"""All numbers of the most likely set, by all of the record: a mass on a spring, shaken at 2 Hz and left to come to rest."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("ziglang")
+pytest.importorskip("sympy")
+
+from one_mass import APART, MASS, NOISE, STEP, write
+
+from fmucorrect.catalogue import find
+from fmucorrect.discovery import native
+from fmucorrect.discovery.candidates import adjustables
+from fmucorrect.discovery.ending import ended
+from fmucorrect.discovery.fit import begin, fit
+from fmucorrect.discovery.problem import Model, load, runner, simulate
+from fmucorrect.discovery.terms import ForceTerm
+from fmucorrect.study import load_study
+
+SHAKEN, SECONDS = 10.0, 13.0  # s: the tone, and the record
+JOINT = """[[joints]]
+name = "joint 1"
+force = "joint1.f"
+displacement = "joint1.d"
+velocity = "joint1.v"
+"""
+TONE = """[[conditions]]
+name = "tone"
+role = "development"
+frequency = 2.0
+amplitude = 1.0
+start = 0.5
+inputs = "force.csv"
+measurement = "measured.csv"
+"""
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory):
+    return native.build(tmp_path_factory.mktemp("march"))
+
+
+def friction(study, **values):
+    law = find("coulomb_friction", {"stick_displacement": 1e-4})
+    return ForceTerm(law, "joint 1", study.joints, law.complete({"friction_force": 0.1, **values}))
+
+
+def problem_of(folder: Path, library: Path, truth, afterwards=None):
+    """Measured with what `truth` makes of the study, and when the tone is over with what `afterwards` makes of it."""
+    t = np.arange(round(SECONDS / STEP) + 1) * STEP
+    write(folder / "force.csv", "mass1.f [N]", np.where((t > 0.5) & (t < SHAKEN), np.sin(4 * np.pi * (t - 0.5)), 0.0))
+    write(folder / "measured.csv", "x1 [mm]", 0.0 * t)
+    (folder / "study.toml").write_text(MASS + JOINT + APART + TONE, encoding="utf-8")
+    study = load_study(folder / "study.toml")
+    (condition,) = study.conditions
+    item = runner(study, condition, library, len(t))
+    y = simulate(study, item, condition, truth(study), ())[:, 0]
+    if afterwards is not None:
+        y = np.where(t > SHAKEN, simulate(study, item, condition, afterwards(study), ())[:, 0], y)
+    item.close()
+    noise = NOISE * np.random.default_rng(3).normal(size=len(t))
+    write(folder / "measured.csv", "x1 [mm]", y + noise)
+    return load(study, library, 2)
+
+
+def fitted(problem, *terms):
+    setting, at, _ = begin(problem)
+    setting = replace(setting, candidates=10)
+    base = fit(problem, setting, problem.nominal, 8, at)
+    best = fit(problem, setting, replace(problem.nominal, terms=terms), 20)
+    return best, ended(problem, setting, base, best)
+
+
+def test_a_number_that_was_guessed_is_estimated_where_the_data_tell_it(library, tmp_path):
+    hidden = {"stick_displacement": 1e-4, "stick_time": 0.03}
+    with problem_of(tmp_path, library, lambda study: Model((friction(study, **hidden),))) as problem:
+        begun = friction(problem.study, stick_displacement=2e-4, stick_time=1e-3)
+        first, last = fitted(problem, begun)
+    assert first.model.terms[0].values["stick_time"] == 1e-3
+    assert "stick_time" not in first.std()[0]
+    (found,) = last.model.terms
+    assert found.values["stick_time"] == pytest.approx(0.03, rel=0.1)
+    assert found.values["friction_force"] == pytest.approx(0.1, rel=0.02)
+    assert abs(np.log(found.values["stick_time"] / 0.03)) < 4.0 * last.std()[0]["stick_time"] / 0.03
+    assert last.s2 < first.s2
+
+
+def test_a_number_that_the_data_do_not_tell_stays_as_it_was_guessed(library, tmp_path):
+    hidden = {"stick_displacement": 1e-4, "stick_time": 1e-3}
+    with problem_of(tmp_path, library, lambda study: Model((friction(study, **hidden),))) as problem:
+        _, last = fitted(problem, friction(problem.study, stick_displacement=2e-4, stick_time=1e-3))
+    assert last.model.terms[0].values["stick_time"] == 1e-3
+    assert last.model.terms[0].values["stick_displacement"] == pytest.approx(1e-4, rel=0.05)
+
+
+def softer(problem):
+    return next(replace(term, values={"value": -2.0}) for term in adjustables(problem) if term.where == "c1")
+
+
+def damped(by: float):
+    def truth(study):
+        law = find("viscous_damping", {})
+        return Model((ForceTerm(law, "joint 1", study.joints, law.complete({"damping": by})),))
+
+    return truth
+
+
+def test_how_it_comes_to_rest_tells_its_damping_better(library, tmp_path):
+    with problem_of(tmp_path, library, damped(-4.0)) as problem:
+        first, last = fitted(problem, softer(problem))
+        assert problem.trials[0].rows.stop * STEP == pytest.approx(8.5)
+        assert problem.longer(60.0).trials[0].rows.stop * STEP == pytest.approx(SECONDS, abs=0.1)
+        assert problem.longer(8.0) is None
+    (early,), (late,) = first.std(), last.std()
+    assert late["value"] < 0.7 * early["value"]
+    assert last.model.terms[0].values["value"] == pytest.approx(-4.0, abs=4.0 * late["value"] + 0.2)
+
+
+def test_numbers_that_spoil_the_beginning_are_not_taken(library, tmp_path):
+    with problem_of(tmp_path, library, damped(-4.0), afterwards=damped(30.0)) as problem:
+        first, last = fitted(problem, softer(problem))
+    assert last.model.terms[0].values["value"] == pytest.approx(first.model.terms[0].values["value"], rel=0.01)
+    assert last.s2 == pytest.approx(first.s2, rel=1e-3)
