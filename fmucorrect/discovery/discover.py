@@ -18,6 +18,7 @@ from fmucorrect.discovery.augmented import Found, found_of, write_model
 from fmucorrect.discovery.confirm import Gap, carries_over, gaps, sensor_errors
 from fmucorrect.discovery.decide import CLOSE, Decision, decide
 from fmucorrect.discovery.elsewhere import library, quietly
+from fmucorrect.discovery.fit import Setting
 from fmucorrect.discovery.kept import Kept
 from fmucorrect.discovery.located import located
 from fmucorrect.discovery.naming import Naming, name
@@ -25,13 +26,16 @@ from fmucorrect.discovery.nexttest import next_test
 from fmucorrect.discovery.outputmap import output_maps
 from fmucorrect.discovery.pictures import picture
 from fmucorrect.discovery.problem import Problem, load
-from fmucorrect.discovery.sets import Progress
+from fmucorrect.discovery.sets import WORTH, Progress
 from fmucorrect.discovery.terms import ForceTerm, SignalTerm
 from fmucorrect.discovery.where import Residual, where
 from fmucorrect.errors import StudyError
 from fmucorrect.inspection import study_problems
 from fmucorrect.study import Study, load_study
 from fmucorrect.units import parse
+
+SURE = 5.0
+"""Standard deviations of an error's variance by which it must lie above the noise for something to be left."""
 
 
 def discover(
@@ -151,7 +155,7 @@ def _report(
         "series": output.series(study, checked),
         "unexplained": decision.unexplained,
         "next_test": _next(problem, naming, decision) if verdict == "ambiguous" else None,
-        "notes": _notes(study, problem, decision) + _in_words(problem, verdict, residuals),
+        "notes": _notes(study, problem, naming.setting, decision) + _in_words(problem, verdict, residuals),
     }
     terms = best.model.terms if named else ()
     changed = bool(now) or any(not isinstance(term, SignalTerm) for term in terms)
@@ -241,7 +245,7 @@ def _prescribed(problem: Problem) -> tuple[list[Float64[np.ndarray, " N"]], str]
     return (moves, unit) if parse(unit).dimension == parse("m").dimension else ([], "")
 
 
-def _notes(study: Study, problem: Problem, decision: Decision) -> list[str]:
+def _notes(study: Study, problem: Problem, setting: Setting, decision: Decision) -> list[str]:
     notes = [f"condition {t.condition.name}: {text}" for t in problem.trials for text in t.notes]
     if study.fmu is None:
         notes.append(
@@ -253,4 +257,16 @@ def _notes(study: Study, problem: Problem, decision: Decision) -> list[str]:
         notes.append("What sits in a sensor or in the excitation is not put into augmented.fmu.")
     if not study.evaluation:
         notes.append("No evaluation condition: nothing was held out.")
-    return notes
+    return notes + rest(setting, decision)
+
+
+def rest(setting: Setting, decision: Decision) -> list[str]:
+    """What is said where more is left than the sensors' noise, and no effect of it is named."""
+    left, chance = decision.best.s2 / setting.floor - 1.0, np.sqrt(2.0 / (setting.share * len(setting.measured)))
+    if decision.verdict == "unexplained" or left < SURE * chance:
+        return []
+    amplitude = 100.0 * np.sqrt(decision.unexplained)
+    return [
+        f"Something is left: the error has {1.0 + left:.3g} times the variance of the noise, {amplitude:.2g} % of the amplitude"
+        f" of what was to be explained. Further effects are named from {100.0 * WORTH:g} % on."
+    ]
