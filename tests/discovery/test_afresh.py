@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from test_nexttest import CONDITIONS, library, problem_of, setting_of, term
+from test_nexttest import CONDITIONS, problem_of, setting_of, term
 
 from fmucorrect.discovery.afresh import is_far, measured_motions, starts
 from fmucorrect.discovery.candidates import candidates
@@ -14,8 +14,6 @@ from fmucorrect.discovery.fit import FARTHEST, _within, fit
 from fmucorrect.discovery.motion import motions
 from fmucorrect.discovery.sets import extended
 from fmucorrect.discovery.terms import coordinates, moved, room
-
-assert library
 
 STIFF = 3000.0  # N/m, beside the model's 1000: its resonance is at 5 Hz, the measurement's at 10 Hz
 

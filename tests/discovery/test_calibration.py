@@ -7,13 +7,7 @@ pytest.importorskip("sympy")
 
 from one_mass import begun, problem_of
 
-from fmucorrect.discovery import native
 from fmucorrect.discovery.calibration import calibrated, whole
-
-
-@pytest.fixture(scope="module")
-def library(tmp_path_factory):
-    return native.build(tmp_path_factory.mktemp("march"))
 
 
 def test_parameters_far_outside_their_tolerances_are_found_and_no_others(library, tmp_path):

@@ -12,7 +12,6 @@ pytest.importorskip("sympy")
 from one_mass import APART, MASS, NOISE, STEP, write
 
 from fmucorrect.catalogue import find
-from fmucorrect.discovery import native
 from fmucorrect.discovery.candidates import adjustables
 from fmucorrect.discovery.ending import ended
 from fmucorrect.discovery.fit import begin, fit
@@ -36,11 +35,6 @@ start = 0.5
 inputs = "force.csv"
 measurement = "measured.csv"
 """
-
-
-@pytest.fixture(scope="module")
-def library(tmp_path_factory):
-    return native.build(tmp_path_factory.mktemp("march"))
 
 
 def friction(study, **values):

@@ -12,7 +12,6 @@ from pathlib import Path
 
 from fmucorrect import records
 from fmucorrect.catalogue import find
-from fmucorrect.discovery import native
 from fmucorrect.discovery.located import located
 from fmucorrect.discovery.pictures import law_along, motion, picture
 from fmucorrect.discovery.problem import Model, load
@@ -75,11 +74,6 @@ def write(path: Path, columns: dict[str, tuple[str, np.ndarray]]) -> None:
     values = np.stack([values for _, values in columns.values()], axis=1)
     with records.writer(path) as out:
         out.write("/data", Record(np.arange(len(values)) * 1_000_000, values, channels))
-
-
-@pytest.fixture(scope="module")
-def library(tmp_path_factory):
-    return native.build(tmp_path_factory.mktemp("march"))
 
 
 @pytest.fixture

@@ -12,7 +12,6 @@ pytest.importorskip("sympy")
 from one_mass import MASS, NOISE, SECONDS, STEP, T, write
 
 from fmucorrect.catalogue import find
-from fmucorrect.discovery import native
 from fmucorrect.discovery.fit import Setting, begin, fit
 from fmucorrect.discovery.nexttest import SPLIT, exciting, next_test, repeats
 from fmucorrect.discovery.problem import Model, load, runner, simulate
@@ -39,11 +38,6 @@ maximum = 40.0
 tolerance = 0.02
 """
 CONDITIONS = {"weak": 0.3, "strong": 0.6}  # N, peak
-
-
-@pytest.fixture(scope="module")
-def library(tmp_path_factory):
-    return native.build(tmp_path_factory.mktemp("march"))
 
 
 def drive(peak: float) -> np.ndarray:

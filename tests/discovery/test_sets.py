@@ -9,17 +9,11 @@ pytest.importorskip("sympy")
 
 from one_mass import TOGETHER, begun, problem_of
 
-from fmucorrect.discovery import native
 from fmucorrect.discovery.candidates import adjustables, parts
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.look import at_other_places
 from fmucorrect.discovery.problem import overrides
 from fmucorrect.discovery.sets import admissible, first_of, names, pared
-
-
-@pytest.fixture(scope="module")
-def library(tmp_path_factory):
-    return native.build(tmp_path_factory.mktemp("march"))
 
 
 def fitted(problem, setting, *wanted, iterations=30):

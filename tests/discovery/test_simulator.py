@@ -11,7 +11,6 @@ pytest.importorskip("sympy")
 
 from fmucorrect import experiment
 from fmucorrect.catalogue import find
-from fmucorrect.discovery import native
 from fmucorrect.discovery.motion import motions
 from fmucorrect.discovery.simulator import LawAt, Simulator
 from fmucorrect.effects import Effects, ForceEffect, write
@@ -25,11 +24,6 @@ from fmucorrect.wrapping.package import wrap
 FMUS = Path(__file__).resolve().parent.parent.parent / "fmus"
 STUDY = FMUS / "roller_rig" / "A" / "study.toml"
 DURATION = 13.0
-
-
-@pytest.fixture(scope="module")
-def library(tmp_path_factory):
-    return native.build(tmp_path_factory.mktemp("march"))
 
 
 @pytest.fixture(params=[2, 3], ids=["FMI 2", "FMI 3"])
