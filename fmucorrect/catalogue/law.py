@@ -168,7 +168,8 @@ class Law:
     weakest first; `relative` ones are shares of the element's own motion or force, others are multiplied by a force.
     main: the parameter that says how strong it is. estimated: what data decide; the others stay as guessed, and are
     fitted to the best set alone. signed: whether it may act the other way round. special: simpler effects that it becomes
-    with special numbers; it is named only where these do clearly worse. reverse: how, where not by the sign (or inverse) of `main`.
+    with special numbers; it is named only where these do clearly worse. reverse: how, where not by the sign (or
+    inverse) of `main`.
     """
 
     name: str
