@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from fmucorrect.discovery.calibration import whole
+from fmucorrect.discovery.errorbars import spread
 from fmucorrect.discovery.fit import Fitted, Setting, begin, fit, judge, with_sensors
 from fmucorrect.discovery.problem import Model, Problem
 from fmucorrect.discovery.sets import LONG, WORTH
@@ -14,29 +16,46 @@ WHOLE = 60.0
 
 
 def ended(problem: Problem, setting: Setting, base: Fitted, best: Fitted) -> Fitted:
-    """The same set, its numbers fitted to their end. Its surprise is no longer comparable with that of other sets.
+    """The same set, its numbers fitted to their end, and how well they are known (errorbars.py). Its surprise is no longer
+    comparable with that of other sets.
 
     What its laws leave as guessed (a rounding, a damping while it sticks) is estimated too where that tells more than it costs;
     of single tones the rest of the record is looked at too, unless the numbers that it asks for spoil the beginning.
     """
     if not best.model.terms:
         return best
-    setting = replace(setting, base=best.base)
+    own = replace(setting, base=best.base)
     for change in (lambda model: model, _freed):
-        fitted = fit(problem, setting, change(best.model), LONG, best.at)
+        fitted = fit(problem, own, change(best.model), LONG, best.at)
         best = fitted if fitted is not None and fitted.surprise < best.surprise else best
+    best = _known(problem, setting, best)
+    later = _later(problem, setting, best)
+    return later if later is not None and later.s2 - best.s2 < WORTH**2 * base.s2 else best
+
+
+def _later(problem: Problem, setting: Setting, best: Fitted) -> Fitted | None:
+    """By more of the record, where there is more, shown at the beginning again."""
     longer = problem.longer(WHOLE)
     if longer is None:
-        return best
+        return None
     with longer:
         own, _, _ = begin(longer)
         own = replace(own, share=setting.share, floor=setting.floor, candidates=setting.candidates)
-        fitted = fit(longer, with_sensors(longer, own, best.model), best.model, LONG)
-    at = None if fitted is None else next(iter(problem.many([fitted.model])))
-    if fitted is None or at is None:
-        return best
-    whole = judge(setting, replace(fitted, at=at, residual=setting.measured - at, base=best.base, slopes=best.slopes))
-    return whole if whole.s2 - best.s2 < WORTH**2 * base.s2 else best
+        own = with_sensors(longer, own, best.model)
+        fitted = fit(longer, own, best.model, LONG)
+        if fitted is None:
+            return None
+        fitted = _known(longer, own, fitted)
+    at = next(iter(problem.many([fitted.model])))
+    if at is None:
+        return None
+    return judge(setting, replace(fitted, at=at, residual=setting.measured - at, base=best.base, slopes=best.slopes))
+
+
+def _known(problem: Problem, setting: Setting, fitted: Fitted) -> Fitted:
+    """With what is known of its numbers; an offset with all of its parameter's move in it."""
+    told = whole(problem, setting, fitted)
+    return replace(told, covariance=spread(problem, setting, told))
 
 
 def _freed(model: Model) -> Model:

@@ -82,7 +82,7 @@ def name(problem: Problem, progress: Progress = lambda stage, done, total: None)
     sets = sorted(((whole(problem, setting, fitted), fitted) for fitted in found), key=lambda pair: pair[0].surprise)
     told = [fitted for fitted, _ in sets]
     if sets:  # its numbers to their end; compared with the others as they were fitted alike
-        best = whole(problem, setting, ended(problem, setting, naming.base, sets[0][1]))
+        best = ended(problem, setting, naming.base, sets[0][1])
         told[0] = replace(best, surprise=told[0].surprise)
     return replace(naming, sets=tuple(told))
 

@@ -1,0 +1,62 @@
+"""Error bars: what is said is how far the numbers scatter when the same is measured again, whatever the colour of the error."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from one_mass import problem_of
+from scipy.signal import lfilter
+
+from fmucorrect.discovery.errorbars import spread
+from fmucorrect.discovery.evidence import Nuisances
+from fmucorrect.discovery.fit import Fitted, begin
+
+TIMES = 300
+
+
+@pytest.fixture(scope="module")
+def problem(library, tmp_path_factory):
+    with problem_of(tmp_path_factory.mktemp("mass"), library) as made:
+        yield made
+
+
+def scattered(problem, memory: float):
+    """Standard deviations of two numbers, as they scatter over many measurements and as each of these says (root mean square).
+    memory: of the error, from one row to the next."""
+    setting, _, _ = begin(problem)
+    n = len(setting.measured)
+    t = np.arange(n) / n
+    slopes = np.stack([np.sin(40.0 * t * (1.0 + t)), np.cos(90.0 * t)], axis=1)
+    setting = replace(setting, sensors=Nuisances(np.zeros((n, 0))), base=np.zeros((n, 0)))
+    rng = np.random.default_rng(4)
+    found, said = [], []
+    for _ in range(TIMES):
+        error = lfilter([np.sqrt(1.0 - memory**2)], [1.0, -memory], rng.normal(size=n + 500))[500:]
+        x = np.linalg.lstsq(slopes, error, rcond=None)[0]
+        left = error - slopes @ x
+        fitted = Fitted(
+            problem.nominal, error, left, float(left @ left) / n, 0.0, np.zeros((n, 0)), (), slopes, np.zeros((2, 2))
+        )
+        found.append(x)
+        said.append(np.diag(spread(problem, setting, replace(fitted, model=replace(fitted.model, base=())))))
+    return np.std(found, axis=0), np.sqrt(np.mean(said, axis=0)), 1.0 / np.linalg.norm(slopes, axis=0)
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.6, 0.95])
+def test_numbers_scatter_as_is_said(problem, memory):
+    found, said, _ = scattered(problem, memory)
+    assert said == pytest.approx(found, rel=0.2)
+
+
+def test_a_coloured_error_widens_them(problem):
+    _, said, white = scattered(problem, 0.95)
+    assert (said > 2.5 * white).all()
+
+
+def test_a_setting_with_fewer_rows_that_count_is_wider(problem):
+    setting, at, _ = begin(problem)
+    slopes = np.sin(np.arange(len(at)) / 20.0)[:, None]
+    residual = np.random.default_rng(1).normal(size=len(at))
+    fitted = Fitted(problem.nominal, at, residual, 1.0, 0.0, setting.base, problem.nominal.base, slopes)
+    wide, narrow = (float(spread(problem, replace(setting, share=s), fitted)[0, 0]) for s in (0.25, 1.0))
+    assert wide > 2.0 * narrow
