@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from fmucorrect.discovery.calibration import whole
 from fmucorrect.discovery.errorbars import spread
-from fmucorrect.discovery.fit import Fitted, Setting, begin, fit, judge, with_sensors
+from fmucorrect.discovery.fit import Fitted, Setting, begin, fit, judge, sharpened, with_sensors
 from fmucorrect.discovery.problem import Model, Problem
 from fmucorrect.discovery.sets import LONG, WORTH
 from fmucorrect.discovery.terms import ForceTerm, Term
@@ -28,9 +30,8 @@ def ended(problem: Problem, setting: Setting, base: Fitted, best: Fitted) -> Fit
     for change in (lambda model: model, _freed):
         fitted = fit(problem, own, change(best.model), LONG, best.at)
         best = fitted if fitted is not None and fitted.surprise < best.surprise else best
-    best = _known(problem, setting, best)
     later = _later(problem, setting, best)
-    return later if later is not None and later.s2 - best.s2 < WORTH**2 * base.s2 else best
+    return later if later is not None and later.s2 - best.s2 < WORTH**2 * base.s2 else _known(problem, setting, best)
 
 
 def _later(problem: Problem, setting: Setting, best: Fitted) -> Fitted | None:
@@ -49,12 +50,13 @@ def _later(problem: Problem, setting: Setting, best: Fitted) -> Fitted | None:
     at = next(iter(problem.many([fitted.model])))
     if at is None:
         return None
-    return judge(setting, replace(fitted, at=at, residual=setting.measured - at, base=best.base, slopes=best.slopes))
+    base = np.where(fitted.base.any(axis=0), best.base, 0.0)
+    return judge(setting, replace(fitted, at=at, residual=setting.measured - at, base=base, slopes=best.slopes))
 
 
 def _known(problem: Problem, setting: Setting, fitted: Fitted) -> Fitted:
-    """With what is known of its numbers; an offset with all of its parameter's move in it."""
-    told = whole(problem, setting, fitted)
+    """Its last steps, and what is then known of its numbers; an offset with all of its parameter's move in it."""
+    told = whole(problem, setting, sharpened(problem, setting, fitted))
     return replace(told, covariance=spread(problem, setting, told))
 
 
