@@ -173,8 +173,8 @@ def sharpened(problem: Problem, setting: Setting, state: Fitted) -> Fitted:
         slopes, base = _both_sides(problem, state)
         state = replace(state, slopes=slopes, base=base, around=state.model.base)
         gained = 0.0
-        for damping in (1e-6, 1e-3, 1e-1, 1.0):
-            following = _step(setting, state, slopes, reach, damping)
+        for damping in np.logspace(-8.0, 0.0, 9):
+            following = _step(setting, state, slopes, reach, float(damping))
             (y,) = problem.many([following])
             if y is not None:
                 tried = judge(setting, replace(state, model=following, at=y, residual=setting.measured - y))
@@ -190,19 +190,18 @@ def _both_sides(problem: Problem, state: Fitted) -> tuple[Float64[np.ndarray, "n
     """Sensitivities to the members' coordinates and to the base parameters; one-sided where there is but one side."""
     model, z = state.model, np.asarray(state.model.base)
     count = sum(len(term.estimated) for term in model.terms)
-    steps = [PROBE] * count + [PERTURBED] * len(z)
     models = [stepped(model, side * step) for step in np.eye(count) * PROBE for side in (1.0, -1.0)]
     models += [
         replace(model, base=tuple(float(x) for x in z + side * step))
-        for step in np.eye(len(z)) * PERTURBED
+        for step in np.eye(len(z)) * PROBE
         for side in (1.0, -1.0)
     ]
     found = problem.many(models)
     columns: list[np.ndarray] = []
-    for step in steps:
+    for _ in range(count + len(z)):
         sides = [(side, y) for side, y in zip((1.0, -1.0), (next(found), next(found)), strict=True) if y is not None]
         sides = [(side, y) for side, y in sides if (y != state.at).any()]  # not held by a bound
-        changes = [side * (y - state.at) / step for side, y in sides]
+        changes = [side * (y - state.at) / PROBE for side, y in sides]
         columns.append(np.mean(changes, axis=0) if changes else np.zeros_like(state.at))
     jacobian = np.stack(columns, axis=1) if columns else np.zeros((len(state.at), 0))
     return jacobian[:, :count], jacobian[:, count:]
