@@ -179,7 +179,7 @@ def _parameter(name: str, item: Mapping[str, Any], symbols: bool) -> Row:
     value, std, unit = item.get("value"), item.get("std"), str(item.get("unit") or "")
     cells = [str(item.get("symbol") or "")] if symbols else []
     cells.append(quantity(value, std, unit))
-    if not known(std):
+    if not known(std) or number(std) == 0.0:
         cells.append("not estimated")
     elif number(value):
         cells.append(percent(abs(number(std) / number(value))))
