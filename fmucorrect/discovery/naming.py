@@ -12,6 +12,7 @@ from fmucorrect.catalogue.motion import Motion
 from fmucorrect.discovery.afresh import is_far, measured_motions, starts
 from fmucorrect.discovery.calibration import calibrated, whole
 from fmucorrect.discovery.candidates import Curve, candidates, places
+from fmucorrect.discovery.condensing import condensed
 from fmucorrect.discovery.ending import ended
 from fmucorrect.discovery.fit import Fitted, Setting, begin, fit, with_sensors
 from fmucorrect.discovery.lines import line, stands
@@ -185,7 +186,7 @@ def _name(problem: Problem, progress: Progress) -> Naming:
     setting, base, found = settled(problem, setting, base, merged([*found, *more]))
     setting, found = finer(problem, setting, base, found, progress)
 
-    setting, base, found, replaced = _deepened(around, setting, base, found, parent, first, progress)
+    setting, base, found, replaced = _deepened(around, setting, base, found, parent, first, curves, progress)
     setting, base, found = settled(problem, setting, base, found)
     if names(first_of(admissible(setting, base, found))) not in replaced:
         found += rivals(problem, setting, base, found, first, progress)
@@ -208,6 +209,7 @@ def _deepened(
     found: list[Fitted],
     parent: Fitted,
     first: Marks,
+    curves: list[Curve],
     progress: Progress,
 ) -> tuple[Setting, Fitted, list[Fitted], list[frozenset[tuple[str, str]]]]:
     """Looks beside the best sets, and for what may stand in the place of their members, until nothing new comes of it. The sets
@@ -223,7 +225,7 @@ def _deepened(
             moved = calibrated(problem, replace(setting, base=best.base), best)
             found = merged([*found, *([] if moved is None else [moved]), *extended(problem, setting, [best])])
         if names(best) not in done:
-            found = merged([*found, *regrouped(problem, setting, best)])
+            found = merged([*found, *regrouped(problem, setting, best), *condensed(problem, setting, best, curves)])
         base, found = pared(problem, setting, base, found)
         kept = sorted(admissible(setting, base, found), key=lambda fitted: fitted.surprise)
         beside = [fitted for fitted in distinct(kept)[:BESIDE] if names(fitted) not in done and has_room(fitted)]

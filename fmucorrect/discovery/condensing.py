@@ -1,0 +1,109 @@
+"""Several linear members that are one: a softer and less damped end of a chain moves as a heavier one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+from jaxtyping import Float64, Int
+
+from fmucorrect.catalogue import force
+from fmucorrect.discovery.candidates import Curve
+from fmucorrect.discovery.fit import PROBE, Fitted, Setting, fit, normal, stepped
+from fmucorrect.discovery.problem import Model, Problem
+from fmucorrect.discovery.sets import LONG, names
+from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, Term, coordinates
+
+PLAIN = {"displacement", "velocity", "acceleration"}
+"""What a linear law may read."""
+MEMBERS = 6
+"""Linear members of which all parts are tried."""
+EXPLAINED = 0.1
+"""Share of what leaving members out costs that may stay when one other comes in, to first order."""
+FITTED = 4
+"""Condensed sets that are fitted."""
+
+
+def condensed(problem: Problem, setting: Setting, best: Fitted, curves: Sequence[Curve]) -> list[Fitted]:
+    """The set with two or more of its linear members (offsets of parameters; springs, dampers, masses) in the place of which
+    there is one other: looked for on the fit's quadratic form, and fitted from there."""
+    ends = np.cumsum([0, *(len(term.estimated) for term in best.model.terms)])
+    own = [t for t, term in enumerate(best.model.terms) if linear(term)]
+    if not 2 <= len(own) <= MEMBERS:
+        return []
+    x = {int(ends[t]): _size(best.model.terms[t]) for t in own}
+    parts = [list(part) for n in range(2, len(x) + 1) for part in combinations(x, n)]
+    alone = _covariance(setting, best, best.slopes)
+    costs = [_put_back(alone, part, x)[0] for part in parts]
+    listed: list[tuple[float, Model]] = []
+    for curve, column in _columns(problem, best, curves):
+        C = _covariance(setting, best, np.concatenate([best.slopes, column[:, None]], axis=1))
+        for part, alone_cost in zip(parts, costs, strict=True):
+            cost, change = _put_back(C, part, x)
+            share = cost / max(alone_cost, 1e-300)
+            new = curve.term(float(change[ends[-1]]) * curve.size) if share < EXPLAINED else None
+            if new is not None:
+                listed.append((share, _with(best.model, part, ends, change, new)))
+    listed.sort(key=lambda item: item[0])
+    around = replace(setting, base=best.base)
+    fits = [fit(problem, around, model, LONG, rival=best.surprise) for _, model in listed[:FITTED]]
+    return [fitted for fitted in fits if fitted is not None]
+
+
+def linear(term: Term) -> bool:
+    """Whether twice the motion gives twice what the member does: an offset, or a force of one number that does."""
+    if not isinstance(term, ForceTerm):
+        return isinstance(term, OffsetTerm)
+    law = term.law
+    if law.states or len(term.estimated) != 1 or not {*law.inputs} <= PLAIN:
+        return False
+    rng = np.random.default_rng(0)
+    motion = {name: rng.normal(size=32) for name in law.inputs}
+    once = force(law, motion, np.zeros(0), term.values)
+    twice = force(law, {name: -2.0 * value for name, value in motion.items()}, np.zeros(0), term.values)
+    return bool(np.allclose(twice, -2.0 * once, rtol=1e-9, atol=0.0))
+
+
+def _columns(
+    problem: Problem, best: Fitted, curves: Sequence[Curve]
+) -> Iterator[tuple[Curve, Float64[np.ndarray, " n"]]]:
+    """Linear candidates that are not in the set, and what one of each changes, by a small one."""
+    have = names(best)
+    free = [curve for curve in curves if curve.key not in have and curve.numbers == 1]
+    small = [(curve, curve.term(PROBE * curve.size)) for curve in free]
+    small = [(curve, term) for curve, term in small if term is not None and linear(term)]
+    models = [replace(best.model, terms=(*best.model.terms, term)) for _, term in small]
+    for (curve, _), y in zip(small, problem.many(models), strict=True):
+        if y is not None:
+            yield curve, (y - best.at) / PROBE
+
+
+def _size(term: Term) -> float:
+    """How far a member's coordinate is from nothing, to first order."""
+    (name,), (scale,) = term.estimated, coordinates(term)
+    return 1.0 if scale == 0.0 else term.values[name] / scale
+
+
+def _covariance(setting: Setting, best: Fitted, slopes: Float64[np.ndarray, "n p"]) -> Float64[np.ndarray, "q q"]:
+    H, _ = normal(setting, best, slopes)
+    return np.linalg.pinv(H, hermitian=True)
+
+
+def _put_back(
+    C: Float64[np.ndarray, "q q"], out: list[int], x: dict[int, float]
+) -> tuple[float, Float64[np.ndarray, " q"]]:
+    """What leaving out members costs in -2 log p, and by how much all coordinates move for it (calibration.py)."""
+    gone = np.array([x[k] for k in out])
+    pull = np.linalg.pinv(C[np.ix_(out, out)], hermitian=True) @ gone
+    return float(gone @ pull), -C[:, out] @ pull
+
+
+def _with(
+    model: Model, out: list[int], ends: Int[np.ndarray, " t"], change: Float64[np.ndarray, " q"], new: Term
+) -> Model:
+    kept = [t for t in range(len(model.terms)) if int(ends[t]) not in out]
+    steps = [change[k] for t in kept for k in range(int(ends[t]), int(ends[t + 1]))]
+    rest = stepped(Model(tuple(model.terms[t] for t in kept)), np.array(steps))
+    return Model((*rest.terms, new), model.base)  # what base parameters would take of it, the new member does
