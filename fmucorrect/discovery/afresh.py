@@ -16,7 +16,7 @@ import numpy as np
 
 from fmucorrect.catalogue.motion import Motion
 from fmucorrect.discovery.candidates import Curve
-from fmucorrect.discovery.fit import Fitted, Setting, judge
+from fmucorrect.discovery.fit import Fitted, Setting, judge_at
 from fmucorrect.discovery.located import Located, Pushed, located
 from fmucorrect.discovery.motion import motion_of, peak, ports
 from fmucorrect.discovery.problem import Model, Problem, overrides
@@ -89,7 +89,7 @@ def starts(problem: Problem, setting: Setting, base: Fitted, curves: Sequence[Cu
     best: dict[str, tuple[float, Term]] = {}
     for term, model, y in zip(terms, models, problem.many(models), strict=True):
         if y is not None:
-            tried = judge(setting, replace(base, model=model, at=y, residual=setting.measured - y))
+            tried = judge_at(setting, base, model, y)
             key = f"{term.law.label} {term.where}"
             best[key] = min(best.get(key, (np.inf, term)), (tried.surprise, term), key=lambda row: row[0])
     return [term for _, term in sorted(best.values(), key=lambda row: row[0])[:most]]

@@ -12,7 +12,17 @@ from typing import TypeVar
 import numpy as np
 
 from fmucorrect.discovery.candidates import adjustables
-from fmucorrect.discovery.fit import FARTHEST, Fitted, Setting, covariance, fit, judge, normal, price
+from fmucorrect.discovery.fit import (
+    FARTHEST,
+    Fitted,
+    Setting,
+    covariance,
+    fit,
+    joint_covariance,
+    judge,
+    price,
+    put_back,
+)
 from fmucorrect.discovery.problem import Model, Problem
 from fmucorrect.discovery.sets import names
 from fmucorrect.discovery.terms import OffsetTerm, Term
@@ -64,32 +74,24 @@ def _moved(term: L, moves: dict[tuple[str, str], float]) -> L:
 
 
 def _put_back(setting: Setting, fitted: Fitted) -> tuple[list[Term], dict[tuple[str, str], float], tuple[float, ...]]:
-    """Which members stay, by how much the offsets among them move for it (in their coordinates), and the base parameters.
-
-    With C the covariance of everything at the optimum, putting back a set E of offsets x costs x' C_EE^-1 x in -2 log p
-    and moves the rest by -C_.E C_EE^-1 x.
-    """
-    H, _ = normal(setting, fitted, fitted.slopes)
-    C = np.linalg.pinv(H, hermitian=True)
+    """Which members stay, by how much the offsets among them move for it (in their coordinates), and the base parameters."""
+    C = joint_covariance(setting, fitted)
     at: dict[tuple[str, str], int] = {}
-    x = np.zeros(len(H))
+    x = np.zeros(len(C))
     ends = np.cumsum([0, *(len(term.estimated) for term in fitted.model.terms)])
     for term, k in zip(fitted.model.terms, ends, strict=False):
         if isinstance(term, OffsetTerm):
             at[term.key], x[k] = int(k), term.values["value"] / term.scale
 
-    def cost(out: list[int]) -> float:
-        return float(x[out] @ np.linalg.pinv(C[np.ix_(out, out)], hermitian=True) @ x[out])
-
     out: list[int] = []
     spent = 0.0
     while len(out) < len(at):
-        costs = {k: cost([*out, k]) for k in at.values() if k not in out}
+        costs = {k: put_back(C, [*out, k], x)[0] for k in at.values() if k not in out}
         k = min(costs, key=lambda k: costs[k])
         if costs[k] - spent > price(setting, 1):
             break
         out, spent = [*out, k], costs[k]
-    change = -C[:, out] @ np.linalg.pinv(C[np.ix_(out, out)], hermitian=True) @ x[out] if out else np.zeros(len(H))
+    _, change = put_back(C, out, x)
     kept = [term for term in fitted.model.terms if at.get(term.key, -1) not in out]
     base = np.clip(np.asarray(fitted.model.base) + change[ends[-1] :], -FARTHEST, FARTHEST)
     return kept, {key: float(change[k]) for key, k in at.items()}, tuple(float(z) for z in base)

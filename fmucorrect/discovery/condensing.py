@@ -11,7 +11,7 @@ from jaxtyping import Float64, Int
 
 from fmucorrect.catalogue import force
 from fmucorrect.discovery.candidates import Curve
-from fmucorrect.discovery.fit import PROBE, Fitted, Setting, fit, normal, stepped
+from fmucorrect.discovery.fit import PROBE, Fitted, Setting, fit, joint_covariance, put_back, stepped
 from fmucorrect.discovery.problem import Model, Problem
 from fmucorrect.discovery.sets import LONG, names
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, Term, coordinates
@@ -33,15 +33,18 @@ def condensed(problem: Problem, setting: Setting, best: Fitted, curves: Sequence
     own = [t for t, term in enumerate(best.model.terms) if linear(term)]
     if not 2 <= len(own) <= MEMBERS:
         return []
-    x = {int(ends[t]): _size(best.model.terms[t]) for t in own}
-    parts = [list(part) for n in range(2, len(x) + 1) for part in combinations(x, n)]
-    alone = _covariance(setting, best, best.slopes)
-    costs = [_put_back(alone, part, x)[0] for part in parts]
+    x = np.zeros(int(ends[-1]))
+    for t in own:
+        x[ends[t]] = _size(best.model.terms[t])
+    parts = [[int(ends[t]) for t in part] for n in range(2, len(own) + 1) for part in combinations(own, n)]
+    alone = joint_covariance(setting, best)
+    costs = [put_back(alone, part, x)[0] for part in parts]
     listed: list[tuple[float, Model]] = []
     for curve, column in _columns(problem, best, curves):
-        C = _covariance(setting, best, np.concatenate([best.slopes, column[:, None]], axis=1))
+        more = replace(best, slopes=np.concatenate([best.slopes, column[:, None]], axis=1))
+        C = joint_covariance(setting, more)
         for part, alone_cost in zip(parts, costs, strict=True):
-            cost, change = _put_back(C, part, x)
+            cost, change = put_back(C, part, x)
             share = cost / max(alone_cost, 1e-300)
             new = curve.term(float(change[ends[-1]]) * curve.size) if share < EXPLAINED else None
             if new is not None:
@@ -84,20 +87,6 @@ def _size(term: Term) -> float:
     """How far a member's coordinate is from nothing, to first order."""
     (name,), (scale,) = term.estimated, coordinates(term)
     return 1.0 if scale == 0.0 else term.values[name] / scale
-
-
-def _covariance(setting: Setting, best: Fitted, slopes: Float64[np.ndarray, "n p"]) -> Float64[np.ndarray, "q q"]:
-    H, _ = normal(setting, best, slopes)
-    return np.linalg.pinv(H, hermitian=True)
-
-
-def _put_back(
-    C: Float64[np.ndarray, "q q"], out: list[int], x: dict[int, float]
-) -> tuple[float, Float64[np.ndarray, " q"]]:
-    """What leaving out members costs in -2 log p, and by how much all coordinates move for it (calibration.py)."""
-    gone = np.array([x[k] for k in out])
-    pull = np.linalg.pinv(C[np.ix_(out, out)], hermitian=True) @ gone
-    return float(gone @ pull), -C[:, out] @ pull
 
 
 def _with(

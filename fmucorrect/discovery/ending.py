@@ -5,16 +5,32 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from jaxtyping import Float64
 
 from fmucorrect.discovery.calibration import whole
 from fmucorrect.discovery.errorbars import spread
-from fmucorrect.discovery.fit import Fitted, Setting, begin, fit, judge, sharpened, with_sensors
+from fmucorrect.discovery.fit import (
+    FARTHEST,
+    GAINED,
+    PROBE,
+    Fitted,
+    Setting,
+    begin_as,
+    better,
+    covariance,
+    fit,
+    judge_at,
+    step,
+    stepped,
+)
 from fmucorrect.discovery.problem import Model, Problem
 from fmucorrect.discovery.sets import LONG, WORTH
 from fmucorrect.discovery.terms import ForceTerm, Term
 
 WHOLE = 60.0
 """Seconds of a single tone that the numbers are fitted to at last: its end too, and how the model comes to rest behind it."""
+LAST = 6
+"""Steps with sensitivities from both sides."""
 
 
 def ended(problem: Problem, setting: Setting, base: Fitted, best: Fitted) -> Fitted:
@@ -27,11 +43,17 @@ def ended(problem: Problem, setting: Setting, base: Fitted, best: Fitted) -> Fit
     if not best.model.terms:
         return best
     own = replace(setting, base=best.base)
-    for change in (lambda model: model, _freed):
-        fitted = fit(problem, own, change(best.model), LONG, best.at)
-        best = fitted if fitted is not None and fitted.surprise < best.surprise else best
+    best = _refitted(problem, own, best, best.model)
+    freed = _freed(best.model)
+    best = best if freed == best.model else _refitted(problem, own, best, freed)
     later = _later(problem, setting, best)
     return later if later is not None and later.s2 - best.s2 < WORTH**2 * base.s2 else _known(problem, setting, best)
+
+
+def _refitted(problem: Problem, setting: Setting, best: Fitted, model: Model) -> Fitted:
+    """The model fitted from there, or what was best before."""
+    fitted = fit(problem, setting, model, LONG, best.at)
+    return fitted if fitted is not None and fitted.surprise < best.surprise else best
 
 
 def _later(problem: Problem, setting: Setting, best: Fitted) -> Fitted | None:
@@ -40,9 +62,7 @@ def _later(problem: Problem, setting: Setting, best: Fitted) -> Fitted | None:
     if longer is None:
         return None
     with longer:
-        own, _, _ = begin(longer)
-        own = replace(own, share=setting.share, floor=setting.floor, candidates=setting.candidates)
-        own = with_sensors(longer, own, best.model)
+        own = begin_as(longer, setting, best.model)
         fitted = fit(longer, own, best.model, LONG)
         if fitted is None:
             return None
@@ -51,13 +71,53 @@ def _later(problem: Problem, setting: Setting, best: Fitted) -> Fitted | None:
     if at is None:
         return None
     base = np.where(fitted.base.any(axis=0), best.base, 0.0)
-    return judge(setting, replace(fitted, at=at, residual=setting.measured - at, base=base, slopes=best.slopes))
+    known = replace(best, base=base, around=fitted.around, covariance=fitted.covariance)
+    return judge_at(setting, known, fitted.model, at)
 
 
 def _known(problem: Problem, setting: Setting, fitted: Fitted) -> Fitted:
     """Its last steps, and what is then known of its numbers; an offset with all of its parameter's move in it."""
-    told = whole(problem, setting, sharpened(problem, setting, fitted))
+    told = whole(problem, setting, _sharpened(problem, setting, fitted))
     return replace(told, covariance=spread(problem, setting, told))
+
+
+def _sharpened(problem: Problem, setting: Setting, state: Fitted) -> Fitted:
+    """A fit's last steps, with sensitivities from both sides. Where numbers can nearly stand in for each other, one-sided ones
+    hide in which direction it still goes down, and how far that is unknown."""
+    reach = np.clip(problem.reach, -FARTHEST, FARTHEST)
+    for _ in range(LAST):
+        slopes, base = _both_sides(problem, state)
+        state = replace(state, slopes=slopes, base=base, around=state.model.base)
+        gained = 0.0
+        for damping in np.logspace(-8.0, 0.0, 9):
+            tried = better(problem, setting, state, step(setting, state, slopes, reach, float(damping)))
+            if tried is not None:
+                gained, state = state.surprise - tried.surprise, tried
+                break
+        if gained < GAINED:
+            break
+    return replace(state, covariance=covariance(setting, state))
+
+
+def _both_sides(problem: Problem, state: Fitted) -> tuple[Float64[np.ndarray, "n p"], Float64[np.ndarray, "n A"]]:
+    """Sensitivities to the members' coordinates and to the base parameters; one-sided where there is but one side."""
+    model, z = state.model, np.asarray(state.model.base)
+    count = sum(len(term.estimated) for term in model.terms)
+    models = [stepped(model, side * move) for move in np.eye(count) * PROBE for side in (1.0, -1.0)]
+    models += [
+        replace(model, base=tuple(float(x) for x in z + side * move))
+        for move in np.eye(len(z)) * PROBE
+        for side in (1.0, -1.0)
+    ]
+    found = problem.many(models)
+    columns: list[np.ndarray] = []
+    for _ in range(count + len(z)):
+        sides = [(side, y) for side, y in zip((1.0, -1.0), (next(found), next(found)), strict=True) if y is not None]
+        sides = [(side, y) for side, y in sides if (y != state.at).any()]  # not held by a bound
+        changes = [side * (y - state.at) / PROBE for side, y in sides]
+        columns.append(np.mean(changes, axis=0) if changes else np.zeros_like(state.at))
+    jacobian = np.stack(columns, axis=1) if columns else np.zeros((len(state.at), 0))
+    return jacobian[:, :count], jacobian[:, count:]
 
 
 def _freed(model: Model) -> Model:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float64
 
-from fmucorrect.discovery.fit import Fitted, Setting, normal
+from fmucorrect.discovery.fit import Fitted, Setting, joint_covariance
 from fmucorrect.discovery.problem import Problem
 
 
@@ -17,8 +17,7 @@ def spread(problem: Problem, setting: Setting, fitted: Fitted) -> Float64[np.nda
     filling by the periodogram, each condition and channel apart. A model that is not quite right leaves lines where it is
     driven, and there the numbers are known less well than the error's size alone tells.
     """
-    H, _ = normal(setting, fitted, fitted.slopes)
-    inverse = np.linalg.pinv(H, hermitian=True)
+    inverse = joint_covariance(setting, fitted)
     more = inverse @ _beyond_white(problem, setting, fitted) @ inverse
     count = fitted.slopes.shape[1]
     return (inverse + more)[:count, :count]

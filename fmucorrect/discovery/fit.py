@@ -26,8 +26,6 @@ HOPE, HOPELESS = 8.0, 60.0
 """A fit is given up when so many more gains like its last one would leave it so far behind its rival."""
 GAINED = 0.3
 """A step that lowers the surprise by less is the last one."""
-LAST = 6
-"""Steps with sensitivities from both sides."""
 SLOW, HOLDS = 3.0, 0.3
 """Where a step lowers the surprise by less, and a sensitivity to a base parameter is off by a larger share, they are taken
 anew."""
@@ -96,6 +94,13 @@ def begin(problem: Problem) -> tuple[Setting, np.ndarray, list[np.ndarray]]:
     return setting, at, start
 
 
+def begin_as(problem: Problem, before: Setting, model: Model) -> Setting:
+    """What fits to other records share: share, floor and candidates as they were, sensors beside a model."""
+    setting, _, _ = begin(problem)
+    setting = replace(setting, share=before.share, floor=before.floor, candidates=before.candidates)
+    return with_sensors(problem, setting, model)
+
+
 def with_sensors(problem: Problem, setting: Setting, model: Model) -> Setting:
     """The setting with sensors that take their part of a model's response."""
     return replace(setting, sensors=Nuisances(sensors_of(problem, problem.responses(model))))
@@ -113,6 +118,11 @@ def judge(setting: Setting, fitted: Fitted) -> Fitted:
     far = float(np.sum(np.square(fitted.model.base)))
     prices = sum(price(setting, len(term.estimated)) for term in fitted.model.terms)
     return replace(fitted, s2=belief.s2, surprise=belief.surprise + far + prices)
+
+
+def judge_at(setting: Setting, state: Fitted, model: Model, at: Float64[np.ndarray, " n"]) -> Fitted:
+    """What was fitted, with another model in its place, whose evidence is `at`."""
+    return judge(setting, replace(state, model=model, at=at, residual=setting.measured - at))
 
 
 @remembered
@@ -140,14 +150,11 @@ def fit(
     for iteration in range(iterations):
         gained = 0.0
         for _ in range(5):
-            following = _step(setting, state, slopes, reach, damping)
-            (y,) = problem.many([following])
-            if y is not None:
-                tried = judge(setting, replace(state, model=following, at=y, residual=setting.measured - y))
-                if tried.surprise < state.surprise:
-                    gained = state.surprise - tried.surprise
-                    state, damping = tried, max(damping / 6.0, 1e-6)
-                    break
+            tried = better(problem, setting, state, step(setting, state, slopes, reach, damping))
+            if tried is not None:
+                gained = state.surprise - tried.surprise
+                state, damping = tried, max(damping / 6.0, 1e-6)
+                break
             damping = max(damping, 1e-3) * 10.0
         anew = False
         if gained < SLOW and not sure and state.surprise < rival + HOPELESS:
@@ -165,46 +172,11 @@ def fit(
     return replace(state, covariance=covariance(setting, state))
 
 
-def sharpened(problem: Problem, setting: Setting, state: Fitted) -> Fitted:
-    """A fit's last steps, with sensitivities from both sides. Where numbers can nearly stand in for each other, one-sided ones
-    hide in which direction it still goes down, and how far that is unknown."""
-    reach = np.clip(problem.reach, -FARTHEST, FARTHEST)
-    for _ in range(LAST):
-        slopes, base = _both_sides(problem, state)
-        state = replace(state, slopes=slopes, base=base, around=state.model.base)
-        gained = 0.0
-        for damping in np.logspace(-8.0, 0.0, 9):
-            following = _step(setting, state, slopes, reach, float(damping))
-            (y,) = problem.many([following])
-            if y is not None:
-                tried = judge(setting, replace(state, model=following, at=y, residual=setting.measured - y))
-                if tried.surprise < state.surprise:
-                    gained, state = state.surprise - tried.surprise, tried
-                    break
-        if gained < GAINED:
-            break
-    return replace(state, covariance=covariance(setting, state))
-
-
-def _both_sides(problem: Problem, state: Fitted) -> tuple[Float64[np.ndarray, "n p"], Float64[np.ndarray, "n A"]]:
-    """Sensitivities to the members' coordinates and to the base parameters; one-sided where there is but one side."""
-    model, z = state.model, np.asarray(state.model.base)
-    count = sum(len(term.estimated) for term in model.terms)
-    models = [stepped(model, side * step) for step in np.eye(count) * PROBE for side in (1.0, -1.0)]
-    models += [
-        replace(model, base=tuple(float(x) for x in z + side * step))
-        for step in np.eye(len(z)) * PROBE
-        for side in (1.0, -1.0)
-    ]
-    found = problem.many(models)
-    columns: list[np.ndarray] = []
-    for _ in range(count + len(z)):
-        sides = [(side, y) for side, y in zip((1.0, -1.0), (next(found), next(found)), strict=True) if y is not None]
-        sides = [(side, y) for side, y in sides if (y != state.at).any()]  # not held by a bound
-        changes = [side * (y - state.at) / PROBE for side, y in sides]
-        columns.append(np.mean(changes, axis=0) if changes else np.zeros_like(state.at))
-    jacobian = np.stack(columns, axis=1) if columns else np.zeros((len(state.at), 0))
-    return jacobian[:, :count], jacobian[:, count:]
+def better(problem: Problem, setting: Setting, state: Fitted, following: Model) -> Fitted | None:
+    """The next model, simulated; None where it is no better, or the solver gives up."""
+    (y,) = problem.many([following])
+    tried = None if y is None else judge_at(setting, state, following, y)
+    return tried if tried is not None and tried.surprise < state.surprise else None
 
 
 def _holds(problem: Problem, state: Fitted) -> bool:
@@ -221,7 +193,7 @@ def _holds(problem: Problem, state: Fitted) -> bool:
 def _slopes(problem: Problem, state: Fitted) -> Float64[np.ndarray, "n p"]:
     model, at = state.model, state.at
     count = sum(len(term.estimated) for term in model.terms)
-    probes = problem.many([stepped(model, step) for step in np.eye(count) * PROBE])
+    probes = problem.many([stepped(model, move) for move in np.eye(count) * PROBE])
     columns = [np.zeros_like(at) if y is None else (y - at) / PROBE for y in probes]
     for k, column in enumerate(columns):
         if not column.any():  # at a bound, or not stable further on
@@ -254,7 +226,7 @@ def normal(
     return H, g
 
 
-def _step(
+def step(
     setting: Setting,
     state: Fitted,
     slopes: Float64[np.ndarray, "n p"],
@@ -298,6 +270,22 @@ def _within(
 
 def covariance(setting: Setting, state: Fitted) -> Float64[np.ndarray, "p p"]:
     """Of the members' coordinates, base parameters and sensors integrated out."""
-    H, _ = normal(setting, state, state.slopes)
     count = state.slopes.shape[1]
-    return np.linalg.pinv(H, hermitian=True)[:count, :count]
+    return joint_covariance(setting, state)[:count, :count]
+
+
+def joint_covariance(setting: Setting, state: Fitted) -> Float64[np.ndarray, "q q"]:
+    """Of the members' coordinates and the base parameters, sensors integrated out."""
+    H, _ = normal(setting, state, state.slopes)
+    return np.linalg.pinv(H, hermitian=True)
+
+
+def put_back(
+    C: Float64[np.ndarray, "q q"], out: list[int], x: Float64[np.ndarray, " m"]
+) -> tuple[float, Float64[np.ndarray, " q"]]:
+    """What it costs in -2 log p to put back some coordinates that are x away from nothing, and by how much all move for it.
+
+    With C the covariance of everything at the optimum that is x_E' C_EE^-1 x_E, and -C_.E C_EE^-1 x_E. x: of these at least.
+    """
+    pull = np.linalg.pinv(C[np.ix_(out, out)], hermitian=True) @ x[out]
+    return float(x[out] @ pull), -C[:, out] @ pull

@@ -9,7 +9,7 @@ import numpy as np
 
 from fmucorrect.discovery.candidates import Curve, may_act, parts, places
 from fmucorrect.discovery.evidence import Nuisances
-from fmucorrect.discovery.fit import Fitted, Setting, fit, judge, price
+from fmucorrect.discovery.fit import Fitted, Setting, fit, judge_at, price
 from fmucorrect.discovery.marks import PROMISING, Marks, Target, marks
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.search import Search
@@ -126,7 +126,7 @@ def at_other_places(problem: Problem, setting: Setting, best: Fitted) -> list[Fi
     found: list[Fitted] = []
     for model, y in zip(moved, problem.many(moved), strict=True):
         if y is not None:
-            there = judge(setting, replace(best, model=model, at=y, residual=setting.measured - y))
+            there = judge_at(setting, best, model, y)
             found += [there] if there.surprise < best.surprise + APART else []
     fitted = [fit(problem, replace(setting, base=best.base), f.model, 4, f.at) for f in merged(found)[:RIVALS]]
     return [f for f in fitted if f is not None]

@@ -14,7 +14,7 @@ from fmucorrect.discovery.calibration import calibrated, whole
 from fmucorrect.discovery.candidates import Curve, candidates, places
 from fmucorrect.discovery.condensing import condensed
 from fmucorrect.discovery.ending import ended
-from fmucorrect.discovery.fit import Fitted, Setting, begin, fit, with_sensors
+from fmucorrect.discovery.fit import Fitted, Setting, begin, begin_as, fit
 from fmucorrect.discovery.lines import line, stands
 from fmucorrect.discovery.look import EXPLAINED, at_other_places, look, regrouped, rivals
 from fmucorrect.discovery.marks import Marks, with_marks
@@ -112,10 +112,7 @@ def _finished(problem: Problem, naming: Naming) -> Naming:
 
 def _on_all(problem: Problem, naming: Naming, progress: Progress) -> Naming:
     """The likely sets of a few conditions, fitted to all."""
-    setting, _, _ = begin(problem)
-    before = naming.setting
-    setting = replace(setting, share=before.share, floor=before.floor, candidates=before.candidates)
-    setting = with_sensors(problem, setting, naming.best.model)
+    setting = begin_as(problem, naming.setting, naming.best.model)
     base = fit(problem, setting, replace(problem.nominal, base=naming.base.model.base), 8)
     assert base is not None
     likely = [f for f in naming.sets if f.surprise < naming.best.surprise + LIKELY][:TRANSFERRED]

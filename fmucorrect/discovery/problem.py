@@ -102,7 +102,10 @@ class Problem:
 
     def longer(self, seconds: float) -> Problem | None:
         """The same with so many seconds of single tones; None where nothing more was measured."""
-        trials = tuple(read(self.study, trial.condition, seconds) for trial in self.trials)
+        trials = tuple(
+            read(self.study, trial.condition, seconds) if trial.condition.frequency > 0.0 else trial
+            for trial in self.trials
+        )
         more = any(new.rows.stop > old.rows.stop for new, old in zip(trials, self.trials, strict=True))
         return self.of(trials) if more else None
 

@@ -10,7 +10,7 @@ import numpy as np
 from fmucorrect.catalogue import CATALOGUE
 from fmucorrect.discovery.candidates import may_act
 from fmucorrect.discovery.evidence import independent
-from fmucorrect.discovery.fit import HOPELESS, Fitted, Setting, fit, judge, price, with_sensors
+from fmucorrect.discovery.fit import HOPELESS, Fitted, Setting, fit, judge, judge_at, price, with_sensors
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, Term
 
@@ -148,7 +148,7 @@ def pared(problem: Problem, setting: Setting, base: Fitted, found: Sequence[Fitt
             (y,) = problem.many([less])
             if y is None:
                 continue
-            start = judge(setting, replace(best, model=less, at=y, residual=setting.measured - y))
+            start = judge_at(setting, best, less, y)
             if start.surprise < known.get(_forms(terms), np.inf):
                 fitted = fit(problem, replace(setting, base=best.base), less, LONG, y, rival=best.surprise)
                 fits += [] if fitted is None else [fitted]

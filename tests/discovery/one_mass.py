@@ -28,13 +28,14 @@ quantity = "displacement"
 unit = "mm"
 noise = {NOISE}
 """
-HEAD = f"""{MASS}[[conditions]]
+SWEEP = """[[conditions]]
 name = "sweep"
 role = "development"
 inputs = "force.csv"
 measurement = "measured.csv"
-parameters = {{ }}
+parameters = { }
 """
+HEAD = MASS + SWEEP
 APART = "".join(
     f'[[adjustable]]\nparameter = "{name}"\nminimum = {low}\nmaximum = {high}\ntolerance = 0.02\n'
     for name, (low, high) in ADJUSTABLE.items()

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from one_mass import MASS, NOISE, T, write
+from one_mass import MASS, NOISE, SWEEP, T, write
 
 from fmucorrect import experiment
 from fmucorrect.catalogue import find
@@ -20,13 +20,6 @@ M2, K2, C2 = 0.5, 400.0, 4.0
 CHAIN = MASS.replace("masses = 1.0,", f"masses = 2.0, m2 = {M2}, k2 = {K2}, c2 = {C2},") + MASS[
     MASS.index("[[channels]]") :
 ].replace("x1", "x2").replace("mass1", "mass2")
-TONE = """[[conditions]]
-name = "sweep"
-role = "development"
-inputs = "force.csv"
-measurement = "measured.csv"
-parameters = { }
-"""
 JOINT = """[[joints]]
 name = "joint 2"
 force = "joint2.f"
@@ -44,21 +37,14 @@ APART = "".join(
 def problem(library, tmp_path):
     t = np.clip(T - 0.3, 0.0, None)
     write(tmp_path / "force.csv", "mass1.f [N]", 0.5 * np.sin(2 * np.pi * (1.0 + t) * t))
-    write(tmp_path / "measured.csv", "x1 [mm]", 0.0 * T)
+    write(tmp_path / "measured.csv", "x1 [mm],x2 [mm]", np.zeros((len(T), 2)))
     less = f"parameters = {{ k2 = {LESS * K2}, c2 = {LESS * C2} }}"
-    (tmp_path / "true.toml").write_text(CHAIN + TONE.replace("parameters = { }", less), encoding="utf-8")
-    (tmp_path / "study.toml").write_text(CHAIN + JOINT + APART + TONE, encoding="utf-8")
+    (tmp_path / "true.toml").write_text(CHAIN + SWEEP.replace("parameters = { }", less), encoding="utf-8")
+    (tmp_path / "study.toml").write_text(CHAIN + JOINT + APART + SWEEP, encoding="utf-8")
     true = load_study(tmp_path / "true.toml")
     y = experiment.simulate(true, true.conditions[0]).select(["x1", "x2"]).values
     y = y + NOISE * np.random.default_rng(2).normal(size=y.shape)
-    np.savetxt(
-        tmp_path / "measured.csv",
-        np.column_stack([T, y]),
-        "%.9g",
-        ",",
-        header="time,x1 [mm],x2 [mm]",
-        comments="",
-    )
+    write(tmp_path / "measured.csv", "x1 [mm],x2 [mm]", y)
     with load(load_study(tmp_path / "study.toml"), library, 2) as made:
         yield made
 

@@ -10,6 +10,7 @@ from scipy.signal import lfilter
 from fmucorrect.discovery.errorbars import spread
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fit import Fitted, begin
+from fmucorrect.discovery.problem import Model
 
 TIMES = 300
 
@@ -35,10 +36,10 @@ def scattered(problem, memory: float):
         x = np.linalg.lstsq(slopes, error, rcond=None)[0]
         left = error - slopes @ x
         fitted = Fitted(
-            problem.nominal, error, left, float(left @ left) / n, 0.0, np.zeros((n, 0)), (), slopes, np.zeros((2, 2))
+            Model((), ()), error, left, float(left @ left) / n, 0.0, np.zeros((n, 0)), (), slopes, np.zeros((2, 2))
         )
         found.append(x)
-        said.append(np.diag(spread(problem, setting, replace(fitted, model=replace(fitted.model, base=())))))
+        said.append(np.diag(spread(problem, setting, fitted)))
     return np.std(found, axis=0), np.sqrt(np.mean(said, axis=0)), 1.0 / np.linalg.norm(slopes, axis=0)
 
 
