@@ -24,8 +24,8 @@ from fmucorrect.discovery.fit import (
     put_back,
 )
 from fmucorrect.discovery.problem import Model, Problem
-from fmucorrect.discovery.sets import names
 from fmucorrect.discovery.terms import OffsetTerm, Term
+from fmucorrect.discovery.worth import names
 
 L = TypeVar("L", bound=Term)
 

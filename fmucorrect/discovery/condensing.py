@@ -1,4 +1,4 @@
-"""Several linear members that are one: a softer and less damped end of a chain moves as a heavier one."""
+"""Several members that are one: an end of a chain whose springs and dampers are all weaker moves as a heavier one."""
 
 from __future__ import annotations
 
@@ -9,17 +9,15 @@ from itertools import combinations
 import numpy as np
 from jaxtyping import Float64, Int
 
-from fmucorrect.catalogue import force
 from fmucorrect.discovery.candidates import Curve
 from fmucorrect.discovery.fit import PROBE, Fitted, Setting, fit, joint_covariance, put_back, stepped
 from fmucorrect.discovery.problem import Model, Problem
-from fmucorrect.discovery.sets import LONG, names
-from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, Term, coordinates
+from fmucorrect.discovery.sets import LONG
+from fmucorrect.discovery.terms import Term, coordinates, linear, proportional
+from fmucorrect.discovery.worth import names
 
-PLAIN = {"displacement", "velocity", "acceleration"}
-"""What a linear law may read."""
 MEMBERS = 6
-"""Linear members of which all parts are tried."""
+"""Members of which all parts are tried."""
 EXPLAINED = 0.1
 """Share of what leaving members out costs that may stay when one other comes in, to first order."""
 FITTED = 4
@@ -27,10 +25,10 @@ FITTED = 4
 
 
 def condensed(problem: Problem, setting: Setting, best: Fitted, curves: Sequence[Curve]) -> list[Fitted]:
-    """The set with two or more of its linear members (offsets of parameters; springs, dampers, masses) in the place of which
-    there is one other: looked for on the fit's quadratic form, and fitted from there."""
+    """The set with two or more of its members of one number (offsets of parameters; forces with a factor) in the place of which
+    there is one other that is linear: looked for on the fit's quadratic form, and fitted from there."""
     ends = np.cumsum([0, *(len(term.estimated) for term in best.model.terms)])
-    own = [t for t, term in enumerate(best.model.terms) if linear(term)]
+    own = [t for t, term in enumerate(best.model.terms) if proportional(term)]
     if not 2 <= len(own) <= MEMBERS:
         return []
     x = np.zeros(int(ends[-1]))
@@ -53,20 +51,6 @@ def condensed(problem: Problem, setting: Setting, best: Fitted, curves: Sequence
     around = replace(setting, base=best.base)
     fits = [fit(problem, around, model, LONG, rival=best.surprise) for _, model in listed[:FITTED]]
     return [fitted for fitted in fits if fitted is not None]
-
-
-def linear(term: Term) -> bool:
-    """Whether twice the motion gives twice what the member does: an offset, or a force of one number that does."""
-    if not isinstance(term, ForceTerm):
-        return isinstance(term, OffsetTerm)
-    law = term.law
-    if law.states or len(term.estimated) != 1 or not {*law.inputs} <= PLAIN:
-        return False
-    rng = np.random.default_rng(0)
-    motion = {name: rng.normal(size=32) for name in law.inputs}
-    once = force(law, motion, np.zeros(0), term.values)
-    twice = force(law, {name: -2.0 * value for name, value in motion.items()}, np.zeros(0), term.values)
-    return bool(np.allclose(twice, -2.0 * once, rtol=1e-9, atol=0.0))
 
 
 def _columns(

@@ -11,8 +11,9 @@ from jaxtyping import Float64
 from fmucorrect.discovery.fit import Fitted
 from fmucorrect.discovery.naming import CLEAR, Naming
 from fmucorrect.discovery.problem import Problem
-from fmucorrect.discovery.sets import WORTH, has_room, names
+from fmucorrect.discovery.sets import has_room
 from fmucorrect.discovery.terms import Term
+from fmucorrect.discovery.worth import WORTH, names
 
 TEMPER = 2.0
 """By what surprises are divided before they become probabilities: laws and sensors are never quite as assumed."""
@@ -23,7 +24,7 @@ AGREES = 1.3
 OPEN = 2.0
 """Variance of the error, over its least, above which as many effects as are looked for at once are not believed, where a
 further one could be worth it."""
-LEFT = 0.2
+LEFT = 0.1
 """Share of the residual's energy above the noise that a named effect may leave."""
 
 

@@ -26,9 +26,10 @@ from fmucorrect.discovery.nexttest import next_test
 from fmucorrect.discovery.outputmap import output_maps
 from fmucorrect.discovery.pictures import picture
 from fmucorrect.discovery.problem import Problem, load
-from fmucorrect.discovery.sets import WORTH, Progress
+from fmucorrect.discovery.sets import Progress
 from fmucorrect.discovery.terms import ForceTerm, SignalTerm
 from fmucorrect.discovery.where import Residual, where
+from fmucorrect.discovery.worth import WORTH
 from fmucorrect.errors import StudyError
 from fmucorrect.inspection import study_problems
 from fmucorrect.study import Study, load_study

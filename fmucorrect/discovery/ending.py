@@ -24,8 +24,9 @@ from fmucorrect.discovery.fit import (
     stepped,
 )
 from fmucorrect.discovery.problem import Model, Problem
-from fmucorrect.discovery.sets import LONG, WORTH
+from fmucorrect.discovery.sets import LONG
 from fmucorrect.discovery.terms import ForceTerm, Term
+from fmucorrect.discovery.worth import WORTH
 
 WHOLE = 60.0
 """Seconds of a single tone that the numbers are fitted to at last: its end too, and how the model comes to rest behind it."""

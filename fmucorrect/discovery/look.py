@@ -13,8 +13,9 @@ from fmucorrect.discovery.fit import Fitted, Setting, fit, judge_at, price
 from fmucorrect.discovery.marks import PROMISING, Marks, Target, marks
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.search import Search
-from fmucorrect.discovery.sets import LONG, Progress, admissible, extended, first_of, merged, names
+from fmucorrect.discovery.sets import LONG, Progress, extended, merged
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, Term
+from fmucorrect.discovery.worth import admissible, first_of, names
 
 EXPLAINED = 1.3
 """A variance of the error, over its least, at which no larger set is looked for at once."""

@@ -14,7 +14,7 @@ from fmucorrect.discovery.calibration import calibrated, whole
 from fmucorrect.discovery.candidates import Curve, candidates, places
 from fmucorrect.discovery.condensing import condensed
 from fmucorrect.discovery.ending import ended
-from fmucorrect.discovery.fit import Fitted, Setting, begin, begin_as, fit
+from fmucorrect.discovery.fit import Fitted, Setting, begin, begin_as, fit, price
 from fmucorrect.discovery.lines import line, stands
 from fmucorrect.discovery.look import EXPLAINED, at_other_places, look, regrouped, rivals
 from fmucorrect.discovery.marks import Marks, with_marks
@@ -23,21 +23,17 @@ from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.sets import (
     LONG,
     Progress,
-    admissible,
-    complete,
-    credible,
     distinct,
     extended,
     finer,
-    first_of,
     has_room,
     merged,
-    names,
     pared,
     settled,
     share_of,
 )
 from fmucorrect.discovery.terms import OffsetTerm, Term
+from fmucorrect.discovery.worth import admissible, complete, credible, first_of, names
 
 LISTED = (7, 5, 3)
 """Sets of one effect, two and three that are fitted in the loop."""
@@ -217,7 +213,8 @@ def _deepened(
         setting, base, found = settled(problem, setting, base, found)
         base, found = pared(problem, setting, base, found)
         best = first_of(admissible(setting, base, found))
-        if best.s2 > EXPLAINED * setting.floor and best.model.terms:
+        far = float(np.square(best.model.base).max(initial=0.0)) > price(setting, 1)
+        if best.model.terms and (far or best.s2 > EXPLAINED * setting.floor):
             progress("calibration", len(done), LOOKS)
             moved = calibrated(problem, replace(setting, base=best.base), best)
             found = merged([*found, *([] if moved is None else [moved]), *extended(problem, setting, [best])])

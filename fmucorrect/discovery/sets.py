@@ -1,4 +1,4 @@
-"""Sets of effects: which are worth it, which are simpler, and what is fitted anew before they are compared."""
+"""Sets of effects: which are simpler, which contain them, and what is fitted anew before they are compared."""
 
 from __future__ import annotations
 
@@ -10,14 +10,11 @@ import numpy as np
 from fmucorrect.catalogue import CATALOGUE
 from fmucorrect.discovery.candidates import may_act
 from fmucorrect.discovery.evidence import independent
-from fmucorrect.discovery.fit import HOPELESS, Fitted, Setting, fit, judge, judge_at, price, with_sensors
-from fmucorrect.discovery.problem import Problem
-from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, Term
+from fmucorrect.discovery.fit import FARTHEST, HOPELESS, Fitted, Setting, fit, judge, judge_at, price, with_sensors
+from fmucorrect.discovery.problem import Model, Problem
+from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, Term, linear
+from fmucorrect.discovery.worth import admissible, first_of, names
 
-WORTH = 0.04
-"""How much of the amplitude of all that was to be explained a further effect must take away: laws are idealised, their
-corners rounded, their force held over a step, and what that leaves is no reason for a further effect. What parameters that
-are off explain is exact, and does not count."""
 MOST = 3
 """Effects at once, beside parameters that are off."""
 FINER = 4
@@ -27,8 +24,6 @@ COARSE = 0.3
 REFITTED = 4
 """Sets that are fitted again with a finer coupling."""
 
-OPEN = 2.0
-"""Variance of the error, in units of the noise, above which something stays unexplained."""
 EXTENDED = 6
 """Sets in which a member gives way to a law that contains it."""
 LONG = 20
@@ -36,92 +31,6 @@ LONG = 20
 
 Progress = Callable[[str, int, int], object]
 """Told the stage, what is done and how much there is to do."""
-
-
-def names(fitted: Fitted) -> frozenset[tuple[str, str]]:
-    """Effects and places of a set."""
-    return frozenset(term.key for term in fitted.model.terms)
-
-
-def first_of(found: Sequence[Fitted]) -> Fitted:
-    """The most likely."""
-    return min(found, key=lambda fitted: fitted.surprise)
-
-
-def admissible(setting: Setting, base: Fitted, found: Sequence[Fitted]) -> list[Fitted]:
-    """The base and all sets whose every effect is worth it: no smaller set in `found` leaves about as little."""
-    kept = [base]
-    for fitted in sorted(found, key=lambda f: sum(1 + len(term.estimated) for term in f.model.terms)):
-        simpler = [less for less in kept if _simpler(less, fitted)]
-        moved = [less.s2 for less in simpler if _exact(less)]
-        if _exact(fitted) or all(_worth(setting, less, fitted, min(moved)) for less in simpler):
-            kept.append(fitted)
-    return kept
-
-
-def _exact(fitted: Fitted) -> bool:
-    """Whether a set says only that parameters are off."""
-    return all(isinstance(term, OffsetTerm) for term in fitted.model.terms)
-
-
-def _worth(setting: Setting, less: Fitted, more: Fitted, energy: float) -> bool:
-    """Whether a larger set takes away enough: of the error, or of what sensors and base parameters had to take on. A parameter
-    or a sensor that is off does so too where the others would else be further from what is expected of them than it costs.
-    energy: mean square of the residual that was to be explained."""
-    least = WORTH**2 * energy
-    if less.s2 - more.s2 >= least:
-        return True
-    count, gained = setting.share * len(setting.measured), less.surprise - more.surprise
-    extra = [term for term in more.model.terms if term.key not in names(less)]
-    if gained > 0.0 and not any(isinstance(term, ForceTerm) for term in extra):
-        paid = sum(price(setting, len(term.estimated)) for term in extra)
-        if _far(setting, less) - _far(setting, more) >= paid:
-            return True
-    return gained >= count * float(np.log1p(least / more.s2))
-
-
-def _far(setting: Setting, fitted: Fitted) -> float:
-    """How far base parameters and sensors are from what is expected of them: a sum of squares, in standard deviations."""
-    return float(np.sum(np.square(fitted.model.base)) + np.sum(_sensed(setting, fitted)))
-
-
-def _sensed(setting: Setting, fitted: Fitted) -> np.ndarray:
-    """The same of each thing that may be off at the sensors."""
-    return np.square(setting.sensors.believe(fitted.residual, setting.share, setting.floor).fitted)
-
-
-def complete(setting: Setting, base: Fitted, found: Sequence[Fitted], best: Fitted) -> bool:
-    """Whether nothing is left beside the best set that a further effect could be worth: in the error, in base parameters that
-    are far from their start values, or in a sensor that would be off by more than it costs to say so."""
-    energy = min(fitted.s2 for fitted in (base, *found) if _exact(fitted) and names(fitted) <= names(best))
-    far = float(np.sum(np.square(best.model.base)))
-    sensed = float(_sensed(setting, best).max(initial=0.0))
-    return best.s2 - setting.floor < WORTH**2 * energy and max(far, sensed) < price(setting, 1)
-
-
-def credible(found: Sequence[Fitted]) -> list[Fitted]:
-    """Without the sets of several in which an effect takes away less than what all of them leave above the noise: beside a
-    large rest that nothing explains, a small further effect may be any."""
-    kept: list[Fitted] = []
-    for fitted in found:
-        parts = [names(fitted) - {term.key} for term in fitted.model.terms]
-        less = [other.s2 for other in found if names(other) in parts]
-        if all(s2 - fitted.s2 >= fitted.s2 - OPEN for s2 in less):
-            kept.append(fitted)
-    return kept
-
-
-def _simpler(less: Fitted, more: Fitted) -> bool:
-    """Whether a set is another with effects left out, or with one that is a special case of what stands there."""
-    if names(less) < names(more):
-        return True
-    special = [
-        names(more) - {term.key} | {(simple, term.where)}
-        for term in more.model.terms
-        if isinstance(term, ForceTerm)
-        for simple in term.law.special
-    ]
-    return any(names(less) <= other for other in special)
 
 
 def _forms(terms: Sequence[Term]) -> frozenset[tuple[str, str]]:
@@ -133,7 +42,7 @@ def pared(problem: Problem, setting: Setting, base: Fitted, found: Sequence[Fitt
     """The base and all sets, with those that are simpler than the best one by one step, and so on until the best one needs all
     that it has. Each is fitted from where the larger set stands, unless it has been fitted to a better end. Of one effect alone
     that is the base model once more, by another way. What was needed in a larger set is needed in a smaller one."""
-    found = list(found)
+    found = [*found, *_linear_part(problem, setting, base, found)]
     tried: list[Fitted] = []
     done: set[frozenset[tuple[str, str]]] = set()
     while True:
@@ -144,7 +53,7 @@ def pared(problem: Problem, setting: Setting, base: Fitted, found: Sequence[Fitt
             done.add(_forms(terms))
             if any(_at_least(setting, terms, fitted) > best.surprise + HOPELESS for fitted in tried):
                 continue
-            less = replace(best.model, terms=terms)
+            less = _without(problem, best.model, terms)
             (y,) = problem.many([less])
             if y is None:
                 continue
@@ -157,6 +66,27 @@ def pared(problem: Problem, setting: Setting, base: Fitted, found: Sequence[Fitt
         tried += fits
         base = first_of([base, *(fitted for fitted in fits if not fitted.model.terms)])
         found += [fitted for fitted in fits if fitted.model.terms]
+
+
+def _without(problem: Problem, model: Model, terms: tuple[Term, ...]) -> Model:
+    """A model of fewer members; of an offset that is gone the base parameter takes on what it may."""
+    gone = {
+        t.adjustable: t.values["value"] / t.scale for t in model.terms if isinstance(t, OffsetTerm) and t not in terms
+    }
+    base = np.array([z + gone.get(a, 0.0) for a, z in zip(problem.tolerated, model.base, strict=True)])
+    low, high = np.clip(problem.reach, -FARTHEST, FARTHEST).T
+    return Model(terms, tuple(float(z) for z in np.clip(base, low, high)))
+
+
+def _linear_part(problem: Problem, setting: Setting, base: Fitted, found: Sequence[Fitted]) -> list[Fitted]:
+    """Of the most likely set, where it has anything else: by what that leaves is judged whether the rest is worth it."""
+    best = first_of([base, *found])
+    terms = tuple(term for term in best.model.terms if linear(term))
+    have = {names(fitted) for fitted in found}
+    if not terms or len(terms) == len(best.model.terms) or frozenset(term.key for term in terms) in have:
+        return []
+    fitted = fit(problem, replace(setting, base=best.base), replace(best.model, terms=terms), LONG)
+    return [] if fitted is None else [fitted]
 
 
 def _at_least(setting: Setting, terms: Sequence[Term], larger: Fitted) -> float:

@@ -7,13 +7,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Generic, TypeVar
 
-from fmucorrect.catalogue import Law, Parameter
+import numpy as np
+
+from fmucorrect.catalogue import Law, Parameter, force
 from fmucorrect.catalogue.signal import SignalLaw
 from fmucorrect.discovery.simulator import LawAt
 from fmucorrect.study import Adjustable, Joint
 
 OFFSET = "parameter_offset"
 EXCITATION = "excitation"
+PLAIN = {"displacement", "velocity", "acceleration"}
+"""What a linear law may read."""
 
 
 L = TypeVar("L", Law, SignalLaw)
@@ -130,6 +134,32 @@ class OffsetTerm(_Keyed):
 
 
 Term = ForceTerm | SignalTerm | OffsetTerm
+
+
+def linear(term: Term) -> bool:
+    """Whether twice the motion gives twice what the member does: an offset, or a force of one number that does."""
+    if not isinstance(term, ForceTerm):
+        return isinstance(term, OffsetTerm)
+    return proportional(term) and {*term.law.inputs} <= PLAIN and _twice(term, -2.0, term.values)
+
+
+def proportional(term: Term) -> bool:
+    """Whether twice its number means twice what the member does: an offset, or a force of one number that is a factor of it."""
+    if not isinstance(term, ForceTerm):
+        return isinstance(term, OffsetTerm)
+    if term.law.states or len(term.estimated) != 1:
+        return False
+    (name,) = term.estimated
+    return _twice(term, 1.0, {**term.values, name: -2.0 * term.values[name]})
+
+
+def _twice(term: ForceTerm, motion: float, values: Mapping[str, float]) -> bool:
+    """Whether other values at a larger motion give -2 times the force."""
+    rng = np.random.default_rng(0)
+    at = {name: rng.normal(size=32) for name in term.law.inputs}
+    once = force(term.law, at, np.zeros(0), term.values)
+    other = force(term.law, {name: motion * x for name, x in at.items()}, np.zeros(0), values)
+    return bool(np.allclose(other, -2.0 * once, rtol=1e-9, atol=0.0))
 
 
 def coordinates(term: Term) -> tuple[float, ...]:

@@ -1,91 +1,128 @@
-"""A softer and less damped end of a chain is a heavier one: two effects that are one are named as one."""
+"""An end of a chain whose springs and dampers are weaker is a heavier one: effects that are one are named as one."""
 
 import numpy as np
 import pytest
 from one_mass import MASS, NOISE, SWEEP, T, write
 
-from fmucorrect import experiment
 from fmucorrect.catalogue import find
-from fmucorrect.discovery.candidates import adjustables, candidates
-from fmucorrect.discovery.condensing import condensed, linear
+from fmucorrect.discovery.candidates import adjustables, candidates, places
+from fmucorrect.discovery.condensing import condensed
 from fmucorrect.discovery.fit import begin, fit
 from fmucorrect.discovery.marks import with_marks
 from fmucorrect.discovery.motion import motions
-from fmucorrect.discovery.problem import Model, load
-from fmucorrect.discovery.terms import ForceTerm
+from fmucorrect.discovery.problem import Model, load, runner, simulate
+from fmucorrect.discovery.terms import ForceTerm, linear, proportional
 from fmucorrect.study import load_study
 
-LESS = 0.8
 M2, K2, C2 = 0.5, 400.0, 4.0
 CHAIN = MASS.replace("masses = 1.0,", f"masses = 2.0, m2 = {M2}, k2 = {K2}, c2 = {C2},") + MASS[
     MASS.index("[[channels]]") :
 ].replace("x1", "x2").replace("mass1", "mass2")
-JOINT = """[[joints]]
+JOINTS = """[[joints]]
+name = "joint 1"
+force = "joint1.f"
+displacement = "joint1.d"
+velocity = "joint1.v"
+[[joints]]
 name = "joint 2"
 force = "joint2.f"
 displacement = "joint2.d"
 velocity = "joint2.v"
 acceleration = "mass2.a"
+[[groups]]
+name = "both"
+joints = ["joint 1", "joint 2"]
 """
+MASS_2 = ("added_mass", "joint 2")
 APART = "".join(
     f'[[adjustable]]\nparameter = "{name}"\nminimum = {0.1 * at}\nmaximum = {10.0 * at}\ntolerance = 0.02\n'
     for name, at in {"k2": K2, "c2": C2}.items()
 )
 
 
-@pytest.fixture
-def problem(library, tmp_path):
+def term_at(study, effect: str, where: str, **values: float) -> ForceTerm:
+    law = find(effect, values)
+    return ForceTerm(law, where, places(study)[where], law.complete(values))
+
+
+def problem_of(folder, library, truth):
+    """The chain, measured with what `truth` makes of its study."""
     t = np.clip(T - 0.3, 0.0, None)
-    write(tmp_path / "force.csv", "mass1.f [N]", 0.5 * np.sin(2 * np.pi * (1.0 + t) * t))
-    write(tmp_path / "measured.csv", "x1 [mm],x2 [mm]", np.zeros((len(T), 2)))
-    less = f"parameters = {{ k2 = {LESS * K2}, c2 = {LESS * C2} }}"
-    (tmp_path / "true.toml").write_text(CHAIN + SWEEP.replace("parameters = { }", less), encoding="utf-8")
-    (tmp_path / "study.toml").write_text(CHAIN + JOINT + APART + SWEEP, encoding="utf-8")
-    true = load_study(tmp_path / "true.toml")
-    y = experiment.simulate(true, true.conditions[0]).select(["x1", "x2"]).values
-    y = y + NOISE * np.random.default_rng(2).normal(size=y.shape)
-    write(tmp_path / "measured.csv", "x1 [mm],x2 [mm]", y)
-    with load(load_study(tmp_path / "study.toml"), library, 2) as made:
-        yield made
+    write(folder / "force.csv", "mass1.f [N]", 0.5 * np.sin(2 * np.pi * (1.0 + t) * t))
+    write(folder / "measured.csv", "x1 [mm],x2 [mm]", np.zeros((len(T), 2)))
+    (folder / "study.toml").write_text(CHAIN + JOINTS + APART + SWEEP, encoding="utf-8")
+    study = load_study(folder / "study.toml")
+    item = runner(study, study.conditions[0], library, len(T))
+    y = simulate(study, item, study.conditions[0], truth(study), ())
+    item.close()
+    write(folder / "measured.csv", "x1 [mm],x2 [mm]", y + NOISE * np.random.default_rng(2).normal(size=y.shape))
+    return load(study, library, 2)
 
 
-def test_two_offsets_that_are_one_mass_become_one(problem):
+def condensed_from(problem, terms):
+    """The fit of these terms, and the likeliest of what they may give way to."""
     setting, at, start = begin(problem)
     moves = motions(problem.study, [trial.condition for trial in problem.trials])
     moves = with_marks(problem, moves, at, setting.measured - at)
-    curves = candidates(problem, moves, start)
-    two = fit(problem, setting, Model(tuple(adjustables(problem)), problem.nominal.base), 20)
-    found = condensed(problem, setting, two, curves)
-    best = min(found, key=lambda fitted: fitted.surprise)
+    fitted = fit(problem, setting, Model(terms, problem.nominal.base), 20)
+    found = condensed(problem, setting, fitted, candidates(problem, moves, start))
+    return fitted, min(found, key=lambda one: one.surprise)
+
+
+def test_two_offsets_that_are_one_mass_become_one(library, tmp_path):
+    heavier = 1.25  # as much as both were 20 % too low
+
+    def truth(study):
+        return Model((term_at(study, *MASS_2, mass=0.25 * M2),), ())
+
+    with problem_of(tmp_path, library, truth) as problem:
+        two, best = condensed_from(problem, tuple(adjustables(problem)))
     (only,) = best.model.terms
-    assert only.key == ("added_mass", "joint 2")
+    assert only.key == MASS_2
     k2, c2 = (1.0 + 0.02 * z for z in best.model.base)  # what the tolerances of the two took of it
-    heavier = 1.0 + only.values["mass"] / M2
-    assert k2 / heavier == pytest.approx(LESS, rel=0.01)
-    assert c2 / heavier == pytest.approx(LESS, rel=0.05)
+    found = 1.0 + only.values["mass"] / M2
+    assert found / k2 == pytest.approx(heavier, rel=0.01)
+    assert found / c2 == pytest.approx(heavier, rel=0.05)
     assert best.s2 == pytest.approx(two.s2, rel=0.02)
     assert best.surprise < two.surprise
 
 
-def test_one_member_is_not_condensed(problem):
-    setting, _, _ = begin(problem)
-    one = fit(problem, setting, Model(tuple(adjustables(problem))[:1], problem.nominal.base), 20)
-    assert condensed(problem, setting, one, []) == []
+def test_with_weaker_springs_and_dampers_a_law_that_is_not_linear_gives_way_too(library, tmp_path):
+    drag = {"quadratic_damping": 30.0}
+
+    def truth(study):
+        return Model((term_at(study, "quadratic_damping", "both", **drag), term_at(study, *MASS_2, mass=0.25 * M2)), ())
+
+    with problem_of(tmp_path, library, truth) as problem:
+        less = term_at(problem.study, "quadratic_damping", "joint 2", quadratic_damping=-5.0)
+        both = term_at(problem.study, "quadratic_damping", "both", **drag)
+        four, best = condensed_from(problem, (*adjustables(problem), both, less))
+    assert {term.key for term in best.model.terms} == {("quadratic_damping", "both"), MASS_2}
+    assert best.surprise < four.surprise
+
+
+def test_one_member_is_not_condensed(library, tmp_path):
+    with problem_of(tmp_path, library, lambda study: Model((), ())) as problem:
+        setting, _, _ = begin(problem)
+        one = fit(problem, setting, Model(tuple(adjustables(problem))[:1], problem.nominal.base), 20)
+        assert condensed(problem, setting, one, []) == []
 
 
 @pytest.mark.parametrize(
-    ("effect", "values", "is_linear"),
+    ("effect", "values", "is_linear", "is_proportional"),
     [
-        ("linear_stiffness", {"stiffness": 3.0}, True),
-        ("viscous_damping", {"damping": -3.0}, True),
-        ("added_mass", {"mass": 3.0}, True),
-        ("cubic_stiffness", {"cubic_stiffness": 3.0}, False),
-        ("quadratic_damping", {"quadratic_damping": 3.0}, False),
-        ("bilinear_stiffness", {"difference": 3.0}, False),
-        ("coulomb_friction", {"friction_force": 3.0, "smoothing_velocity": 1.0}, False),
-        ("preload", {"force": 3.0}, False),
+        ("linear_stiffness", {"stiffness": 3.0}, True, True),
+        ("viscous_damping", {"damping": -3.0}, True, True),
+        ("added_mass", {"mass": 3.0}, True, True),
+        ("cubic_stiffness", {"cubic_stiffness": 3.0}, False, True),
+        ("quadratic_damping", {"quadratic_damping": 3.0}, False, True),
+        ("bilinear_stiffness", {"difference": 3.0}, False, True),
+        ("coulomb_friction", {"friction_force": 3.0, "smoothing_velocity": 1.0}, False, False),
+        ("preload", {"force": 3.0}, False, True),
     ],
 )
-def test_which_laws_are_linear(effect, values, is_linear):
+def test_which_laws_are_linear_and_which_are_in_their_number(effect, values, is_linear, is_proportional):
     law = find(effect, values)
-    assert linear(ForceTerm(law, "joint 2", (), law.complete(values))) is is_linear
+    term = ForceTerm(law, "joint 2", (), law.complete(values))
+    assert linear(term) is is_linear
+    assert proportional(term) is is_proportional

@@ -13,7 +13,8 @@ from fmucorrect.discovery.candidates import adjustables, parts
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.look import at_other_places
 from fmucorrect.discovery.problem import overrides
-from fmucorrect.discovery.sets import admissible, first_of, names, pared
+from fmucorrect.discovery.sets import pared
+from fmucorrect.discovery.worth import admissible, first_of, names
 
 
 def fitted(problem, setting, *wanted, iterations=30):

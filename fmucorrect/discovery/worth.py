@@ -1,0 +1,112 @@
+"""Which effects of a set are worth it: what must a further one explain, and when nothing is left for one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fmucorrect.discovery.fit import Fitted, Setting, price
+from fmucorrect.discovery.terms import ForceTerm, linear
+
+WORTH = 0.04
+"""How much of the amplitude of all that was to be explained a further effect must take away: laws are idealised, their
+corners rounded, their force held over a step, and what that leaves is no reason for a further effect. What linear members
+explain is exact, and does not count."""
+SMALL, NEARLY = 0.015, 0.8
+"""A smaller one is worth it too if it takes away at least so much, and so great a share of all that is left above the noise."""
+OPEN = 2.0
+"""Variance of the error, in units of the noise, above which something stays unexplained."""
+
+
+def names(fitted: Fitted) -> frozenset[tuple[str, str]]:
+    """Effects and places of a set."""
+    return frozenset(term.key for term in fitted.model.terms)
+
+
+def first_of(found: Sequence[Fitted]) -> Fitted:
+    """The most likely."""
+    return min(found, key=lambda fitted: fitted.surprise)
+
+
+def admissible(setting: Setting, base: Fitted, found: Sequence[Fitted]) -> list[Fitted]:
+    """The base and all sets whose every effect is worth it: no smaller set in `found` leaves about as little."""
+    kept = [base]
+    for fitted in sorted(found, key=lambda f: sum(1 + len(term.estimated) for term in f.model.terms)):
+        simpler = [less for less in kept if _simpler(less, fitted)]
+        simpler = [less for less in simpler if not any(_simpler(less, other) for other in simpler)]
+        if _exact(fitted) or all(_worth(setting, less, fitted, _energy(kept, less, fitted)) for less in simpler):
+            kept.append(fitted)
+    return kept
+
+
+def _exact(fitted: Fitted) -> bool:
+    """Whether a set has only what is linear: parameters that are off; springs, dampers, masses."""
+    return all(linear(term) for term in fitted.model.terms)
+
+
+def _energy(kept: Sequence[Fitted], less: Fitted, more: Fitted) -> float:
+    """Mean square of the residual that was to be explained: by all that is not linear, or where a law gives way to one that
+    contains it by that member."""
+    if len(less.model.terms) < len(more.model.terms):
+        return min(fitted.s2 for fitted in kept if _exact(fitted) and names(fitted) < names(more))
+    beside = names(more) & names(less)
+    return min(fitted.s2 for fitted in kept if names(fitted) <= beside)
+
+
+def _worth(setting: Setting, less: Fitted, more: Fitted, energy: float) -> bool:
+    """Whether a larger set takes away enough: of the error, or of what sensors and base parameters had to take on. A parameter
+    or a sensor that is off does so too where the others would else be further from what is expected of them than it costs.
+    energy: mean square of the residual that was to be explained."""
+    least = WORTH**2 * energy
+    if less.s2 - more.s2 >= min(least, max(SMALL**2 * energy, NEARLY * (less.s2 - setting.floor))):
+        return True
+    count, gained = setting.share * len(setting.measured), less.surprise - more.surprise
+    extra = [term for term in more.model.terms if term.key not in names(less)]
+    if gained > 0.0 and not any(isinstance(term, ForceTerm) and not linear(term) for term in extra):
+        paid = sum(price(setting, len(term.estimated)) for term in extra)
+        if _far(setting, less) - _far(setting, more) >= paid:
+            return True
+    return gained >= count * float(np.log1p(least / more.s2))
+
+
+def _far(setting: Setting, fitted: Fitted) -> float:
+    """How far base parameters and sensors are from what is expected of them: a sum of squares, in standard deviations."""
+    return float(np.sum(np.square(fitted.model.base)) + np.sum(_sensed(setting, fitted)))
+
+
+def _sensed(setting: Setting, fitted: Fitted) -> np.ndarray:
+    """The same of each thing that may be off at the sensors."""
+    return np.square(setting.sensors.believe(fitted.residual, setting.share, setting.floor).fitted)
+
+
+def complete(setting: Setting, base: Fitted, found: Sequence[Fitted], best: Fitted) -> bool:
+    """Whether nothing is left beside the best set that a further effect could be worth: in the error, in base parameters that
+    are far from their start values, or in a sensor that would be off by more than it costs to say so."""
+    energy = min(fitted.s2 for fitted in (base, *found) if _exact(fitted) and names(fitted) <= names(best))
+    far = float(np.sum(np.square(best.model.base)))
+    sensed = float(_sensed(setting, best).max(initial=0.0))
+    return best.s2 - setting.floor < SMALL**2 * energy and max(far, sensed) < price(setting, 1)
+
+
+def credible(found: Sequence[Fitted]) -> list[Fitted]:
+    """Without the sets of several in which further effects take away less than what all of them leave above the noise: beside
+    a large rest that nothing explains, a small further effect may be any."""
+    return [
+        fitted
+        for fitted in found
+        if all(other.s2 - fitted.s2 >= fitted.s2 - OPEN for other in found if names(other) < names(fitted))
+    ]
+
+
+def _simpler(less: Fitted, more: Fitted) -> bool:
+    """Whether a set is another with effects left out, or with one that is a special case of what stands there."""
+    if names(less) < names(more):
+        return True
+    special = [
+        names(more) - {term.key} | {(simple, term.where)}
+        for term in more.model.terms
+        if isinstance(term, ForceTerm)
+        for simple in term.law.special
+    ]
+    return any(names(less) <= other for other in special)

@@ -1,0 +1,99 @@
+"""Which effects are worth it: by what they take away of what was to be explained, and of what is left."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("sympy")
+
+from fmucorrect.catalogue import find
+from fmucorrect.discovery.evidence import Nuisances
+from fmucorrect.discovery.fit import Fitted, Setting
+from fmucorrect.discovery.problem import Model
+from fmucorrect.discovery.terms import ForceTerm
+from fmucorrect.discovery.worth import admissible, complete, first_of, names
+
+ROWS = 4000
+STOP = ("bump_stop", {"gap": 1e-3, "stiffness": 1e4})
+DRY = ("coulomb_friction", {"friction_force": 0.1, "stick_displacement": 5e-4})
+HYSTERESIS = (
+    "bouc_wen_hysteresis",
+    {"stiffness": 200.0, "alpha": 0.0, "beta": 1500.0, "gamma": 1000.0, "exponent": 1.0},
+)
+SQUARE = ("quadratic_damping", {"quadratic_damping": 3.0})
+SPRING = ("linear_stiffness", {"stiffness": 10.0})
+DAMPER = ("viscous_damping", {"damping": 1.0})
+MASS = ("added_mass", {"mass": 0.1})
+
+
+def setting(floor: float = 1.0) -> Setting:
+    nothing = np.zeros((ROWS, 0))
+    return Setting(np.zeros(ROWS), Nuisances(nothing), np.zeros((ROWS, 1)), np.zeros(0), 1.0, floor, 100)
+
+
+def made(s2: float, *effects, far: float = 0.0) -> Fitted:
+    """A set that leaves s2; its surprise is that of white noise, with what the members cost. far: of a base parameter."""
+    terms = []
+    for joint, (effect, values) in effects:
+        law = find(effect, values)
+        terms.append(ForceTerm(law, joint, (), law.complete(values)))
+    cost = 30.0 * len(terms) + far**2
+    model = Model(tuple(terms), (far,))
+    rows = np.zeros(ROWS)
+    return Fitted(model, rows, rows, s2, float(ROWS * (1.0 + np.log(s2))) + cost, np.zeros((ROWS, 1)), (0.0,))
+
+
+def kept(base, *sets, floor=1.0):
+    return [names(fitted) for fitted in admissible(setting(floor), base, sets)]
+
+
+@pytest.mark.parametrize(
+    ("left", "with_it", "is_worth_it"),
+    [
+        (1.30, 1.25, False),  # what an idealised law leaves
+        (4.00, 2.00, True),  # more than 4 % of the amplitude of all
+        (1.30, 1.02, True),  # less, but all that is left
+        (1.30, 1.15, False),
+        (1.05, 1.00, False),  # all that is left, but too small: a rounded corner
+    ],
+)
+def test_a_further_effect_takes_away_a_part_of_all_or_all_that_is_left(left, with_it, is_worth_it):
+    base, one = made(1000.0), made(left, ("joint 1", STOP))
+    two = made(with_it, ("joint 1", STOP), ("joint 2", SQUARE))
+    assert two.surprise < one.surprise
+    assert (names(two) in kept(base, one, two)) is is_worth_it
+
+
+@pytest.mark.parametrize(("left", "is_worth_it"), [(1.10, True), (1.55, False)])
+def test_a_law_that_contains_another_is_judged_by_what_that_member_explains(left, is_worth_it):
+    base, stop = made(3000.0), made(80.0, ("joint 2", STOP))
+    dry = made(1.60, ("joint 2", STOP), ("joint 1", DRY))
+    more = made(left, ("joint 2", STOP), ("joint 1", HYSTERESIS))
+    assert (names(more) in kept(base, stop, dry, more)) is is_worth_it
+
+
+def test_a_law_that_contains_another_is_not_compared_with_sets_that_are_worse_than_the_one_that_it_takes_the_place_in():
+    base, beside = made(3000.0), made(20.0, ("joint 2", STOP), ("joint 1", MASS))
+    far = made(1.46, ("joint 2", STOP), ("joint 1", DRY), far=8.0)  # a parameter takes on what is the mass's
+    near = made(1.46, ("joint 2", STOP), ("joint 1", DRY), ("joint 1", MASS))
+    more = made(1.17, ("joint 2", STOP), ("joint 1", HYSTERESIS), ("joint 1", MASS))
+    assert names(more) in kept(base, beside, far, near, more, floor=1.04)
+    assert names(more) not in kept(base, beside, far, more, floor=1.04)
+
+
+def test_linear_members_are_exact():
+    base = made(1000.0)
+    springs = [made(1.30, ("joint 1", SPRING)), made(1.25, ("joint 1", SPRING), ("joint 2", DAMPER))]
+    assert [names(fitted) for fitted in springs] == kept(base, *springs)[1:]
+    stop = made(1.20, ("joint 1", SPRING), ("joint 2", STOP))
+    assert names(stop) in kept(base, springs[0], stop)  # 0.1 of 1.3: the spring has explained the rest exactly
+    square = made(1.30, ("joint 1", SQUARE))
+    stop = made(1.20, ("joint 1", SQUARE), ("joint 2", STOP))
+    assert names(stop) not in kept(base, square, stop)
+
+
+def test_nothing_is_left_when_no_further_effect_could_be_worth_it():
+    base = made(1000.0)
+    for s2, finished in ((1.1, True), (1.4, False)):
+        best = made(s2, ("joint 1", STOP))
+        assert first_of([base, best]) is best
+        assert complete(setting(), base, [best], best) is finished
