@@ -24,7 +24,7 @@ AGREES = 1.3
 OPEN = 2.0
 """Variance of the error, over its least, above which as many effects as are looked for at once are not believed, where a
 further one could be worth it."""
-LEFT = 0.1
+LEFT = 0.2
 """Share of the residual's energy above the noise that a named effect may leave."""
 
 

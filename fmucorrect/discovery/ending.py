@@ -19,9 +19,11 @@ from fmucorrect.discovery.fit import (
     better,
     covariance,
     fit,
+    judge,
     judge_at,
     step,
     stepped,
+    with_sensors,
 )
 from fmucorrect.discovery.problem import Model, Problem
 from fmucorrect.discovery.sets import LONG
@@ -32,6 +34,8 @@ WHOLE = 60.0
 """Seconds of a single tone that the numbers are fitted to at last: its end too, and how the model comes to rest behind it."""
 LAST = 6
 """Steps with sensitivities from both sides."""
+ALIKE = 4.0
+"""By how much less likely sensors whose gain is right may be, in -2 log p."""
 
 
 def ended(problem: Problem, setting: Setting, base: Fitted, best: Fitted) -> Fitted:
@@ -77,8 +81,12 @@ def _later(problem: Problem, setting: Setting, best: Fitted) -> Fitted | None:
 
 
 def _known(problem: Problem, setting: Setting, fitted: Fitted) -> Fitted:
-    """Its last steps, and what is then known of its numbers; an offset with all of its parameter's move in it."""
-    told = whole(problem, setting, _sharpened(problem, setting, fitted))
+    """Its last steps, and what is then known of its numbers; an offset with all of its parameter's move in it. Sensors whose
+    gain is right are preferred where that is about as likely: what they would take on, the FMU shall give."""
+    exact = with_sensors(problem, setting, fitted.model, gain=0.0)
+    right = judge(setting, _sharpened(problem, exact, judge(exact, fitted)))
+    last = _sharpened(problem, setting, right)
+    told = whole(problem, setting, last if last.surprise < right.surprise - ALIKE else right)
     return replace(told, covariance=spread(problem, setting, told))
 
 

@@ -9,7 +9,7 @@ from jaxtyping import Float64
 
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.kept import remembered
-from fmucorrect.discovery.nuisances import PERTURBED, sensitivities
+from fmucorrect.discovery.nuisances import GAIN, PERTURBED, sensitivities
 from fmucorrect.discovery.nuisances import sensors as sensors_of
 from fmucorrect.discovery.problem import Model, Problem
 from fmucorrect.discovery.terms import coordinates, moved, room
@@ -101,9 +101,9 @@ def begin_as(problem: Problem, before: Setting, model: Model) -> Setting:
     return with_sensors(problem, setting, model)
 
 
-def with_sensors(problem: Problem, setting: Setting, model: Model) -> Setting:
-    """The setting with sensors that take their part of a model's response."""
-    return replace(setting, sensors=Nuisances(sensors_of(problem, problem.responses(model))))
+def with_sensors(problem: Problem, setting: Setting, model: Model, gain: float = GAIN) -> Setting:
+    """The setting with sensors that take their part of a model's response. gain: standard deviation of theirs."""
+    return replace(setting, sensors=Nuisances(sensors_of(problem, problem.responses(model), gain)))
 
 
 def price(setting: Setting, numbers: int) -> float:

@@ -20,8 +20,10 @@ PERTURBED = 0.3
 """By how many tolerances a base parameter is moved for its sensitivity."""
 
 
-def sensors(problem: Problem, responses: Sequence[Float64[np.ndarray, "_ J"]]) -> Float64[np.ndarray, "n m"]:
-    """One column for each thing that may be off at the sensors, as large as one standard deviation of it."""
+def sensors(
+    problem: Problem, responses: Sequence[Float64[np.ndarray, "_ J"]], gain: float = GAIN
+) -> Float64[np.ndarray, "n m"]:
+    """One column for each thing that may be off at the sensors, as large as one standard deviation of it. gain: of gains."""
     step = problem.study.simulation.step_size
     channels = len(problem.study.channels)
     columns: list[np.ndarray] = []
@@ -32,7 +34,7 @@ def sensors(problem: Problem, responses: Sequence[Float64[np.ndarray, "_ J"]]) -
 
     rates = [-LAG * np.gradient(y, step, axis=0) for y in responses]
     for j in range(channels):
-        column([_only(GAIN * y, j) for y in responses])
+        column([_only(gain * y, j) for y in responses])
         column([_only(rate, j) for rate in rates])
     for c, trial in enumerate(problem.trials):
         if len(problem.trials) > 1 or problem.study.excitation is not None:

@@ -14,7 +14,7 @@ from one_mass import APART, MASS, NOISE, STEP, write
 from fmucorrect.catalogue import find
 from fmucorrect.discovery.candidates import adjustables
 from fmucorrect.discovery.ending import ended
-from fmucorrect.discovery.fit import begin, fit
+from fmucorrect.discovery.fit import begin, fit, with_sensors
 from fmucorrect.discovery.problem import Model, load, runner, simulate
 from fmucorrect.discovery.terms import ForceTerm
 from fmucorrect.study import load_study
@@ -42,12 +42,13 @@ def friction(study, **values):
     return ForceTerm(law, "joint 1", study.joints, law.complete({"friction_force": 0.1, **values}))
 
 
-def problem_of(folder: Path, library: Path, truth, afterwards=None):
-    """Measured with what `truth` makes of the study, and when the tone is over with what `afterwards` makes of it."""
+def problem_of(folder: Path, library: Path, truth, afterwards=None, gain=1.0, adjustable=APART):
+    """Measured with what `truth` makes of the study, and when the tone is over with what `afterwards` makes of it. gain: of the
+    sensor."""
     t = np.arange(round(SECONDS / STEP) + 1) * STEP
     write(folder / "force.csv", "mass1.f [N]", np.where((t > 0.5) & (t < SHAKEN), np.sin(4 * np.pi * (t - 0.5)), 0.0))
     write(folder / "measured.csv", "x1 [mm]", 0.0 * t)
-    (folder / "study.toml").write_text(MASS + JOINT + APART + TONE, encoding="utf-8")
+    (folder / "study.toml").write_text(MASS + JOINT + adjustable + TONE, encoding="utf-8")
     study = load_study(folder / "study.toml")
     (condition,) = study.conditions
     item = runner(study, condition, library, len(t))
@@ -56,7 +57,7 @@ def problem_of(folder: Path, library: Path, truth, afterwards=None):
         y = np.where(t > SHAKEN, simulate(study, item, condition, afterwards(study), ())[:, 0], y)
     item.close()
     noise = NOISE * np.random.default_rng(3).normal(size=len(t))
-    write(folder / "measured.csv", "x1 [mm]", y + noise)
+    write(folder / "measured.csv", "x1 [mm]", gain * y + noise)
     return load(study, library, 2)
 
 
@@ -118,3 +119,33 @@ def test_numbers_that_spoil_the_beginning_are_not_taken(library, tmp_path):
         first, last = fitted(problem, softer(problem))
     assert last.model.terms[0].values["value"] == pytest.approx(first.model.terms[0].values["value"], rel=0.01)
     assert last.s2 == pytest.approx(first.s2, rel=1e-3)
+
+
+def believed_gain(problem, fitted) -> float:
+    """Of the sensor, in standard deviations."""
+    setting, _, _ = begin(problem)
+    return float(with_sensors(problem, setting, fitted.model).sensors.believe(fitted.residual, 1.0).fitted[0])
+
+
+def weaker_with_friction(study):
+    """As much softer as makes the parameters' tolerances ask for a little of everything."""
+    spring = find("linear_stiffness", {})
+    less = ForceTerm(spring, "joint 1", study.joints, spring.complete({"stiffness": -60.0}))
+    return Model((friction(study, stick_displacement=1e-4, stick_time=1e-3), less))
+
+
+def test_what_a_sensor_would_take_on_is_left_to_the_fmu(library, tmp_path):
+    with problem_of(tmp_path, library, weaker_with_friction) as problem:
+        first, last = fitted(problem, friction(problem.study, stick_displacement=2e-4, stick_time=1e-3))
+        assert abs(believed_gain(problem, first)) > 0.3
+        assert abs(believed_gain(problem, last)) < 0.2
+    assert last.s2 == pytest.approx(first.s2, rel=0.01)
+
+
+def test_a_gain_that_the_fmu_cannot_give_stays_the_sensors(library, tmp_path):
+    only = APART[: APART.index("[[adjustable]]", 1)]
+    with problem_of(tmp_path, library, weaker_with_friction, gain=1.01, adjustable=only) as problem:
+        _, last = fitted(problem, friction(problem.study, stick_displacement=2e-4, stick_time=1e-3))
+        assert believed_gain(problem, last) == pytest.approx(2.0, abs=0.3)
+    assert last.s2 < 1.1
+    assert last.model.terms[0].values["friction_force"] == pytest.approx(0.1, rel=0.02)
