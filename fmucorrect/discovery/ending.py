@@ -21,6 +21,7 @@ from fmucorrect.discovery.fit import (
     fit,
     judge,
     judge_at,
+    probes,
     step,
     stepped,
     with_sensors,
@@ -95,7 +96,7 @@ def _sharpened(problem: Problem, setting: Setting, state: Fitted) -> Fitted:
     hide in which direction it still goes down, and how far that is unknown."""
     reach = np.clip(problem.reach, -FARTHEST, FARTHEST)
     for _ in range(LAST):
-        slopes, base = _both_sides(problem, state)
+        slopes, base = _both_sides(problem, state, probes(setting, state, state.slopes))
         state = replace(state, slopes=slopes, base=base, around=state.model.base)
         gained = 0.0
         for damping in np.logspace(-8.0, 0.0, 9):
@@ -108,11 +109,13 @@ def _sharpened(problem: Problem, setting: Setting, state: Fitted) -> Fitted:
     return replace(state, covariance=covariance(setting, state))
 
 
-def _both_sides(problem: Problem, state: Fitted) -> tuple[Float64[np.ndarray, "n p"], Float64[np.ndarray, "n A"]]:
+def _both_sides(
+    problem: Problem, state: Fitted, far: Float64[np.ndarray, " p"]
+) -> tuple[Float64[np.ndarray, "n p"], Float64[np.ndarray, "n A"]]:
     """Sensitivities to the members' coordinates and to the base parameters; one-sided where there is but one side."""
     model, z = state.model, np.asarray(state.model.base)
-    count = sum(len(term.estimated) for term in model.terms)
-    models = [stepped(model, side * move) for move in np.eye(count) * PROBE for side in (1.0, -1.0)]
+    count = len(far)
+    models = [stepped(model, side * move) for move in np.diag(far) for side in (1.0, -1.0)]
     models += [
         replace(model, base=tuple(float(x) for x in z + side * move))
         for move in np.eye(len(z)) * PROBE
@@ -120,10 +123,10 @@ def _both_sides(problem: Problem, state: Fitted) -> tuple[Float64[np.ndarray, "n
     ]
     found = problem.many(models)
     columns: list[np.ndarray] = []
-    for _ in range(count + len(z)):
+    for one in (*far, *np.full(len(z), PROBE)):
         sides = [(side, y) for side, y in zip((1.0, -1.0), (next(found), next(found)), strict=True) if y is not None]
         sides = [(side, y) for side, y in sides if (y != state.at).any()]  # not held by a bound
-        changes = [side * (y - state.at) / PROBE for side, y in sides]
+        changes = [side * (y - state.at) / one for side, y in sides]
         columns.append(np.mean(changes, axis=0) if changes else np.zeros_like(state.at))
     jacobian = np.stack(columns, axis=1) if columns else np.zeros((len(state.at), 0))
     return jacobian[:, :count], jacobian[:, count:]

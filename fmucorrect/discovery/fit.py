@@ -14,8 +14,8 @@ from fmucorrect.discovery.nuisances import sensors as sensors_of
 from fmucorrect.discovery.problem import Model, Problem
 from fmucorrect.discovery.terms import coordinates, moved, room
 
-PROBE = 0.02
-"""By how much a coordinate is moved for its sensitivity."""
+PROBE, FINEST = 0.02, 1e-3
+"""By how much a coordinate is moved for its sensitivity, at most and at least: as far as it is uncertain in between."""
 LONGEST = 0.8
 """Longest step of a logarithm at once; of any other coordinate, and of a base parameter in tolerances, twice that."""
 FARTHEST = 6.0
@@ -144,8 +144,9 @@ def fit(
     if at is None:
         return None
     state = judge(setting, Fitted(model, at, setting.measured - at, 1.0, 0.0, setting.base, model.base))
+    numbers = sum(len(term.estimated) for term in model.terms)
     damping, reach = 1e-2, np.clip(problem.reach, -FARTHEST, FARTHEST)
-    slopes = _slopes(problem, state)
+    slopes = _slopes(problem, state, np.full(numbers, PROBE))
     sure = False  # whether the sensitivities to base parameters have been looked at
     for iteration in range(iterations):
         gained = 0.0
@@ -167,7 +168,7 @@ def fit(
         if anew or moved > STALE:
             base = sensitivities(problem, state.model, state.at)
             state, damping = replace(state, base=base, around=state.model.base), min(damping, 1e-2)
-        slopes = _slopes(problem, state) if gained > 0.0 else slopes
+        slopes = _slopes(problem, state, probes(setting, state, slopes)) if gained > 0.0 else slopes
     state = replace(state, slopes=slopes)
     return replace(state, covariance=covariance(setting, state))
 
@@ -190,15 +191,21 @@ def _holds(problem: Problem, state: Fitted) -> bool:
     return y is None or float(np.linalg.norm((y - state.at) / PERTURBED - state.base[:, i])) < HOLDS * float(sizes[i])
 
 
-def _slopes(problem: Problem, state: Fitted) -> Float64[np.ndarray, "n p"]:
+def probes(setting: Setting, state: Fitted, slopes: Float64[np.ndarray, "n p"]) -> Float64[np.ndarray, " p"]:
+    """By how much each coordinate is moved for its sensitivity: where corners are, one over a wider range would lead astray."""
+    H, _ = normal(setting, state, slopes)
+    variance = np.diag(np.linalg.inv(H + 1e-12 * max(float(np.trace(H)), 1e-300) * np.eye(len(H))))[: slopes.shape[1]]
+    return np.clip(np.sqrt(np.maximum(variance, 0.0)), FINEST, PROBE)
+
+
+def _slopes(problem: Problem, state: Fitted, far: Float64[np.ndarray, " p"]) -> Float64[np.ndarray, "n p"]:
     model, at = state.model, state.at
-    count = sum(len(term.estimated) for term in model.terms)
-    probes = problem.many([stepped(model, move) for move in np.eye(count) * PROBE])
-    columns = [np.zeros_like(at) if y is None else (y - at) / PROBE for y in probes]
+    found = problem.many([stepped(model, move) for move in np.diag(far)])
+    columns = [np.zeros_like(at) if y is None else (y - at) / one for y, one in zip(found, far, strict=True)]
     for k, column in enumerate(columns):
         if not column.any():  # at a bound, or not stable further on
-            (y,) = problem.many([stepped(model, -np.eye(count)[k] * PROBE)])
-            columns[k] = column if y is None else (at - y) / PROBE
+            (y,) = problem.many([stepped(model, -np.diag(far)[k])])
+            columns[k] = column if y is None else (at - y) / far[k]
     return np.stack(columns, axis=1) if columns else np.zeros((len(at), 0))
 
 

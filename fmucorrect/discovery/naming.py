@@ -124,7 +124,7 @@ def _on_all(problem: Problem, naming: Naming, progress: Progress) -> Naming:
     base, found = pared(problem, setting, base, found)
     setting, base, found = settled(problem, setting, base, found)
     kept = [f for f in merged(admissible(setting, base, found)) if f.model.terms]
-    return Naming(base, tuple(credible(kept)), setting)
+    return Naming(base, tuple(credible(setting, kept)), setting)
 
 
 @dataclass(frozen=True)
@@ -185,7 +185,7 @@ def _name(problem: Problem, progress: Progress) -> Naming:
         found += rivals(problem, setting, base, found, first, progress)
     base, found = pared(problem, setting, base, found)
     kept = [f for f in merged(admissible(setting, base, found)) if f.model.terms]
-    return Naming(base, tuple(credible(kept)), setting)
+    return Naming(base, tuple(credible(setting, kept)), setting)
 
 
 def _begun(around: _Around, setting: Setting, base: Fitted) -> list[Term]:

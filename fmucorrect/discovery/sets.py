@@ -10,7 +10,7 @@ import numpy as np
 from fmucorrect.catalogue import CATALOGUE
 from fmucorrect.discovery.candidates import may_act
 from fmucorrect.discovery.evidence import independent
-from fmucorrect.discovery.fit import FARTHEST, HOPELESS, Fitted, Setting, fit, judge, judge_at, price, with_sensors
+from fmucorrect.discovery.fit import FARTHEST, HOPELESS, Fitted, Setting, fit, judge, price, with_sensors
 from fmucorrect.discovery.problem import Model, Problem
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, Term, linear
 from fmucorrect.discovery.worth import admissible, first_of, names
@@ -40,27 +40,21 @@ def _forms(terms: Sequence[Term]) -> frozenset[tuple[str, str]]:
 
 def pared(problem: Problem, setting: Setting, base: Fitted, found: Sequence[Fitted]) -> tuple[Fitted, list[Fitted]]:
     """The base and all sets, with those that are simpler than the best one by one step, and so on until the best one needs all
-    that it has. Each is fitted from where the larger set stands, unless it has been fitted to a better end. Of one effect alone
-    that is the base model once more, by another way. What was needed in a larger set is needed in a smaller one."""
+    that it has. Each is fitted from where the larger set stands, whatever was reached from elsewhere. Of one effect alone that
+    is the base model once more, by another way. What was needed in a larger set is needed in a smaller one."""
     found = [*found, *_linear_part(problem, setting, base, found)]
     tried: list[Fitted] = []
     done: set[frozenset[tuple[str, str]]] = set()
     while True:
         best = first_of(admissible(setting, base, found))
-        known = {_forms(fitted.model.terms): fitted.surprise for fitted in sorted(found, key=lambda f: -f.surprise)}
         fits: list[Fitted] = []
         for terms in (terms for terms in _with_less(best.model.terms) if _forms(terms) not in done):
             done.add(_forms(terms))
             if any(_at_least(setting, terms, fitted) > best.surprise + HOPELESS for fitted in tried):
                 continue
             less = _without(problem, best.model, terms)
-            (y,) = problem.many([less])
-            if y is None:
-                continue
-            start = judge_at(setting, best, less, y)
-            if start.surprise < known.get(_forms(terms), np.inf):
-                fitted = fit(problem, replace(setting, base=best.base), less, LONG, y, rival=best.surprise)
-                fits += [] if fitted is None else [fitted]
+            fitted = fit(problem, replace(setting, base=best.base), less, LONG, rival=best.surprise)
+            fits += [] if fitted is None else [fitted]
         if not fits:
             return base, found
         tried += fits

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fmucorrect.discovery.fit import Fitted, Setting, price
-from fmucorrect.discovery.terms import ForceTerm, linear
+from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, linear
 
 WORTH = 0.04
 """How much of the amplitude of all that was to be explained a further effect must take away: laws are idealised, their
@@ -15,8 +15,10 @@ corners rounded, their force held over a step, and what that leaves is no reason
 explain is exact, and does not count."""
 SMALL, NEARLY = 0.015, 0.8
 """A smaller one is worth it too if it takes away at least so much, and so great a share of all that is left above the noise."""
-OPEN = 2.0
-"""Variance of the error, in units of the noise, above which something stays unexplained."""
+LITTLE, OPEN = 1.1, 2.0
+"""Variance of the error, over its least, above which something stays unexplained; so much that parameters are doubted too."""
+DOUBT = 3.0
+"""How many times what stays unexplained further effects must take away."""
 
 
 def names(fitted: Fitted) -> frozenset[tuple[str, str]]:
@@ -89,14 +91,18 @@ def complete(setting: Setting, base: Fitted, found: Sequence[Fitted], best: Fitt
     return best.s2 - setting.floor < SMALL**2 * energy and max(far, sensed) < price(setting, 1)
 
 
-def credible(found: Sequence[Fitted]) -> list[Fitted]:
-    """Without the sets of several in which further effects take away less than what all of them leave above the noise: beside
-    a large rest that nothing explains, a small further effect may be any."""
-    return [
-        fitted
-        for fitted in found
-        if all(other.s2 - fitted.s2 >= fitted.s2 - OPEN for other in found if names(other) < names(fitted))
-    ]
+def credible(setting: Setting, found: Sequence[Fitted]) -> list[Fitted]:
+    """Without the sets of several in which further effects take away little beside what all of them leave above the noise: next
+    to a rest that nothing explains, a small further effect may be any."""
+
+    def believed(more: Fitted, less: Fitted) -> bool:
+        rest = more.s2 - LITTLE * setting.floor
+        extra = [term for term in more.model.terms if term.key not in names(less)]
+        if more.s2 < OPEN * setting.floor and all(isinstance(term, OffsetTerm) for term in extra):
+            return True
+        return rest <= 0.0 or less.s2 - more.s2 >= DOUBT * rest
+
+    return [more for more in found if all(believed(more, less) for less in found if names(less) < names(more))]
 
 
 def _simpler(less: Fitted, more: Fitted) -> bool:

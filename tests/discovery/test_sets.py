@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 pytest.importorskip("ziglang")
@@ -10,7 +11,7 @@ pytest.importorskip("sympy")
 from one_mass import TOGETHER, begun, problem_of
 
 from fmucorrect.discovery.candidates import adjustables, parts
-from fmucorrect.discovery.fit import fit
+from fmucorrect.discovery.fit import FINEST, PROBE, fit, probes
 from fmucorrect.discovery.look import at_other_places
 from fmucorrect.discovery.problem import overrides
 from fmucorrect.discovery.sets import pared
@@ -62,3 +63,23 @@ def test_each_of_the_parameters_that_are_scaled_together_may_be_off_by_itself(li
     assert best is found["k1"]
     assert best.model.terms[0].values["value"] + 1000.0 * 0.02 * best.model.base[0] == pytest.approx(300.0, rel=0.02)
     assert elsewhere == []  # the damper's coefficient does not act like the spring's
+
+
+def test_an_offset_that_a_tolerance_covers_goes_back_into_it(library, tmp_path):
+    with problem_of(tmp_path, library, k1=1030.0) as problem:
+        setting, base = begun(problem)
+        offset = fitted(problem, setting, "k1")
+        start = replace(base, surprise=base.surprise + 1000.0)  # as if its own fit had stopped far from its end
+        found, _ = pared(problem, setting, start, [offset])
+    assert found.s2 == pytest.approx(offset.s2, rel=0.01)
+    assert found.model.base[0] == pytest.approx(1.5, abs=0.1)
+
+
+def test_a_coordinate_is_probed_as_far_as_it_is_uncertain(library, tmp_path):
+    with problem_of(tmp_path, library, k1=1300.0) as problem:
+        setting, _ = begun(problem)
+        one = fitted(problem, setting, "k1")
+        far = probes(setting, one, one.slopes)
+        assert far == pytest.approx(min(max(one.std()[0]["value"] / one.model.terms[0].scale, FINEST), PROBE), rel=0.01)
+        assert probes(setting, one, np.zeros_like(one.slopes)) == pytest.approx(PROBE)
+        assert probes(setting, one, 1e6 * one.slopes) == pytest.approx(FINEST)

@@ -10,7 +10,7 @@ from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fit import Fitted, Setting
 from fmucorrect.discovery.problem import Model
 from fmucorrect.discovery.terms import ForceTerm
-from fmucorrect.discovery.worth import admissible, complete, first_of, names
+from fmucorrect.discovery.worth import admissible, complete, credible, first_of, names
 
 ROWS = 4000
 STOP = ("bump_stop", {"gap": 1e-3, "stiffness": 1e4})
@@ -89,6 +89,23 @@ def test_linear_members_are_exact():
     square = made(1.30, ("joint 1", SQUARE))
     stop = made(1.20, ("joint 1", SQUARE), ("joint 2", STOP))
     assert names(stop) not in kept(base, square, stop)
+
+
+@pytest.mark.parametrize(
+    ("left", "with_it", "is_believed"),
+    [
+        (30.0, 1.05, True),  # nothing stays
+        (3.00, 1.50, True),  # 1.5 beside 0.4
+        (3.00, 1.90, False),  # 1.1 beside 0.8
+        (30.0, 12.0, False),
+    ],
+)
+def test_beside_what_nothing_explains_a_small_further_effect_may_be_any(left, with_it, is_believed):
+    one = made(left, ("joint 1", STOP))
+    two = made(with_it, ("joint 1", STOP), ("joint 2", MASS))
+    assert credible(setting(), [one, two]) == ([one, two] if is_believed else [one])
+    small = made(with_it, ("joint 1", STOP), ("joint 2", MASS), ("joint 1", SPRING))  # as if the spring did nothing
+    assert small not in credible(setting(), [one, two, small]) or with_it < 1.1
 
 
 def test_nothing_is_left_when_no_further_effect_could_be_worth_it():
