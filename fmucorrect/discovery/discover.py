@@ -29,7 +29,7 @@ from fmucorrect.discovery.problem import Problem, load
 from fmucorrect.discovery.sets import Progress
 from fmucorrect.discovery.terms import ForceTerm, SignalTerm
 from fmucorrect.discovery.where import Residual, where
-from fmucorrect.discovery.worth import WORTH
+from fmucorrect.discovery.worth import SMALL, WORTH
 from fmucorrect.errors import StudyError
 from fmucorrect.inspection import study_problems
 from fmucorrect.study import Study, load_study
@@ -266,8 +266,9 @@ def rest(setting: Setting, decision: Decision) -> list[str]:
     left, chance = decision.best.s2 / setting.floor - 1.0, np.sqrt(2.0 / (setting.share * len(setting.measured)))
     if decision.verdict == "unexplained" or left < SURE * chance:
         return []
-    amplitude = 100.0 * np.sqrt(decision.unexplained)
+    amplitude, worth, small = 100.0 * np.sqrt(decision.unexplained), 100.0 * WORTH, 100.0 * SMALL
     return [
         f"Something is left: the error has {1.0 + left:.3g} times the variance of the noise, {amplitude:.2g} % of the amplitude"
-        f" of what was to be explained. Further effects are named from {100.0 * WORTH:g} % on."
+        f" of what was to be explained. Further effects are named from {worth:g} % on, or from {small:g} % where one is nearly"
+        " all that is left."
     ]
