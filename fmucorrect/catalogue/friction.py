@@ -130,6 +130,12 @@ def _half_of_it_play(values: Mapping[str, float]) -> Mapping[str, float]:
     return {"friction_force": force, "gap": half, "stiffness": force / half}
 
 
+def _without_play(values: Mapping[str, float]) -> Mapping[str, float]:
+    """Friction that sticks as far as it goes until it slides, the play in it."""
+    force = values["friction_force"]
+    return {"friction_force": force, "stick_displacement": values["gap"] + force / values["stiffness"]}
+
+
 def _falling_from(pace: str, over: str = "") -> Extension:
     """Breakaway a fifth higher, gone at a velocity that the friction itself tells."""
 
@@ -219,6 +225,7 @@ LAWS = (
     Law(
         name="friction_with_backlash",
         special=("coulomb_friction", "bump_stop"),
+        becomes=(("coulomb_friction_stick", _without_play),),
         family="friction",
         description="Dry friction behind a play: after each reversal it lets go, and grips again once the play is passed.",
         acts=_ANYWHERE,

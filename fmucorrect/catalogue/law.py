@@ -117,7 +117,7 @@ def opposite(parameters: Iterable[Parameter], main: str, values: Mapping[str, fl
 
 
 Extension = Callable[[Mapping[str, float]], Mapping[str, float]]
-"""From the numbers of a simpler law to those of one that contains it."""
+"""From the numbers of a law to those of another that does about the same: the one contains the other."""
 
 
 @dataclass(frozen=True)
@@ -168,8 +168,9 @@ class Law:
     weakest first; `relative` ones are shares of the element's own motion or force, others are multiplied by a force.
     main: the parameter that says how strong it is. estimated: what data decide; the others stay as guessed, and are
     fitted to the best set alone. signed: whether it may act the other way round. special: simpler effects that it becomes
-    with special numbers; it is named only where these do clearly worse. reverse: how, where not by the sign (or
-    inverse) of `main`.
+    with special numbers; it is named only where these do clearly worse. becomes: of those, by label, numbers from its own,
+    where the same names do not do. extends: laws by label that it contains, and its numbers from theirs. reverse: how, where
+    not by the sign (or inverse) of `main`.
     """
 
     name: str
@@ -187,6 +188,7 @@ class Law:
     relative: bool = False
     signed: bool = False
     special: tuple[str, ...] = ()
+    becomes: tuple[tuple[str, Extension], ...] = ()
     extends: tuple[tuple[str, Extension], ...] = ()
     states: tuple[State, ...] = ()
     form: str = ""

@@ -13,7 +13,7 @@ from fmucorrect.discovery.naming import CLEAR, Naming
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.sets import has_room
 from fmucorrect.discovery.terms import Term
-from fmucorrect.discovery.worth import WORTH, names
+from fmucorrect.discovery.worth import OPEN, WORTH, names
 
 TEMPER = 2.0
 """By what surprises are divided before they become probabilities: laws and sensors are never quite as assumed."""
@@ -21,9 +21,6 @@ CLOSE = 12.0
 """Sets whose surprise is higher by less cannot be told from the best one."""
 AGREES = 1.3
 """Variance of the error, over its least, up to which simulation and measurement agree to the noise."""
-OPEN = 2.0
-"""Variance of the error, over its least, above which as many effects as are looked for at once are not believed, where a
-further one could be worth it."""
 LEFT = 0.2
 """Share of the residual's energy above the noise that a named effect may leave."""
 

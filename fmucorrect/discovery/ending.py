@@ -17,7 +17,6 @@ from fmucorrect.discovery.fit import (
     Setting,
     begin_as,
     better,
-    covariance,
     fit,
     judge,
     judge_at,
@@ -106,7 +105,7 @@ def _sharpened(problem: Problem, setting: Setting, state: Fitted) -> Fitted:
                 break
         if gained < GAINED:
             break
-    return replace(state, covariance=covariance(setting, state))
+    return state
 
 
 def _both_sides(

@@ -192,7 +192,8 @@ def _holds(problem: Problem, state: Fitted) -> bool:
 
 
 def probes(setting: Setting, state: Fitted, slopes: Float64[np.ndarray, "n p"]) -> Float64[np.ndarray, " p"]:
-    """By how much each coordinate is moved for its sensitivity: where corners are, one over a wider range would lead astray."""
+    """By how much each coordinate is moved for its sensitivity: where corners are, one over a wider range would lead astray.
+    What the data do not tell has no end here, unlike in `joint_covariance`, and is moved furthest."""
     H, _ = normal(setting, state, slopes)
     variance = np.diag(np.linalg.inv(H + 1e-12 * max(float(np.trace(H)), 1e-300) * np.eye(len(H))))[: slopes.shape[1]]
     return np.clip(np.sqrt(np.maximum(variance, 0.0)), FINEST, PROBE)

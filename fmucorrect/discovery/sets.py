@@ -93,8 +93,8 @@ def _at_least(setting: Setting, terms: Sequence[Term], larger: Fitted) -> float:
 
 
 def _with_less(terms: Sequence[Term]) -> Iterator[tuple[Term, ...]]:
-    """Without one of the effects; or with a law in its place that is a special case of its own, the numbers that both have
-    being the same."""
+    """Without one of the effects; or with a law in its place that is a special case of its own, begun with numbers that do
+    about the same."""
     for t, term in enumerate(terms):
         yield (*terms[:t], *terms[t + 1 :])
         if isinstance(term, ForceTerm):
@@ -103,9 +103,12 @@ def _with_less(terms: Sequence[Term]) -> Iterator[tuple[Term, ...]]:
 
 
 def _special(term: ForceTerm) -> Iterator[ForceTerm]:
-    """The simpler laws that a member's law contains, with the numbers that both have, and the defaults of others."""
+    """The simpler laws that a member's law contains, with the numbers that both have or that do about the same, and the
+    defaults of others."""
+    becomes = dict(term.law.becomes)
     for law in (law for name in term.law.special for law in CATALOGUE[name] if may_act(law, term.joints)):
-        values = {p.name: term.values[p.name] for p in law.parameters if p.name in term.values}
+        same = {p.name: term.values[p.name] for p in law.parameters if p.name in term.values}
+        values = becomes[law.label](term.values) if law.label in becomes else same
         if {*law.required} <= {*values}:
             yield ForceTerm(law, term.where, term.joints, law.complete(values))
 

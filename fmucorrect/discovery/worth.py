@@ -16,7 +16,8 @@ explain is exact, and does not count."""
 SMALL, NEARLY = 0.015, 0.8
 """A smaller one is worth it too if it takes away at least so much, and so great a share of all that is left above the noise."""
 LITTLE, OPEN = 1.1, 2.0
-"""Variance of the error, over its least, above which something stays unexplained; so much that parameters are doubted too."""
+"""Variance of the error, over its least, above which something stays unexplained; so much that parameters and full sets are
+doubted too."""
 DOUBT = 3.0
 """How many times what stays unexplained further effects must take away."""
 
@@ -33,12 +34,14 @@ def first_of(found: Sequence[Fitted]) -> Fitted:
 
 def admissible(setting: Setting, base: Fitted, found: Sequence[Fitted]) -> list[Fitted]:
     """The base and all sets whose every effect is worth it: no smaller set in `found` leaves about as little."""
-    kept = [base]
+    kept, linear_ones = [base], [base]
     for fitted in sorted(found, key=lambda f: sum(1 + len(term.estimated) for term in f.model.terms)):
         simpler = [less for less in kept if _simpler(less, fitted)]
         simpler = [less for less in simpler if not any(_simpler(less, other) for other in simpler)]
-        if _exact(fitted) or all(_worth(setting, less, fitted, _energy(kept, less, fitted)) for less in simpler):
+        exact = _exact(fitted)
+        if exact or all(_worth(setting, less, fitted, _energy(kept, linear_ones, less, fitted)) for less in simpler):
             kept.append(fitted)
+            linear_ones += [fitted] if exact else []
     return kept
 
 
@@ -47,11 +50,11 @@ def _exact(fitted: Fitted) -> bool:
     return all(linear(term) for term in fitted.model.terms)
 
 
-def _energy(kept: Sequence[Fitted], less: Fitted, more: Fitted) -> float:
+def _energy(kept: Sequence[Fitted], linear_ones: Sequence[Fitted], less: Fitted, more: Fitted) -> float:
     """Mean square of the residual that was to be explained: by all that is not linear, or where a law gives way to one that
-    contains it by that member."""
+    contains it by that member. linear_ones: of those kept."""
     if len(less.model.terms) < len(more.model.terms):
-        return min(fitted.s2 for fitted in kept if _exact(fitted) and names(fitted) < names(more))
+        return min(fitted.s2 for fitted in linear_ones if names(fitted) < names(more))
     beside = names(more) & names(less)
     return min(fitted.s2 for fitted in kept if names(fitted) <= beside)
 

@@ -81,6 +81,23 @@ def test_what_a_law_says_of_itself_fits_together(law):
     assert law.description.endswith(".")
 
 
+CONTAINED = [(law, label, new) for law in LAWS.values() for label, new in law.becomes]
+CONTAINED += [(LAWS[label], law.label, new) for law in LAWS.values() for label, new in law.extends]
+
+
+@pytest.mark.parametrize(("law", "label", "new"), CONTAINED, ids=[f"{a.label} to {b}" for a, b, _ in CONTAINED])
+def test_where_a_law_gives_way_to_another_that_does_about_the_same(law, label, new):
+    assert any(LAWS[a].name in LAWS[b].special or a == b for a, b in ((law.label, label), (label, law.label)))
+    motion, inputs = joint(law)
+    for values in law.starts(motion, 300.0):
+        values = {
+            name: 0.0 if name == "alpha" else x for name, x in values.items()
+        }  # a spring beside has no place there
+        old = forces(law, inputs, values)
+        other = forces(LAWS[label], inputs, LAWS[label].complete(new(values)))
+        assert np.linalg.norm(other - old) < 0.5 * np.linalg.norm(old)
+
+
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
 def test_a_joint_that_shows_nothing_gives_no_scale_and_no_error(law):
     still = Motion(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)

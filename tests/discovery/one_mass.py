@@ -6,9 +6,12 @@ from pathlib import Path
 import numpy as np
 
 from fmucorrect import experiment
+from fmucorrect.catalogue import find
+from fmucorrect.discovery.candidates import places
 from fmucorrect.discovery.fit import Fitted, Setting, begin, fit
-from fmucorrect.discovery.problem import Problem, load
-from fmucorrect.study import load_study
+from fmucorrect.discovery.problem import Model, Problem, load, runner, simulate
+from fmucorrect.discovery.terms import ForceTerm
+from fmucorrect.study import Study, load_study
 
 FMU = Path(__file__).resolve().parents[2] / "fmus" / "oscillator" / "oscillator.fmu"
 STEP, SECONDS, NOISE = 2e-3, 6.0, 0.01  # s, s, mm
@@ -36,6 +39,12 @@ measurement = "measured.csv"
 parameters = { }
 """
 HEAD = MASS + SWEEP
+JOINT = """[[joints]]
+name = "joint 1"
+force = "joint1.f"
+displacement = "joint1.d"
+velocity = "joint1.v"
+"""
 APART = "".join(
     f'[[adjustable]]\nparameter = "{name}"\nminimum = {low}\nmaximum = {high}\ntolerance = 0.02\n'
     for name, (low, high) in ADJUSTABLE.items()
@@ -62,6 +71,21 @@ def problem_of(folder: Path, library: Path, adjustable: str = APART, **truth: fl
     y = experiment.simulate(true, true.conditions[0]).values[:, 0]
     write(folder / "measured.csv", "x1 [mm]", y + NOISE * np.random.default_rng(2).normal(size=len(y)))
     return load(load_study(folder / "study.toml"), library, 2)
+
+
+def term_at(study: Study, effect: str, where: str, **values: float) -> ForceTerm:
+    """An effect at a joint or a group of the study."""
+    law = find(effect, values)
+    return ForceTerm(law, where, places(study)[where], law.complete(values))
+
+
+def shown(study: Study, library: Path, truth: Model, rows: int) -> np.ndarray:
+    """What the sensors of the study's one condition show of a model, without noise; (rows, channels)."""
+    (condition,) = study.conditions
+    item = runner(study, condition, library, rows)
+    y = simulate(study, item, condition, truth, ())
+    item.close()
+    return y
 
 
 def begun(problem: Problem) -> tuple[Setting, Fitted]:

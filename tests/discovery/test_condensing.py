@@ -2,15 +2,15 @@
 
 import numpy as np
 import pytest
-from one_mass import MASS, NOISE, SWEEP, T, write
+from one_mass import JOINT, MASS, NOISE, SWEEP, T, shown, term_at, write
 
 from fmucorrect.catalogue import find
-from fmucorrect.discovery.candidates import adjustables, candidates, places
+from fmucorrect.discovery.candidates import adjustables, candidates
 from fmucorrect.discovery.condensing import condensed
 from fmucorrect.discovery.fit import begin, fit
 from fmucorrect.discovery.marks import with_marks
 from fmucorrect.discovery.motion import motions
-from fmucorrect.discovery.problem import Model, load, runner, simulate
+from fmucorrect.discovery.problem import Model, load
 from fmucorrect.discovery.terms import ForceTerm, linear, proportional
 from fmucorrect.study import load_study
 
@@ -18,12 +18,7 @@ M2, K2, C2 = 0.5, 400.0, 4.0
 CHAIN = MASS.replace("masses = 1.0,", f"masses = 2.0, m2 = {M2}, k2 = {K2}, c2 = {C2},") + MASS[
     MASS.index("[[channels]]") :
 ].replace("x1", "x2").replace("mass1", "mass2")
-JOINTS = """[[joints]]
-name = "joint 1"
-force = "joint1.f"
-displacement = "joint1.d"
-velocity = "joint1.v"
-[[joints]]
+JOINTS = f"""{JOINT}[[joints]]
 name = "joint 2"
 force = "joint2.f"
 displacement = "joint2.d"
@@ -40,11 +35,6 @@ APART = "".join(
 )
 
 
-def term_at(study, effect: str, where: str, **values: float) -> ForceTerm:
-    law = find(effect, values)
-    return ForceTerm(law, where, places(study)[where], law.complete(values))
-
-
 def problem_of(folder, library, truth):
     """The chain, measured with what `truth` makes of its study."""
     t = np.clip(T - 0.3, 0.0, None)
@@ -52,9 +42,7 @@ def problem_of(folder, library, truth):
     write(folder / "measured.csv", "x1 [mm],x2 [mm]", np.zeros((len(T), 2)))
     (folder / "study.toml").write_text(CHAIN + JOINTS + APART + SWEEP, encoding="utf-8")
     study = load_study(folder / "study.toml")
-    item = runner(study, study.conditions[0], library, len(T))
-    y = simulate(study, item, study.conditions[0], truth(study), ())
-    item.close()
+    y = shown(study, library, truth(study), len(T))
     write(folder / "measured.csv", "x1 [mm],x2 [mm]", y + NOISE * np.random.default_rng(2).normal(size=y.shape))
     return load(study, library, 2)
 

@@ -9,23 +9,15 @@ import pytest
 pytest.importorskip("ziglang")
 pytest.importorskip("sympy")
 
-from one_mass import APART, MASS, NOISE, STEP, write
+from one_mass import APART, JOINT, MASS, NOISE, STEP, shown, term_at, write
 
-from fmucorrect.catalogue import find
 from fmucorrect.discovery.candidates import adjustables
 from fmucorrect.discovery.ending import ended
 from fmucorrect.discovery.fit import begin, fit, with_sensors
-from fmucorrect.discovery.problem import Model, load, runner, simulate
-from fmucorrect.discovery.terms import ForceTerm
+from fmucorrect.discovery.problem import Model, load
 from fmucorrect.study import load_study
 
 SHAKEN, SECONDS = 10.0, 13.0  # s: the tone, and the record
-JOINT = """[[joints]]
-name = "joint 1"
-force = "joint1.f"
-displacement = "joint1.d"
-velocity = "joint1.v"
-"""
 TONE = """[[conditions]]
 name = "tone"
 role = "development"
@@ -38,8 +30,7 @@ measurement = "measured.csv"
 
 
 def friction(study, **values):
-    law = find("coulomb_friction", {"stick_displacement": 1e-4})
-    return ForceTerm(law, "joint 1", study.joints, law.complete({"friction_force": 0.1, **values}))
+    return term_at(study, "coulomb_friction", "joint 1", friction_force=0.1, **values)
 
 
 def problem_of(folder: Path, library: Path, truth, afterwards=None, gain=1.0, adjustable=APART):
@@ -50,12 +41,9 @@ def problem_of(folder: Path, library: Path, truth, afterwards=None, gain=1.0, ad
     write(folder / "measured.csv", "x1 [mm]", 0.0 * t)
     (folder / "study.toml").write_text(MASS + JOINT + adjustable + TONE, encoding="utf-8")
     study = load_study(folder / "study.toml")
-    (condition,) = study.conditions
-    item = runner(study, condition, library, len(t))
-    y = simulate(study, item, condition, truth(study), ())[:, 0]
+    y = shown(study, library, truth(study), len(t))[:, 0]
     if afterwards is not None:
-        y = np.where(t > SHAKEN, simulate(study, item, condition, afterwards(study), ())[:, 0], y)
-    item.close()
+        y = np.where(t > SHAKEN, shown(study, library, afterwards(study), len(t))[:, 0], y)
     noise = NOISE * np.random.default_rng(3).normal(size=len(t))
     write(folder / "measured.csv", "x1 [mm]", gain * y + noise)
     return load(study, library, 2)
@@ -96,11 +84,7 @@ def softer(problem):
 
 
 def damped(by: float):
-    def truth(study):
-        law = find("viscous_damping", {})
-        return Model((ForceTerm(law, "joint 1", study.joints, law.complete({"damping": by})),))
-
-    return truth
+    return lambda study: Model((term_at(study, "viscous_damping", "joint 1", damping=by),))
 
 
 def test_how_it_comes_to_rest_tells_its_damping_better(library, tmp_path):
@@ -129,8 +113,7 @@ def believed_gain(problem, fitted) -> float:
 
 def weaker_with_friction(study):
     """As much softer as makes the parameters' tolerances ask for a little of everything."""
-    spring = find("linear_stiffness", {})
-    less = ForceTerm(spring, "joint 1", study.joints, spring.complete({"stiffness": -60.0}))
+    less = term_at(study, "linear_stiffness", "joint 1", stiffness=-60.0)
     return Model((friction(study, stick_displacement=1e-4, stick_time=1e-3), less))
 
 
