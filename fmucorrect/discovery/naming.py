@@ -42,6 +42,8 @@ QUICK, PLACES = 45_000, 16
 are more than so many joints and groups."""
 LIKELY, TRANSFERRED = 200.0, 6
 """How far behind, and how many, sets are fitted to all conditions."""
+OPEN = 3
+"""Further ones of them that few conditions do not ask for: about as likely as the best, or more, and not worth it there."""
 LOOKS, BESIDE = 5, 3
 """How often all candidates are looked at beside a set, and how many of the best sets that may be."""
 CALIBRATED = 0.02
@@ -88,7 +90,7 @@ def _somewhere(problem: Problem, progress: Progress) -> Naming:
     """By all conditions, or by few first."""
     few = problem.few(round(QUICK * min(1.0, PLACES / max(len(places(problem.study)), 1))))
     if few is None:
-        return _finished(problem, _name(problem, progress))
+        return _finished(problem, _believed(_name(problem, progress)))
     with few:
         naming = _name(few, progress)
     problem.couple(few.substeps)
@@ -106,12 +108,24 @@ def _finished(problem: Problem, naming: Naming) -> Naming:
     return replace(naming, sets=tuple(fitted if old is best else old for old in naming.sets))
 
 
-def _on_all(problem: Problem, naming: Naming, progress: Progress) -> Naming:
+def _believed(naming: Naming) -> Naming:
+    """With the sets alone whose every effect is worth it."""
+    kept = [f for f in merged(admissible(naming.setting, naming.base, naming.sets)) if f.model.terms]
+    return replace(naming, sets=tuple(credible(naming.setting, kept)))
+
+
+def _on_all(problem: Problem, found_by_few: Naming, progress: Progress) -> Naming:
     """The likely sets of a few conditions, fitted to all."""
+    naming = _believed(found_by_few)
     setting = begin_as(problem, naming.setting, naming.best.model)
     base = fit(problem, setting, replace(problem.nominal, base=naming.base.model.base), 8)
     assert base is not None
     likely = [f for f in naming.sets if f.surprise < naming.best.surprise + LIKELY][:TRANSFERRED]
+    believed = {names(f) for f in naming.sets}
+    close = [
+        f for f in merged(found_by_few.sets) if f.surprise < naming.best.surprise + CLEAR and names(f) not in believed
+    ]
+    likely += close[:OPEN]
     moved = replace(naming.best.model, terms=tuple(t for t in naming.best.model.terms if isinstance(t, OffsetTerm)))
     exact = fit(problem, setting, moved, 8) if moved.terms and moved != naming.best.model else None
     found = [] if exact is None else [exact]
@@ -123,8 +137,7 @@ def _on_all(problem: Problem, naming: Naming, progress: Progress) -> Naming:
     setting, base, found = settled(problem, setting, base, found)
     base, found = pared(problem, setting, base, found)
     setting, base, found = settled(problem, setting, base, found)
-    kept = [f for f in merged(admissible(setting, base, found)) if f.model.terms]
-    return Naming(base, tuple(credible(setting, kept)), setting)
+    return _believed(Naming(base, tuple(found), setting))
 
 
 @dataclass(frozen=True)
@@ -154,7 +167,7 @@ class _Around:
 
 
 def _name(problem: Problem, progress: Progress) -> Naming:
-    """By the problem's conditions alone."""
+    """By the problem's conditions alone: all sets that were fitted."""
     setting, at, start = begin(problem)
     can_act = problem.study.fmu is not None and bool(problem.study.joints)
     moves = motions(problem.study, [trial.condition for trial in problem.trials]) if can_act else {}
@@ -184,8 +197,7 @@ def _name(problem: Problem, progress: Progress) -> Naming:
     if names(first_of(admissible(setting, base, found))) not in replaced:
         found += rivals(problem, setting, base, found, first, progress)
     base, found = pared(problem, setting, base, found)
-    kept = [f for f in merged(admissible(setting, base, found)) if f.model.terms]
-    return Naming(base, tuple(credible(setting, kept)), setting)
+    return Naming(base, tuple(found), setting)
 
 
 def _begun(around: _Around, setting: Setting, base: Fitted) -> list[Term]:
