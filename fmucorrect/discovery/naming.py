@@ -136,7 +136,8 @@ def _on_all(problem: Problem, found_by_few: Naming, progress: Progress) -> Namin
         found += [] if fitted is None else [fitted]
     setting, base, found = settled(problem, setting, base, found)
     base, found = pared(problem, setting, base, found)
-    setting, base, found = settled(problem, setting, base, found)
+    believed = _believed(Naming(base, tuple(found), setting)).sets
+    setting, base, found = settled(problem, setting, base, list(believed))
     return _believed(Naming(base, tuple(found), setting))
 
 
