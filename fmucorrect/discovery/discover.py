@@ -207,21 +207,24 @@ def sentence(report: dict[str, Any], checked: Sequence[Gap]) -> str:
         f"the error at {worst.condition.name} falls from {worst.nrmse_before:.3g} to {worst.nrmse_after:.3g} %"
         f" (sensor noise {worst.noise_floor:.2g} %)"
     )
-    what = " and ".join(f"{row['effect'].replace('_', ' ')} at {row['joint']}" for row in report["effects"])
+    names = [_called(row) for row in report["effects"]]
+    what = names[0] if len(names) == 1 else f"{len(names)} effects: {'; '.join(names)}"
+    after = f"; with it {error}." if len(names) == 1 else f". With them {error}."
     if report["verdict"] == "named":
-        return f"The model lacks {what}; with it {error}."
+        return f"The model lacks {what}{after}"
     if report["verdict"] == "ambiguous":
-        others = {
-            f"{o['effect'].replace('_', ' ')} at {o['joint']}"
-            for r in report["effects"]
-            for o in r["indistinguishable_from"]
-        }
-        return f"The model lacks {what}, or what these data cannot tell from it ({'; '.join(sorted(others))}); with it {error}."
+        others = sorted({_called(other) for row in report["effects"] for other in row["indistinguishable_from"]})
+        return f"The model lacks {what}, or what these data cannot tell from that ({'; '.join(others)}){after}"
     if report["verdict"] == "none":
         moved = " after its adjustable parameters moved within their tolerances" if report["adjusted"] else ""
         return f"Simulation and measurement agree to the sensors' noise{moved}: nothing is missing that these data can show."
     left = f"{100 * report['unexplained']:.2g} % of the residual's energy stays"
     return f"Simulation and measurement disagree, and nothing in the catalogue explains it: {left}."
+
+
+def _called(row: dict[str, Any]) -> str:
+    """Effect and place."""
+    return f"{row['effect'].replace('_', ' ')} at {row['joint']}"
 
 
 def _in_words(problem: Problem, verdict: str, residuals: Sequence[Residual]) -> list[str]:

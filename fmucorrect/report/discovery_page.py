@@ -34,6 +34,8 @@ from fmucorrect.report.discovery_text import (
 from fmucorrect.report.discovery_where import where
 from fmucorrect.report.html import Row
 
+NAMED = 3
+"""Most effects that the title names; more are counted there, and named in the sentence below."""
 TILE = 13
 """Most letters of a tile's value."""
 ROLES = {
@@ -88,13 +90,14 @@ def lead(report: Mapping[str, Any]) -> tuple[str, str]:
     """Title and sentence: the verdict in a few words, and as the report puts it."""
     verdict, effects = str(report.get("verdict") or ""), rows(report.get("effects"))
     names = [at(effect) for effect in effects]
+    found = f"Found: {listed(names) if len(names) <= NAMED else f'{len(names)} effects'}"
     rivals = [at(item) for effect in effects for item in rows(effect.get("indistinguishable_from"))]
     if verdict == "named" and names:
-        title = f"Found: {listed(names)}"
+        title = found
     elif verdict == "ambiguous" and names:
         title = f"Perhaps {listed(names)}"
         if len(names) > 1:
-            title = f"Found: {listed(names)}, not all of it beyond doubt"
+            title = f"{found}, not all of it beyond doubt"
         elif len(rivals) == 1:
             title = f"Either {names[0]} or {rivals[0]}: these data cannot tell"
         elif rivals:

@@ -157,6 +157,13 @@ def test_recorded_simulations_have_no_places_and_no_augmented_model() -> None:
     assert "fmucorrect train" not in text
 
 
+def test_many_effects_are_counted_in_the_title() -> None:
+    one = example.report("named")["effects"][0]
+    for count, title in ((3, "Found: Coulomb friction"), (4, "Found: 4 effects")):
+        effects = [one | {"joint": f"joint {k}"} for k in range(count)]
+        assert title in words(example.report("named") | {"effects": effects})
+
+
 @pytest.mark.parametrize("verdict", [*VERDICTS, "", "of another kind"])
 def test_a_report_of_the_least_is_a_page(verdict: str) -> None:
     text = words(example.bare(verdict))
