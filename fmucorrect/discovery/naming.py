@@ -114,18 +114,20 @@ def _believed(naming: Naming) -> Naming:
     return replace(naming, sets=tuple(credible(naming.setting, kept)))
 
 
+def _likely(found_by_few: Naming, naming: Naming) -> list[Fitted]:
+    """What few conditions believe, and what they leave open."""
+    best, have = naming.best.surprise, {names(fitted) for fitted in naming.sets}
+    close = [f for f in merged(found_by_few.sets) if f.surprise < best + CLEAR and names(f) not in have]
+    return [*[f for f in naming.sets if f.surprise < best + LIKELY][:TRANSFERRED], *close[:OPEN]]
+
+
 def _on_all(problem: Problem, found_by_few: Naming, progress: Progress) -> Naming:
     """The likely sets of a few conditions, fitted to all."""
     naming = _believed(found_by_few)
+    likely = _likely(found_by_few, naming)
     setting = begin_as(problem, naming.setting, naming.best.model)
     base = fit(problem, setting, replace(problem.nominal, base=naming.base.model.base), 8)
     assert base is not None
-    likely = [f for f in naming.sets if f.surprise < naming.best.surprise + LIKELY][:TRANSFERRED]
-    believed = {names(f) for f in naming.sets}
-    close = [
-        f for f in merged(found_by_few.sets) if f.surprise < naming.best.surprise + CLEAR and names(f) not in believed
-    ]
-    likely += close[:OPEN]
     moved = replace(naming.best.model, terms=tuple(t for t in naming.best.model.terms if isinstance(t, OffsetTerm)))
     exact = fit(problem, setting, moved, 8) if moved.terms and moved != naming.best.model else None
     found = [] if exact is None else [exact]
@@ -136,8 +138,8 @@ def _on_all(problem: Problem, found_by_few: Naming, progress: Progress) -> Namin
         found += [] if fitted is None else [fitted]
     setting, base, found = settled(problem, setting, base, found)
     base, found = pared(problem, setting, base, found)
-    believed = _believed(Naming(base, tuple(found), setting)).sets
-    setting, base, found = settled(problem, setting, base, list(believed))
+    kept = _believed(Naming(base, tuple(found), setting)).sets
+    setting, base, found = settled(problem, setting, base, list(kept))
     return _believed(Naming(base, tuple(found), setting))
 
 
