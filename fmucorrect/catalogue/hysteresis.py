@@ -46,7 +46,7 @@ def _as_dahl(values: Mapping[str, float]) -> Mapping[str, float]:
     return {"stiffness": values["friction_force"] / reach, **shape}
 
 
-def _dahl(values: Mapping[str, float]) -> Mapping[str, float]:
+def _as_friction(values: Mapping[str, float]) -> Mapping[str, float]:
     """Friction that slides where the loop has yielded."""
     reach = max(values["beta"] + values["gamma"], 0.1 * values["beta"]) ** (-1.0 / values["exponent"])
     return {"friction_force": (1.0 - values["alpha"]) * values["stiffness"] * reach, "stick_displacement": reach}
@@ -69,7 +69,7 @@ LAWS = (
     Law(
         name="bouc_wen_hysteresis",
         special=("linear_stiffness", "coulomb_friction"),
-        becomes=(("coulomb_friction_stick", _dahl),),
+        becomes=(("coulomb_friction_stick", _as_friction),),
         family="hysteresis",
         description="The joint yields: its force depends on the way it came, and takes energy in every loop.",
         acts="any joint",

@@ -42,7 +42,7 @@ QUICK, PLACES = 45_000, 16
 are more than so many joints and groups."""
 LIKELY, TRANSFERRED = 200.0, 6
 """How far behind, and how many, sets are fitted to all conditions."""
-OPEN = 3
+UNDECIDED = 3
 """Further ones of them that few conditions do not ask for: about as likely as the best, or more, and not worth it there."""
 LOOKS, BESIDE = 5, 3
 """How often all candidates are looked at beside a set, and how many of the best sets that may be."""
@@ -118,7 +118,7 @@ def _likely(found_by_few: Naming, naming: Naming) -> list[Fitted]:
     """What few conditions believe, and what they leave open."""
     best, have = naming.best.surprise, {names(fitted) for fitted in naming.sets}
     close = [f for f in merged(found_by_few.sets) if f.surprise < best + CLEAR and names(f) not in have]
-    return [*[f for f in naming.sets if f.surprise < best + LIKELY][:TRANSFERRED], *close[:OPEN]]
+    return [*[f for f in naming.sets if f.surprise < best + LIKELY][:TRANSFERRED], *close[:UNDECIDED]]
 
 
 def _on_all(problem: Problem, found_by_few: Naming, progress: Progress) -> Naming:

@@ -11,6 +11,7 @@ from fmucorrect.discovery.candidates import places
 from fmucorrect.discovery.fit import Fitted, Setting, begin, fit
 from fmucorrect.discovery.problem import Model, Problem, load, runner, simulate
 from fmucorrect.discovery.terms import ForceTerm
+from fmucorrect.signals import Condition
 from fmucorrect.study import Study, load_study
 
 FMU = Path(__file__).resolve().parents[2] / "fmus" / "oscillator" / "oscillator.fmu"
@@ -57,11 +58,15 @@ def write(path: Path, name: str, values: np.ndarray) -> None:
     np.savetxt(path, np.column_stack([t, values]), "%.9g", ",", header=f"time,{name}", comments="")
 
 
+def sweep(peak: float) -> np.ndarray:
+    """A force from 1 Hz up, after 0.3 s of rest."""
+    t = np.clip(T - 0.3, 0.0, None)
+    return peak * np.sin(2 * np.pi * (1.0 + t) * t)
+
+
 def problem_of(folder: Path, library: Path, adjustable: str = APART, **truth: float) -> Problem:
     """The study, measured on a mass with other parameters."""
-    t = np.clip(T - 0.3, 0.0, None)
-    force = 0.5 * np.sin(2 * np.pi * (1.0 + t) * t) * (t > 0.0)
-    write(folder / "force.csv", "mass1.f [N]", force)
+    write(folder / "force.csv", "mass1.f [N]", sweep(0.5))
     write(folder / "measured.csv", "x1 [mm]", 0.0 * T)
     (folder / "true.toml").write_text(
         HEAD.replace("parameters = { }", "parameters = { " + ", ".join(f"{n} = {v}" for n, v in truth.items()) + " }")
@@ -79,9 +84,8 @@ def term_at(study: Study, effect: str, where: str, **values: float) -> ForceTerm
     return ForceTerm(law, where, places(study)[where], law.complete(values))
 
 
-def shown(study: Study, library: Path, truth: Model, rows: int) -> np.ndarray:
-    """What the sensors of the study's one condition show of a model, without noise; (rows, channels)."""
-    (condition,) = study.conditions
+def shown(study: Study, condition: Condition, library: Path, truth: Model, rows: int) -> np.ndarray:
+    """What the sensors show of a model at a condition, without noise; (rows, channels)."""
     item = runner(study, condition, library, rows)
     y = simulate(study, item, condition, truth, ())
     item.close()

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from one_mass import JOINT, MASS, NOISE, SWEEP, T, shown, term_at, write
+from one_mass import JOINT, MASS, NOISE, SWEEP, T, shown, sweep, term_at, write
 
 from fmucorrect.catalogue import find
 from fmucorrect.discovery.candidates import adjustables, candidates
@@ -37,12 +37,11 @@ APART = "".join(
 
 def problem_of(folder, library, truth):
     """The chain, measured with what `truth` makes of its study."""
-    t = np.clip(T - 0.3, 0.0, None)
-    write(folder / "force.csv", "mass1.f [N]", 0.5 * np.sin(2 * np.pi * (1.0 + t) * t))
+    write(folder / "force.csv", "mass1.f [N]", sweep(0.5))
     write(folder / "measured.csv", "x1 [mm],x2 [mm]", np.zeros((len(T), 2)))
     (folder / "study.toml").write_text(CHAIN + JOINTS + APART + SWEEP, encoding="utf-8")
     study = load_study(folder / "study.toml")
-    y = shown(study, library, truth(study), len(T))
+    y = shown(study, study.conditions[0], library, truth(study), len(T))
     write(folder / "measured.csv", "x1 [mm],x2 [mm]", y + NOISE * np.random.default_rng(2).normal(size=y.shape))
     return load(study, library, 2)
 

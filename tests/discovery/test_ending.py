@@ -41,9 +41,10 @@ def problem_of(folder: Path, library: Path, truth, afterwards=None, gain=1.0, ad
     write(folder / "measured.csv", "x1 [mm]", 0.0 * t)
     (folder / "study.toml").write_text(MASS + JOINT + adjustable + TONE, encoding="utf-8")
     study = load_study(folder / "study.toml")
-    y = shown(study, library, truth(study), len(t))[:, 0]
+    (condition,) = study.conditions
+    y = shown(study, condition, library, truth(study), len(t))[:, 0]
     if afterwards is not None:
-        y = np.where(t > SHAKEN, shown(study, library, afterwards(study), len(t))[:, 0], y)
+        y = np.where(t > SHAKEN, shown(study, condition, library, afterwards(study), len(t))[:, 0], y)
     noise = NOISE * np.random.default_rng(3).normal(size=len(t))
     write(folder / "measured.csv", "x1 [mm]", gain * y + noise)
     return load(study, library, 2)

@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("ziglang")
 pytest.importorskip("sympy")
 
-from one_mass import APART, JOINT, MASS, NOISE, SWEEP, T, begun, shown, term_at, write
+from one_mass import APART, JOINT, MASS, NOISE, SWEEP, T, begun, shown, sweep, term_at, write
 
 from fmucorrect.catalogue.signal import SIGNALS
 from fmucorrect.discovery import naming
@@ -24,18 +24,17 @@ OFFSET = 0.75  # of the sensor, in units of its noise
 
 def problem_of(folder, library, offset):
     """Five sweeps of a mass on a hardening spring."""
-    t = np.clip(T - 0.3, 0.0, None)
     text = MASS + JOINT + APART
     rng = np.random.default_rng(5)
     for k, peak in enumerate(PEAKS):
-        write(folder / f"{k}.csv", "mass1.f [N]", peak * np.sin(2 * np.pi * (1.0 + t) * t) * (t > 0.0))
+        write(folder / f"{k}.csv", "mass1.f [N]", sweep(peak))
         write(folder / f"measured_{k}.csv", "x1 [mm]", np.zeros(len(T)))
         text += SWEEP.replace("sweep", str(k)).replace("force", str(k)).replace("measured.csv", f"measured_{k}.csv")
     (folder / "study.toml").write_text(text, encoding="utf-8")
     study = load_study(folder / "study.toml")
     spring = Model((term_at(study, "cubic_stiffness", "joint 1", cubic_stiffness=2e7),))
     for k, condition in enumerate(study.conditions):
-        y = shown(replace(study, conditions=(condition,)), library, spring, len(T))[:, 0]
+        y = shown(study, condition, library, spring, len(T))[:, 0]
         write(folder / f"measured_{k}.csv", "x1 [mm]", y + NOISE * (offset + rng.normal(size=len(T))))
     return load(study, library, 2)
 

@@ -9,23 +9,17 @@ import pytest
 pytest.importorskip("ziglang")
 pytest.importorskip("sympy")
 
-from one_mass import MASS, NOISE, SECONDS, STEP, T, write
+from one_mass import JOINT, MASS, NOISE, SECONDS, STEP, T, shown, term_at, write
 
-from fmucorrect.catalogue import find
 from fmucorrect.discovery.fit import Setting, begin, fit
 from fmucorrect.discovery.nexttest import SPLIT, exciting, next_test, repeats
-from fmucorrect.discovery.problem import Model, load, runner, simulate
+from fmucorrect.discovery.problem import Model, load
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm
 from fmucorrect.signals import Condition
 from fmucorrect.study import Excitation, load_study
 
 REST = 0.5
-HEAD = f"""{MASS}[[joints]]
-name = "joint 1"
-force = "joint1.f"
-displacement = "joint1.d"
-velocity = "joint1.v"
-nominal_force = "joint1.F"
+HEAD = f"""{MASS}{JOINT}nominal_force = "joint1.F"
 [[adjustable]]
 parameter = "k1"
 minimum = 200.0
@@ -48,8 +42,7 @@ def drive(peak: float) -> np.ndarray:
 
 
 def term(study, effect: str, **values: float) -> ForceTerm:
-    law = find(effect, values)
-    return ForceTerm(law, "joint 1", study.joints, law.complete(values))
+    return term_at(study, effect, "joint 1", **values)
 
 
 def problem_of(folder: Path, library: Path, conditions: dict[str, float], truth: str, **values: float):
@@ -65,9 +58,7 @@ def problem_of(folder: Path, library: Path, conditions: dict[str, float], truth:
     study = load_study(folder / "study.toml")
     rng = np.random.default_rng(1)
     for condition in study.conditions:
-        item = runner(study, condition, library, len(T))
-        y = simulate(study, item, condition, Model((term(study, truth, **values),)), ())
-        item.close()
+        y = shown(study, condition, library, Model((term(study, truth, **values),)), len(T))
         noisy = y[:, 0] + NOISE * rng.normal(size=len(T))
         write(folder / f"measured_{condition.name}.csv", "x1 [mm]", noisy)
     return load(study, library, 2)
