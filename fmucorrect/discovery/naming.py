@@ -33,7 +33,7 @@ from fmucorrect.discovery.sets import (
     share_of,
 )
 from fmucorrect.discovery.terms import OffsetTerm, Term
-from fmucorrect.discovery.worth import admissible, complete, credible, first_of, names
+from fmucorrect.discovery.worth import LITTLE, admissible, complete, credible, first_of, names
 
 LISTED = (7, 5, 3)
 """Sets of one effect, two and three that are fitted in the loop."""
@@ -232,14 +232,16 @@ def _deepened(
         if best.model.terms and (far or best.s2 > EXPLAINED * setting.floor):
             progress("calibration", len(done), LOOKS)
             moved = calibrated(problem, replace(setting, base=best.base), best)
-            found = merged([*found, *([] if moved is None else [moved]), *extended(problem, setting, [best])])
+            likely = sorted(admissible(setting, base, found), key=lambda fitted: fitted.surprise)[:BESIDE]
+            found = merged([*found, *([] if moved is None else [moved]), *extended(problem, setting, likely)])
         if names(best) not in done:
             found = merged([*found, *regrouped(problem, setting, best), *condensed(problem, setting, best, curves)])
         base, found = pared(problem, setting, base, found)
         kept = sorted(admissible(setting, base, found), key=lambda fitted: fitted.surprise)
         beside = [fitted for fitted in distinct(kept)[:BESIDE] if names(fitted) not in done and has_room(fitted)]
         finished = complete(setting, base, found, kept[0])
-        if beside and not finished and (beside[0] is kept[0] or kept[0].s2 >= EXPLAINED * setting.floor):
+        enough = EXPLAINED if has_room(kept[0]) else LITTLE  # a full set that leaves something may have a wrong member
+        if beside and not finished and (beside[0] is kept[0] or kept[0].s2 >= enough * setting.floor):
             parent = beside[0]
             own = replace(setting, base=parent.base)
             _, more = look(problem, own, parent, around.curves(parent), LISTED[:1], progress)
