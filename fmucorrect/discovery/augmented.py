@@ -60,12 +60,11 @@ def _effects(
 ) -> Effects:
     forces: list[ForceEffect] = []
     used: set[str] = set()
-    now, before = adjusted(problem, base, 0.0)
     study, fmu = problem.study, problem.fmu
     assert fmu is not None
     offsets = {name: value - float(fmu.variables[name].start or "nan") for name, value in study.parameters.items()}
-    for name, value in now.items():
-        offsets[name] = offsets.get(name, 0.0) + value - before[name]
+    for moved in adjusted(problem, base, 0.0):
+        offsets[moved.name] = offsets.get(moved.name, 0.0) + moved.now - moved.before
     for term, row in zip(terms, rows, strict=True):
         if isinstance(term, ForceTerm):
             given = row["parameters"]

@@ -140,7 +140,7 @@ def _report(
         Residual(t.condition, np.arange(t.rows.start, t.rows.stop) * step, y, t.measured, t.sigma)
         for t, y in zip(problem.trials, start, strict=True)
     ]
-    now, before = output.adjusted(problem, best.model.base)
+    adjusted = output.adjusted(problem, best.model.base)
     report: dict[str, Any] = {
         "format": 1,
         "verdict": verdict,
@@ -148,8 +148,9 @@ def _report(
         "study": {"name": study.name, "fmu": None if study.fmu is None else study.fmu.name, "step_size": step},
         "effects": rows if named else [],
         "suspects": [] if named else rows,
-        "adjusted": now,
-        "adjusted_from": before,
+        "adjusted": {moved.name: moved.now for moved in adjusted},
+        "adjusted_from": {moved.name: moved.before for moved in adjusted},
+        "adjusted_by": {moved.name: moved.tolerances for moved in adjusted},
         "candidates": output.candidate_rows(problem, naming, decision),
         "where": {"joints": _joints(problem, naming), **where(residuals, study.rotations, study.channels)},
         "gap": [output.gap_row(gap) for gap in checked],
@@ -159,7 +160,7 @@ def _report(
         "notes": _notes(study, problem, naming.setting, decision) + _in_words(problem, verdict, residuals),
     }
     terms = best.model.terms if named else ()
-    changed = bool(now) or any(not isinstance(term, SignalTerm) for term in terms)
+    changed = bool(adjusted) or any(not isinstance(term, SignalTerm) for term in terms)
     found = None
     if study.fmu is not None and changed and verdict != "unexplained":
         found = found_of(problem, terms, best.model.base, rows if named else ())
@@ -216,7 +217,11 @@ def sentence(report: dict[str, Any], checked: Sequence[Gap]) -> str:
         others = sorted({_called(other) for row in report["effects"] for other in row["indistinguishable_from"]})
         return f"The model lacks {what}, or what these data cannot tell from that ({'; '.join(others)}){after}"
     if report["verdict"] == "none":
-        moved = " after its adjustable parameters moved within their tolerances" if report["adjusted"] else ""
+        moves = {name: abs(z) for name, z in report["adjusted_by"].items()}
+        most = max(moves, key=lambda name: moves[name], default="")
+        moved = (
+            f" after its parameters moved by at most {moves[most]:.2g} of their tolerances ({most})" if moves else ""
+        )
         return f"Simulation and measurement agree to the sensors' noise{moved}: nothing is missing that these data can show."
     left = f"{100 * report['unexplained']:.2g} % of the residual's energy stays"
     return f"Simulation and measurement disagree, and nothing in the catalogue explains it: {left}."

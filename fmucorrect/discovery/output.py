@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -152,17 +153,24 @@ def _short(x: np.ndarray) -> list[float]:
     return [float(f"{value:.6g}") for value in x]
 
 
-def adjusted(
-    problem: Problem, base: Sequence[float], least: float = NOTICED
-) -> tuple[dict[str, float], dict[str, float]]:
-    """The tolerated parameters that moved by at least so many tolerances: where they are, and where they were."""
-    now: dict[str, float] = {}
-    before: dict[str, float] = {}
+@dataclass(frozen=True)
+class Adjusted:
+    """A base parameter that moved. before, now: in its own unit. tolerances: by how many of its own."""
+
+    name: str
+    before: float
+    now: float
+    tolerances: float
+
+
+def adjusted(problem: Problem, base: Sequence[float], least: float = NOTICED) -> list[Adjusted]:
+    """The tolerated parameters that moved by at least so many tolerances."""
+    found: list[Adjusted] = []
     for adjustable, z in zip(problem.tolerated, base, strict=True):
         if abs(z) < least:
             continue
         for name in adjustable.parameters:
             start = start_value(problem.study, problem.fmu, None, name)
             if np.isfinite(start):
-                before[name], now[name] = start, start + z * tolerance_of(adjustable, start)
-    return now, before
+                found.append(Adjusted(name, start, start + z * tolerance_of(adjustable, start), z))
+    return found

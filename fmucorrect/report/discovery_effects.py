@@ -189,7 +189,7 @@ def _parameter(name: str, item: Mapping[str, Any], symbols: bool) -> Row:
 
 
 def _adjusted(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
-    after, before = mapping(report.get("adjusted")), mapping(report.get("adjusted_from"))
+    after, before, by = (mapping(report.get(key)) for key in ("adjusted", "adjusted_from", "adjusted_by"))
     if not after:
         return
     page.section(
@@ -200,8 +200,10 @@ def _adjusted(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
     for name, value in after.items():
         old, new = number(before.get(name)), number(value)
         change = f"{100.0 * (new / old - 1.0):+.2g} %".replace("-", "−") if known(old) and old and known(new) else ""
-        table.append(Row([str(name), short(old, 4), short(new, 4), change]))
-    page.table(["parameter", "before", "after", "change"], table)
+        moved = number(by.get(name))
+        tolerances = f"{moved:+.2g}".replace("-", "−") if known(moved) else ""
+        table.append(Row([str(name), short(old, 4), short(new, 4), change, tolerances]))
+    page.table(["parameter", "before", "after", "change", "in tolerances"], table)
     page.end()
 
 

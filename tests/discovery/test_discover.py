@@ -163,6 +163,8 @@ def test_where_nothing_is_missing_nothing_is_named(tmp_path):
     report = discover(write_study(tmp_path, nothing), tmp_path / "out")
     assert (report["verdict"], report["effects"]) == ("none", [])
     assert not (tmp_path / "out" / "augmented.fmu").exists() or report["adjusted"]
+    assert all(abs(z) < 3.0 for z in report["adjusted_by"].values())
+    assert ("of their tolerances" in report["sentence"]) == bool(report["adjusted"])
 
 
 def test_the_evaluation_condition_decides_nothing_before_the_end(tmp_path, found):

@@ -18,6 +18,7 @@ from bench import bench  # noqa: E402
 from cases import QUICK, subset  # noqa: E402
 from discovering import run_case  # noqa: E402
 from hidden import KINDS, Numbers  # noqa: E402
+from identities import tolerances  # noqa: E402
 from judging import Places, judge  # noqa: E402
 from looking_again import extend, remade  # noqa: E402
 from making import Made, make, write  # noqa: E402
@@ -104,6 +105,18 @@ def test_the_label_has_the_wanted_mark_and_lies_outside_the_case(written):
     assert json.loads((folder / "labels" / "osc_made.json").read_text()) == json.loads(json.dumps(made.label))
 
 
+@pytest.mark.parametrize(
+    ("effect", "size", "found"),
+    [("linear_stiffness", "stiffness", 2.0), ("parameter_offset", "value", 2.0), ("cubic_stiffness", "k", None)],
+)
+def test_the_label_says_how_many_tolerances_an_effect_moves_a_parameter(effect, size, found):
+    on = bench("two_on_base")
+    place = "k1" if effect == "parameter_offset" else "joint 1"
+    value = 2.0 * 0.02 * on.value("k1", {})
+    told = tolerances(on, Spec("x", on.name, "single", 0.01, True, ()), placed(effect, place, **{size: value}))
+    assert told == (None if found is None else pytest.approx(found))
+
+
 def test_the_case_shows_the_effect_and_the_noise_that_were_asked_for(written):
     folder, made = written
     study = load_study(folder / "cases" / "osc_made" / "study.toml")
@@ -155,10 +168,16 @@ _CREEP = frozenset({"f11", "f22"})
 GROUPS = Places({"upper joints": frozenset({"joint 2", "joint 3"}), "f11": _CREEP, "f22": _CREEP})
 
 
-def label(*effects: tuple[str, str], kind: str = "single", marks: tuple[float, ...] = (), **same_as: list) -> dict:
+def label(
+    *effects: tuple[str, str],
+    kind: str = "single",
+    marks: tuple[float, ...] = (),
+    tolerances: float | None = None,
+    **same_as: list,
+) -> dict:
     rows = [
         {"effect": e, "joint": j, "known": True, "mark": m, "main": "stiffness", "parameters": {"stiffness": 100.0}}
-        | {"same_as": same_as.get(e, [])}
+        | {"same_as": same_as.get(e, []), "tolerances": tolerances}
         for (e, j), m in zip(effects, marks or (100.0,) * len(effects), strict=True)
     ]
     return {"effects": rows, "seen": 5.0, "spec": {"kind": kind}}
@@ -191,6 +210,9 @@ A, B, C, D = ("backlash", "joint 1"), ("cubic_stiffness", "joint 1"), ("preload"
         (label(A), None, 0.0),
         (label(A, marks=(2.0,)), said("none"), 1.0),
         (label(A, marks=(2.0,)), said("named", A), 0.0),
+        (label(A, tolerances=3.0), said("none"), 1.0),
+        (label(A, tolerances=3.0), said("named", A), 0.0),
+        (label(A, tolerances=6.0), said("named", A), 1.0),
         (label(A, B, kind="pair"), said("named", B, A), 1.0),
         (label(A, B, kind="pair"), said("named", A), 0.0),
         (label(A, B, kind="pair"), said("ambiguous", A, (*C, B)), 0.5),

@@ -66,6 +66,7 @@ def _common() -> dict[str, Any]:
         "study": {"name": "Roller rig A, sweeps at two amplitudes", "fmu": "roller_rig.fmu", "step_size": 0.001},
         "adjusted": {"kpx": 14.52e6, "equivalent_conicity": 0.1523},
         "adjusted_from": {"kpx": 14.7e6, "equivalent_conicity": 0.15},
+        "adjusted_by": {"kpx": -0.24, "equivalent_conicity": 0.31},
         "where": {
             "channels": {
                 "FW": {"nrmse": 14.6, "share": 0.412},

@@ -19,14 +19,27 @@ _RIG_SPRINGS = {
 
 def same_as(on: Bench, spec: Spec, effect: Placed) -> list[dict]:
     """Other names of an effect, with their parameters: [{"effect", "joint", "parameters"}]."""
-    listed = {
-        name
-        for row in on.adjustable
-        for name in parameters_of(row)
-        if spec.unsure and not set(parameters_of(row)) & set(spec.without)
-    }
+    listed = {name for row in _listed(on, spec) for name in parameters_of(row)}
     found = _oscillator(on, effect) if on.programme == OSCILLATOR else _rig(effect)
     return [row for row in found if row["effect"] != "parameter_offset" or row["joint"] in listed]
+
+
+def tolerances(on: Bench, spec: Spec, effect: Placed) -> float | None:
+    """How many of its tolerances an effect moves an adjustable parameter by; None where it is no such move."""
+    moves = [(effect.place, effect.numbers.parameters["value"])] if effect.effect == "parameter_offset" else []
+    moves += [
+        (m["joint"], m["parameters"]["value"]) for m in same_as(on, spec, effect) if m["effect"] == "parameter_offset"
+    ]
+    for place, value in moves:
+        for row in _listed(on, spec):
+            if set(place.split(", ")) <= set(parameters_of(row)):
+                return abs(value) / (row["tolerance"] * on.value(place.split(", ")[0], {}))
+    return None
+
+
+def _listed(on: Bench, spec: Spec) -> list[dict]:
+    """The rows of [[adjustable]] that the study lists."""
+    return [row for row in on.adjustable if spec.unsure and not set(parameters_of(row)) & set(spec.without)]
 
 
 def _row(effect: str, joint: str, **parameters: float) -> dict:

@@ -11,7 +11,9 @@
   Else 0.
 - An effect whose mark is below the label's `seen` (marks.mark: standard deviations of the noise, after the base
   parameters' tolerance has taken what it can) leaves no mark: a case of such effects alone scores 1 where the verdict
-  is `none` or `ambiguous`, else 0; beside others they may be named or not.
+  is `none` or `ambiguous`, else 0; beside others they may be named or not. The same where an effect is a move of an
+  adjustable parameter by fewer of its tolerances: that takes all of it, for so many standard deviations (marks.mark
+  would say more, as it is straight in the parameters).
 - Nulls score 1 where the verdict is `none`, and are wrongly named where it is `named`. Effects outside the catalogue
   score 1 where it is not `named`, and are wrongly named where it is.
 - With an effect outside the catalogue behind the main one (`unmodelled`) a case scores as if that were not there. With
@@ -64,7 +66,7 @@ def judge(label: Row, report: Row | None, places: Places) -> Judged:
     if report is None:
         return Judged(0.0, 0.0, 0.0, (), (), (), ())
     hidden = [row for row in label["effects"] if row["known"]]
-    visible = [row for row in hidden if row["mark"] >= label["seen"]]
+    visible = [row for row in hidden if _leaves_a_mark(row, label["seen"])]
     verdict, sure = report["verdict"], report["verdict"] == "named"
     named = _merged(report.get("effects", []), places) if verdict in ("named", "ambiguous") else []
     right = [any(same(row, h, places) for h in hidden) for row in named]
@@ -76,6 +78,11 @@ def judge(label: Row, report: Row | None, places: Places) -> Judged:
         return Judged(score, strict, found, (), (), (), ())
     where = _places_right(named, hidden, places)
     return Judged(score, strict, found, tuple(wrong), where, tuple(_errors(named, hidden, places)), tuple(claims))
+
+
+def _leaves_a_mark(hidden: Row, seen: float) -> bool:
+    moved = hidden["tolerances"]
+    return hidden["mark"] >= seen and (moved is None or moved >= seen)
 
 
 def same(row: Row, hidden: Row, places: Places, identities: bool = True) -> bool:

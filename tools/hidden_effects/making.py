@@ -200,6 +200,7 @@ def label_of(
                 "share": share(whole, less),
                 "mark": mark(whole - less, noise, moves),
                 "mark_plain": mark(whole - less, noise, None),
+                "tolerances": identities.tolerances(on, spec, effect),
                 "same_as": identities.same_as(on, spec, effect),
             }
         )
