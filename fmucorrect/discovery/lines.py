@@ -13,6 +13,8 @@ STANDS = 25.0
 """How far a line stands above the spectrum about it, in power."""
 ORDER = 3.0
 """The same where the frequency is known beforehand."""
+SHOWN = 0.9
+"""Of the rate of the blocks: up to there, a tenth of a line's amplitude and more is left in their means."""
 ABOUT = 12
 """Bins to each side that it is compared with."""
 POINTS = 4096
@@ -57,11 +59,12 @@ def stands(
     step: float,
     frequencies: Sequence[float],
 ) -> bool:
-    """Whether the residual has a line at a frequency (Hz) of its own in each condition: an order of a rotation."""
+    """Whether the residual has a line at a frequency (Hz) of its own in each condition: an order of a rotation. Beyond half
+    the rate of the blocks it shows in them too, folded back."""
     scores: list[float] = []
     for trial, values, frequency in zip(trials, blocks, frequencies, strict=True):
         rate = 1.0 / (step * trial.block)
-        if not 0.0 < frequency < 0.45 * rate:
+        if not 0.0 < frequency < SHOWN * rate:
             return False
         window = np.hanning(len(values))[:, None]
         t = np.arange(len(values)) / rate
