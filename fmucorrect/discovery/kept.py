@@ -8,6 +8,7 @@ conditions, and the package's own source. Nothing that was found from other data
 from __future__ import annotations
 
 import io
+import os
 import pickle
 from collections.abc import Callable
 from functools import cache, wraps
@@ -25,7 +26,7 @@ LARGE = 50_000
 
 
 class Kept:
-    """Results by key, in files of `folder`."""
+    """Results by key, in files of `folder`. Several processes may write there, and each may clear it."""
 
     def __init__(self, folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
@@ -56,7 +57,7 @@ class Kept:
 
     def clear(self) -> None:
         """Nothing is kept any longer."""
-        rmtree(self._folder)
+        rmtree(self._folder, ignore_errors=True)
 
     def _loaded(self, path: Path) -> np.ndarray:
         try:
@@ -74,7 +75,8 @@ class Kept:
         return name
 
     def _replace(self, name: str, content: bytes) -> None:
-        partial = self._folder / f"{name}.partial"
+        self._folder.mkdir(parents=True, exist_ok=True)  # where another process has cleared it
+        partial = self._folder / f"{name}.{os.getpid()}.partial"
         partial.write_bytes(content)
         partial.replace(self._folder / name)
 

@@ -176,6 +176,17 @@ def test_what_was_torn_is_done_again(tmp_path):
     assert len(calls) == 3
 
 
+def test_another_process_may_clear_what_is_kept(tmp_path):
+    here, there = Kept(tmp_path / "kept"), Kept(tmp_path / "kept")
+    calls.clear()
+    work(Place("a", here), VALUES)
+    there.clear()
+    there.clear()
+    for _ in range(2):
+        assert (work(Place("a", here), VALUES)["large"] == VALUES.T).all()
+    assert len(calls) == 2
+
+
 def test_laws_and_values_are_read_as_they_were():
     laws = [law for known in (CATALOGUE, SIGNALS) for forms in known.values() for law in forms]
     assert all(a is b for a, b in zip(unpacked(packed(laws)), laws, strict=True))
