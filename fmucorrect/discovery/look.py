@@ -30,12 +30,14 @@ def rivals(
     setting: Setting,
     base: Fitted,
     found: Sequence[Fitted],
+    parent: Fitted,
     marks: Marks,
     progress: Progress,
 ) -> list[Fitted]:
-    """Of a best set of several effects: sets in which one of them gives way to another candidate."""
+    """Of a best set: sets in which one of its effects gives way to another candidate. parent: what the marks stood beside;
+    beside nothing all candidates were rivals of a single effect already."""
     best = first_of(admissible(setting, base, found))
-    if len(best.model.terms) < 2:
+    if len(best.model.terms) < 2 and not parent.model.terms:
         return []
     fits: list[Fitted] = []
     ends = np.cumsum([0, *(len(term.estimated) for term in best.model.terms)])

@@ -198,7 +198,7 @@ def _name(problem: Problem, progress: Progress) -> Naming:
     setting, base, found, replaced = _deepened(around, setting, base, found, parent, first, curves, progress)
     setting, base, found = settled(problem, setting, base, found)
     if names(first_of(admissible(setting, base, found))) not in replaced:
-        found += rivals(problem, setting, base, found, first, progress)
+        found += rivals(problem, setting, base, found, parent, first, progress)
     base, found = pared(problem, setting, base, found)
     return Naming(base, tuple(found), setting)
 
@@ -242,13 +242,13 @@ def _deepened(
         finished = complete(setting, base, found, kept[0])
         enough = EXPLAINED if has_room(kept[0]) else LITTLE  # a full set that leaves something may have a wrong member
         if beside and not finished and (beside[0] is kept[0] or kept[0].s2 >= enough * setting.floor):
-            parent = beside[0]
-            own = replace(setting, base=parent.base)
-            _, more = look(problem, own, parent, around.curves(parent), LISTED[:1], progress)
-            done.append(names(parent))
+            (one, *_) = beside
+            own = replace(setting, base=one.base)
+            _, more = look(problem, own, one, around.curves(one), LISTED[:1], progress)
+            done.append(names(one))
         elif names(kept[0]) not in replaced and len(replaced) <= BESIDE:
             replaced.append(names(kept[0]))
-            more = rivals(problem, setting, base, found, first, progress)
+            more = rivals(problem, setting, base, found, parent, first, progress)
         else:
             break
         found = merged([*found, *more])
