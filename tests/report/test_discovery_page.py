@@ -157,6 +157,13 @@ def test_recorded_simulations_have_no_places_and_no_augmented_model() -> None:
     assert "fmucorrect train" not in text
 
 
+def test_joints_that_do_as_well_are_counted() -> None:
+    report = example.report("named")
+    shares = {"front": 0.9, "rear": 0.895, "middle": 0.881, "far": 0.6}
+    text = words(report | {"where": report["where"] | {"joints": shares}})
+    assert "front: a free force there explains 90 %; 2 others do so as well, within 2 %" in text
+
+
 def test_many_effects_are_counted_in_the_title() -> None:
     one = example.report("named")["effects"][0]
     for count, title in ((3, "Found: Coulomb friction"), (4, "Found: 4 effects")):
