@@ -217,11 +217,9 @@ def sentence(report: dict[str, Any], checked: Sequence[Gap]) -> str:
         others = sorted({_called(other) for row in report["effects"] for other in row["indistinguishable_from"]})
         return f"The model lacks {what}, or what these data cannot tell from that ({'; '.join(others)}){after}"
     if report["verdict"] == "none":
-        moves = {name: abs(z) for name, z in report["adjusted_by"].items()}
-        most = max(moves, key=lambda name: moves[name], default="")
-        moved = (
-            f" after its parameters moved by at most {moves[most]:.2g} of their tolerances ({most})" if moves else ""
-        )
+        by = report["adjusted_by"]
+        most = max(by, key=lambda name: abs(by[name]), default="")
+        moved = f" after its parameters moved by at most {abs(by[most]):.2g} of their tolerances ({most})" if by else ""
         return f"Simulation and measurement agree to the sensors' noise{moved}: nothing is missing that these data can show."
     left = f"{100 * report['unexplained']:.2g} % of the residual's energy stays"
     return f"Simulation and measurement disagree, and nothing in the catalogue explains it: {left}."

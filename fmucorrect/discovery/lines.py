@@ -13,7 +13,7 @@ STANDS = 25.0
 """How far a line stands above the spectrum about it, in power."""
 ORDER = 3.0
 """The same where the frequency is known beforehand."""
-SHOWN = 0.9
+FOLDED = 0.9
 """Of the rate of the blocks: up to there, a tenth of a line's amplitude and more is left in their means."""
 ABOUT = 12
 """Bins to each side that it is compared with."""
@@ -64,7 +64,7 @@ def stands(
     scores: list[float] = []
     for trial, values, frequency in zip(trials, blocks, frequencies, strict=True):
         rate = 1.0 / (step * trial.block)
-        if not 0.0 < frequency < SHOWN * rate:
+        if not 0.0 < frequency < FOLDED * rate:
             return False
         window = np.hanning(len(values))[:, None]
         t = np.arange(len(values)) / rate

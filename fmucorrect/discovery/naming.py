@@ -210,6 +210,11 @@ def _begun(around: _Around, setting: Setting, base: Fitted) -> list[Term]:
     return starts(around.problem, setting, base, around.curves(base, pushed), AFRESH)
 
 
+def _ranked(setting: Setting, base: Fitted, found: list[Fitted]) -> list[Fitted]:
+    """The admissible sets, likeliest first."""
+    return sorted(admissible(setting, base, found), key=lambda fitted: fitted.surprise)
+
+
 def _deepened(
     around: _Around,
     setting: Setting,
@@ -227,22 +232,22 @@ def _deepened(
     while len(done) < LOOKS:
         setting, base, found = settled(problem, setting, base, found)
         base, found = pared(problem, setting, base, found)
-        best = first_of(admissible(setting, base, found))
+        likely = _ranked(setting, base, found)
+        best = likely[0]
         far = float(np.square(best.model.base).max(initial=0.0)) > price(setting, 1)
         if best.model.terms and (far or best.s2 > EXPLAINED * setting.floor):
             progress("calibration", len(done), LOOKS)
             moved = calibrated(problem, replace(setting, base=best.base), best)
-            likely = sorted(admissible(setting, base, found), key=lambda fitted: fitted.surprise)[:BESIDE]
-            found = merged([*found, *([] if moved is None else [moved]), *extended(problem, setting, likely)])
+            found = merged([*found, *([] if moved is None else [moved]), *extended(problem, setting, likely[:BESIDE])])
         if names(best) not in done:
             found = merged([*found, *regrouped(problem, setting, best), *condensed(problem, setting, best, curves)])
         base, found = pared(problem, setting, base, found)
-        kept = sorted(admissible(setting, base, found), key=lambda fitted: fitted.surprise)
+        kept = _ranked(setting, base, found)
         beside = [fitted for fitted in distinct(kept)[:BESIDE] if names(fitted) not in done and has_room(fitted)]
         finished = complete(setting, base, found, kept[0])
         enough = EXPLAINED if has_room(kept[0]) else LITTLE  # a full set that leaves something may have a wrong member
         if beside and not finished and (beside[0] is kept[0] or kept[0].s2 >= enough * setting.floor):
-            (one, *_) = beside
+            one = beside[0]
             own = replace(setting, base=one.base)
             _, more = look(problem, own, one, around.curves(one), LISTED[:1], progress)
             done.append(names(one))

@@ -21,6 +21,7 @@ from fmucorrect.report.discovery_text import (
     quantity,
     rows,
     short,
+    signed,
     texts,
     titled,
 )
@@ -199,9 +200,9 @@ def _adjusted(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
     table: list[Row] = []
     for name, value in after.items():
         old, new = number(before.get(name)), number(value)
-        change = f"{100.0 * (new / old - 1.0):+.2g} %".replace("-", "−") if known(old) and old and known(new) else ""
+        change = signed(f"{100.0 * (new / old - 1.0):+.2g} %") if known(old) and old and known(new) else ""
         moved = number(by.get(name))
-        tolerances = f"{moved:+.2g}".replace("-", "−") if known(moved) else ""
+        tolerances = signed(f"{moved:+.2g}") if known(moved) else ""
         table.append(Row([str(name), short(old, 4), short(new, 4), change, tolerances]))
     page.table(["parameter", "before", "after", "change", "in tolerances"], table)
     page.end()

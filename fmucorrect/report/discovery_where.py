@@ -12,7 +12,7 @@ from fmucorrect.report.figures import CORRECTED, MEASURED
 from fmucorrect.report.html import Row
 
 BLIND = "not known: without an FMU that has joints no place inside the model can be told from another"
-ALIKE = 0.02
+AS_WELL = 0.02
 """By how much of the energy joints may differ that are said to do as well as the best."""
 SPEAKS = 0.02
 """Share from which orders of a rotation are worth a picture."""
@@ -38,10 +38,10 @@ def _facts(found: Mapping[str, Any], study: Mapping[str, Any]) -> list[tuple[str
     joints = _shares(found.get("joints"))
     if joints:
         (first, share), *others = _sorted(joints)
-        alike = sum(share - other <= ALIKE for _, other in others)
+        alike = sum(share - other <= AS_WELL for _, other in others)
         text = f"{first}: a free force there explains {percent(share)}"
         if alike > 1:
-            near = f"{alike} others do so as well, within {100.0 * ALIKE:g} %"
+            near = f"{alike} others do so as well, within {100.0 * AS_WELL:g} %"
             text += f"; {near}: only one law for all conditions tells them apart"
         elif others:
             text += f"; next {others[0][0]} ({percent(others[0][1])})"

@@ -46,13 +46,18 @@ def problem_of(folder, library, truth):
     return load(study, library, 2)
 
 
-def condensed_from(problem, terms):
-    """The fit of these terms, and the likeliest of what they may give way to."""
+def begun(problem):
+    """The setting, the plain model's outputs and the candidates."""
     setting, at, start = begin(problem)
     moves = motions(problem.study, [trial.condition for trial in problem.trials])
-    moves = with_marks(problem, moves, at, setting.measured - at)
+    return setting, at, candidates(problem, with_marks(problem, moves, at, setting.measured - at), start)
+
+
+def condensed_from(problem, terms):
+    """The fit of these terms, and the likeliest of what they may give way to."""
+    setting, _, curves = begun(problem)
     fitted = fit(problem, setting, Model(terms, problem.nominal.base), 20)
-    found = condensed(problem, setting, fitted, candidates(problem, moves, start))
+    found = condensed(problem, setting, fitted, curves)
     return fitted, min(found, key=lambda one: one.surprise)
 
 

@@ -1,13 +1,11 @@
 """A single effect has rivals in its place, unless all candidates were looked at beside nothing."""
 
 from one_mass import term_at
-from test_condensing import problem_of
+from test_condensing import begun, problem_of
 
-from fmucorrect.discovery.candidates import adjustables, candidates
-from fmucorrect.discovery.fit import begin, fit
+from fmucorrect.discovery.candidates import adjustables
+from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.look import look, rivals
-from fmucorrect.discovery.marks import with_marks
-from fmucorrect.discovery.motion import motions
 from fmucorrect.discovery.problem import Model
 
 
@@ -22,14 +20,11 @@ def test_a_single_effect_that_was_found_beside_an_offset_gives_way_to_a_better_p
         return Model((term_at(study, "quadratic_damping", "joint 1", **drag),), ())
 
     with problem_of(tmp_path, library, truth) as problem:
-        setting, at, start = begin(problem)
-        moves = with_marks(
-            problem, motions(problem.study, [t.condition for t in problem.trials]), at, setting.measured - at
-        )
+        setting, at, every = begun(problem)
         base = fit(problem, setting, problem.nominal, 8, at)
         (offset, *_) = adjustables(problem)
         parent = fit(problem, setting, Model((offset,), problem.nominal.base), 8)
-        curves = [curve for curve in candidates(problem, moves, start) if curve.effect == "quadratic_damping"]
+        curves = [curve for curve in every if curve.effect == "quadratic_damping"]
         first, _ = look(problem, setting, parent, curves, (1,), silent)
         elsewhere = term_at(problem.study, "quadratic_damping", "both", **drag)
         best = fit(problem, setting, Model((elsewhere,), problem.nominal.base), 8)

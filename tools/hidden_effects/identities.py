@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bench import OSCILLATOR, Bench
-from marks import parameters_of
+from marks import listed, parameters_of
 from physical import Placed
 from specs import Spec
 
@@ -19,27 +19,20 @@ _RIG_SPRINGS = {
 
 def same_as(on: Bench, spec: Spec, effect: Placed) -> list[dict]:
     """Other names of an effect, with their parameters: [{"effect", "joint", "parameters"}]."""
-    listed = {name for row in _listed(on, spec) for name in parameters_of(row)}
+    unsure = {name for row in listed(on, spec) for name in parameters_of(row)}
     found = _oscillator(on, effect) if on.programme == OSCILLATOR else _rig(effect)
-    return [row for row in found if row["effect"] != "parameter_offset" or row["joint"] in listed]
+    return [row for row in found if row["effect"] != "parameter_offset" or row["joint"] in unsure]
 
 
 def tolerances(on: Bench, spec: Spec, effect: Placed) -> float | None:
     """How many of its tolerances an effect moves an adjustable parameter by; None where it is no such move."""
-    moves = [(effect.place, effect.numbers.parameters["value"])] if effect.effect == "parameter_offset" else []
-    moves += [
-        (m["joint"], m["parameters"]["value"]) for m in same_as(on, spec, effect) if m["effect"] == "parameter_offset"
-    ]
-    for place, value in moves:
-        for row in _listed(on, spec):
-            if set(place.split(", ")) <= set(parameters_of(row)):
-                return abs(value) / (row["tolerance"] * on.value(place.split(", ")[0], {}))
+    own = _row(effect.effect, effect.place, **effect.numbers.parameters)
+    for move in (own, *same_as(on, spec, effect)):
+        moved = move["joint"].split(", ")
+        for row in listed(on, spec) if move["effect"] == "parameter_offset" else ():
+            if set(moved) <= set(parameters_of(row)):
+                return abs(move["parameters"]["value"]) / (row["tolerance"] * on.value(moved[0], {}))
     return None
-
-
-def _listed(on: Bench, spec: Spec) -> list[dict]:
-    """The rows of [[adjustable]] that the study lists."""
-    return [row for row in on.adjustable if spec.unsure and not set(parameters_of(row)) & set(spec.without)]
 
 
 def _row(effect: str, joint: str, **parameters: float) -> dict:

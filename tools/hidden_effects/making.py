@@ -12,7 +12,7 @@ import identities
 import numpy as np
 from bench import OSCILLATOR, Bench, Run, bench
 from hidden import KINDS, OUTSIDE, Numbers
-from marks import base_sensitivities, mark, motion, parameters_of, rows, share
+from marks import base_sensitivities, listed, mark, motion, parameters_of, rows, share
 from physical import Placed, actual, late, simulate
 from specs import Spec, Wanted
 from writing import write_case
@@ -172,8 +172,7 @@ def sensitivities_of(on: Bench, spec: Spec) -> np.ndarray | None:
     """Of the adjustables that the study lists."""
     if not spec.unsure:
         return None
-    listed = [i for i, row in enumerate(on.adjustable) if not set(parameters_of(row)) & set(spec.without)]
-    return base_sensitivities(on.name)[:, :, listed]
+    return base_sensitivities(on.name)[:, :, [on.adjustable.index(row) for row in listed(on, spec)]]
 
 
 def label_of(

@@ -9,6 +9,7 @@ import numpy as np
 from bench import Bench, Run, bench
 from hidden import Motion, damping
 from physical import Placed, simulate
+from specs import Spec
 
 
 def rows(
@@ -52,6 +53,11 @@ def base_sensitivities(name: str) -> np.ndarray:
         for row in on.adjustable
     ]
     return np.stack([2.0 * (values - plain) for values in moved], axis=2)
+
+
+def listed(on: Bench, spec: Spec) -> list[dict]:
+    """The rows of [[adjustable]] that the study lists."""
+    return [row for row in on.adjustable if spec.unsure and not set(parameters_of(row)) & set(spec.without)]
 
 
 def parameters_of(row: dict) -> tuple[str, ...]:

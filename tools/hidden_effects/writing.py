@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 from bench import ROOT, STEP, Bench, Run, bench
-from marks import parameters_of
+from marks import listed
 from specs import Spec
 
 from fmucorrect.records import writer
@@ -85,9 +85,7 @@ def study(on: Bench, spec: Spec, noise: np.ndarray) -> str:
     parts += [_table("[[joints]]", row) for row in on.joints]
     parts += [_table("[[groups]]", row) for row in on.groups]
     parts += [_table("[[rotations]]", row) for row in on.rotations]
-    if spec.unsure:
-        rows = [row for row in on.adjustable if not set(parameters_of(row)) & set(spec.without)]
-        parts += [_table("[[adjustable]]", row) for row in rows]
+    parts += [_table("[[adjustable]]", row) for row in listed(on, spec)]
     return "\n".join([*parts, *map(condition_text, on.runs)])
 
 
