@@ -14,7 +14,7 @@ from fmucorrect.discovery.marks import PROMISING, Marks, Target, marks
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.search import Search
 from fmucorrect.discovery.sets import LONG, Progress, extended, merged
-from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, Term
+from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, Term, proportional
 from fmucorrect.discovery.worth import admissible, first_of, names
 
 EXPLAINED = 1.3
@@ -123,7 +123,7 @@ def at_other_places(problem: Problem, setting: Setting, best: Fitted) -> list[Fi
     moved = [
         replace(best.model, terms=(*best.model.terms[:t], other, *best.model.terms[t + 1 :]))
         for t, term in enumerate(best.model.terms)
-        for other in _elsewhere(problem, term)
+        for other in placed_elsewhere(problem, term)
         if other.key not in names(best)
     ]
     found: list[Fitted] = []
@@ -139,7 +139,7 @@ def regrouped(problem: Problem, setting: Setting, best: Fitted) -> list[Fitted]:
     """The best set with a law at one joint of its group instead, or at a group of its joint, each fitted from there."""
     fits: list[Fitted] = []
     for t, term in enumerate(best.model.terms):
-        for other in _elsewhere(problem, term):
+        for other in placed_elsewhere(problem, term):
             own, new = _joints(term), _joints(other)
             if (own < new or new < own) and other.key not in names(best):
                 model = replace(best.model, terms=(*best.model.terms[:t], other, *best.model.terms[t + 1 :]))
@@ -152,12 +152,15 @@ def _joints(term: Term) -> set[str]:
     return {joint.name for joint in term.joints} if isinstance(term, ForceTerm) else set()
 
 
-def _elsewhere(problem: Problem, term: Term) -> Iterator[Term]:
-    """A member at the other places where it may be."""
+def placed_elsewhere(problem: Problem, term: Term) -> Iterator[Term]:
+    """A member at the other places where it may be. A force that is a factor of its number is shared out among the joints."""
     if isinstance(term, ForceTerm):
+        shared = term.estimated if proportional(term) else ()
         for where, joints in places(problem.study).items():
             if may_act(term.law, joints):
-                yield replace(term, where=where, joints=joints)
+                share = len(term.joints) / len(joints)
+                values = {**term.values, **{name: share * term.values[name] for name in shared}}
+                yield replace(term, where=where, joints=joints, values=values)
     elif isinstance(term, OffsetTerm) and term.single:
         (own,) = term.adjustable.parameters
         together = {name for a in problem.study.adjustable if own in a.parameters for name in a.parameters}

@@ -1,11 +1,11 @@
-"""A single effect has rivals in its place, unless all candidates were looked at beside nothing."""
+"""A single effect has rivals in its place, unless all candidates were looked at beside nothing; it is tried elsewhere too."""
 
 from one_mass import term_at
 from test_condensing import begun, problem_of
 
 from fmucorrect.discovery.candidates import adjustables
 from fmucorrect.discovery.fit import fit
-from fmucorrect.discovery.look import look, rivals
+from fmucorrect.discovery.look import look, placed_elsewhere, rivals
 from fmucorrect.discovery.problem import Model
 
 
@@ -33,3 +33,17 @@ def test_a_single_effect_that_was_found_beside_an_offset_gives_way_to_a_better_p
     better = min(found, key=lambda fitted: fitted.surprise)
     assert [term.key for term in better.model.terms] == [("quadratic_damping", "joint 1")]
     assert better.surprise < best.surprise
+
+
+def test_a_force_that_moves_to_another_number_of_joints_is_shared_out(library, tmp_path):
+    with problem_of(tmp_path, library, lambda study: Model((), ())) as problem:
+        for effect, values, shared in (
+            ("cubic_stiffness", {"cubic_stiffness": 6.0}, 3.0),
+            ("coulomb_friction", {"friction_force": 6.0, "smoothing_velocity": 1.0}, 6.0),  # its corners are not
+        ):
+            one = term_at(problem.study, effect, "joint 1", **values)
+            at = {term.where: term for term in placed_elsewhere(problem, one)}
+            main = next(iter(values))
+            assert at["joint 2"].values == one.values
+            assert at["both"].values == {**one.values, main: shared}
+            assert {t.where: t.values for t in placed_elsewhere(problem, at["both"])}["joint 1"] == one.values
