@@ -9,7 +9,6 @@ at the joint that explains it (located.py) is pushed there, and what the joint t
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import closing
 from dataclasses import replace
 
 import numpy as np
@@ -17,12 +16,11 @@ import numpy as np
 from fmucorrect.catalogue.motion import Motion
 from fmucorrect.discovery.candidates import Curve
 from fmucorrect.discovery.fit import Fitted, Setting, judge_at
-from fmucorrect.discovery.located import Located, Pushed, located
-from fmucorrect.discovery.motion import motion_of, peak, ports
-from fmucorrect.discovery.problem import Model, Problem, overrides
+from fmucorrect.discovery.located import Located, located
+from fmucorrect.discovery.motion import Series, along, in_a_row, motion_of, peak
+from fmucorrect.discovery.problem import Model, Problem
 from fmucorrect.discovery.terms import ForceTerm, Term
 from fmucorrect.errors import FmuError
-from fmucorrect.signals import Channel
 
 FAR = 0.4
 """A residual, as a share of what was measured, above which the model's own motion tells little."""
@@ -58,27 +56,16 @@ def measured_motions(problem: Problem, base: Fitted, moves: Mapping[str, Motion]
 
 def _pushed(problem: Problem, model: Model, item: Located) -> Motion | None:
     """What a joint goes through with its located force; None where the solver gives up."""
-    names = ports([item.joint])
-    study = replace(problem.study, channels=tuple(Channel(name, unit="", simulation=name) for name in names))
-    rows: list[np.ndarray] = []
-    forces: list[np.ndarray] = []
-    with replace(problem, study=study, _free=[]) as shown:
-        for trial, force in zip(problem.trials, item.forces, strict=True):
-            with closing(Pushed(shown, trial, (item.joint,))) as pushed:
-                given = np.zeros(len(pushed.times))
-                given[trial.rows] = force
-                pushed.push = (item.joint,), given
-                changed = overrides(problem.study, pushed.description, trial.condition, model, problem.tolerated)
-                try:
-                    y = pushed.run((), changed)[trial.rows]
-                except FmuError:
-                    return None
-            settled = slice(int(SETTLED * len(y)), None)
-            rows.append(y[settled])
-            forces.append(force[settled])
-    column = dict(zip(names, np.concatenate(rows).T, strict=True))
-    motion = motion_of(item.joint, column, problem.study.simulation.step_size)
-    return replace(motion, mark=peak(np.concatenate(forces)))
+    parts: list[Series] = []
+    for trial, force in zip(problem.trials, item.forces, strict=True):
+        try:
+            moved = along(problem, model, trial, item.joint, force)
+        except FmuError:
+            return None
+        settled = slice(int(SETTLED * len(force)), None)
+        parts.append({name: x[trial.rows][settled] for name, x in moved.items()} | {"force": force[settled]})
+    seen = in_a_row(parts)
+    return replace(motion_of(seen, problem.study.simulation.step_size), mark=peak(seen["force"]))
 
 
 def starts(problem: Problem, setting: Setting, base: Fitted, curves: Sequence[Curve], most: int) -> list[Term]:

@@ -35,6 +35,9 @@ EARLY = 0.05  # the same after the excitation begins, where the pulse's response
 DECAYED = 0.02  # share of its largest that the response may still have at the end
 TRIES = 6  # pulses, where one leaves no trace, or the solver gives up
 FILLS = 12  # how often what lies before and after the measurement is filled with what the force makes of it
+MOST = (
+    2  # differences over time at most that are taken of what a push leaves for good, as a body without a spring goes on
+)
 OFFSET = 3.0  # largest offset of a sensor that is taken off its residual, in units of its noise
 SURE = 5.0  # standard deviations of the noise's energy that a residual has to stand above to be shared out wholly
 
@@ -204,8 +207,7 @@ def answer(
             size *= 1e-3 if reached == np.inf else 1e4 if reached < 1e-7 else 1.0 / reached
             continue
         kernel = _means(trial, change) / size
-        power = np.abs(kernel).max(0)
-        if power[-max(len(power) // 10, 1) :].max() > DECAYED * power.max():
+        if lasts(kernel):
             if begin > early:
                 begin = early
                 continue
@@ -214,6 +216,12 @@ def answer(
                 return answer(item, plain, joints, item.response(plain), residual, size)
         return kernel, size
     return None, size
+
+
+def lasts(kernel: Float64[np.ndarray, "J K"]) -> bool:
+    """Whether a response has not ended where it was cut off."""
+    power = np.abs(kernel).max(0)
+    return bool(power[-max(len(power) // 10, 1) :].max() > DECAYED * power.max())
 
 
 def invert(trial: Trial, x: Float64[np.ndarray, "J M"], kernel: Float64[np.ndarray, "J K"] | None) -> Inverted:
@@ -228,23 +236,31 @@ def invert(trial: Trial, x: Float64[np.ndarray, "J M"], kernel: Float64[np.ndarr
     if kernel is None or not 0.0 < peak < np.inf:
         return Inverted(np.zeros(len(trial.measured)), before, before, x.size)
     size = 1 << (2 * count + 1).bit_length()
+    y, order, noise = x, 0, np.ones(size // 2 + 1)
+    while order < MOST and lasts(kernel):
+        order += 1
+        kernel, y = np.diff(kernel, prepend=0.0), np.diff(y, prepend=0.0)
+        noise = noise * np.abs(1.0 - np.exp(-2j * np.pi * np.arange(len(noise)) / size)) ** 2 + 2.0 / count
+    peak = float(np.abs(kernel).max())
     ring = np.zeros((len(x), size))
     ring[:, : kernel.shape[1]] = kernel / peak
     H = np.fft.rfft(np.roll(ring, -1, axis=1))
-    q = np.sum(np.abs(H) ** 2, axis=0)
+    q = np.sum(np.abs(H) ** 2, axis=0) / noise
     weights = np.full(len(q), 2.0 * count / size)  # of each frequency in all, were the ring as short as x
     weights[[0, -1]] /= 2.0
-    ratio = _ratio(x, H, q, weights)
+    ratio = _ratio(y, H, q, weights, noise)
 
-    back = ratio * np.conj(H) / (1.0 + ratio * q)
-    ring, spectrum = _ring(x, size), np.zeros(len(q), dtype=np.complex128)
+    back = ratio * np.conj(H) / noise / (1.0 + ratio * q)
+    ring, spectrum = _ring(y, size), np.zeros(len(q), dtype=np.complex128)
     for _ in range(FILLS):
-        ring[:, :count] = x
+        ring[:, :count] = y
         values = np.fft.irfft(np.sum(back * np.fft.rfft(ring), axis=0), size)
         values[count : (count + size) // 2] = 0.0
         spectrum = np.fft.rfft(values)
         ring = np.fft.irfft(H * spectrum, size)
-    rest = x - ring[:, :count]
+    rest = y - ring[:, :count]
+    for _ in range(order):
+        rest = np.cumsum(rest, axis=1)
     fitted = float(np.sum(weights * ratio * q / (1.0 + ratio * q)))
     after = float(np.sum(rest**2)) - max(x.size - fitted, 0.0)
     force = _smooth(np.fft.irfft(spectrum, size)[:count] / peak, block(trial), len(trial.measured))
@@ -262,15 +278,19 @@ def _ring(x: Float64[np.ndarray, "J M"], size: int) -> Float64[np.ndarray, "J R"
 
 
 def _ratio(
-    x: Float64[np.ndarray, "J M"], H: Complex128[np.ndarray, "J f"], q: np.ndarray, weights: np.ndarray
+    x: Float64[np.ndarray, "J M"],
+    H: Complex128[np.ndarray, "J f"],
+    q: np.ndarray,
+    weights: np.ndarray,
+    noise: np.ndarray,
 ) -> Float64[np.ndarray, " f"]:
     """Variance of the force over that of the error at each frequency, of highest marginal likelihood: even up to some
     frequency and falling with its square above, as that of a force with jumps does. The error's is at least the noise's."""
     middle = (np.arange(x.shape[1]) + 0.5) / x.shape[1]
     window = np.sin(0.5 * np.pi * np.minimum(20.0 * np.minimum(middle, 1.0 - middle), 1.0)) ** 2
     R = np.fft.rfft(x * window / np.sqrt(np.sum(window**2)), 2 * (len(q) - 1))
-    total = float(np.sum(weights * np.sum(np.abs(R) ** 2, axis=0)))
-    along = weights * np.abs(np.sum(np.conj(H) * R, axis=0)) ** 2
+    total = float(np.sum(weights * np.sum(np.abs(R) ** 2, axis=0) / noise))
+    along = weights * np.abs(np.sum(np.conj(H) * R, axis=0) / noise) ** 2
     place = np.arange(len(q)) / len(q)
 
     def at(row: tuple[float, float]) -> np.ndarray:

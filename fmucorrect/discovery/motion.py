@@ -1,60 +1,83 @@
-"""What a joint goes through along the development conditions: the scales from which parameters are guessed."""
+"""What joints go through: the series that laws read there, and the scales from which their numbers are guessed."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import closing
 from dataclasses import replace
 
 import numpy as np
+from jaxtyping import Float64
 
 from fmucorrect import sources
+from fmucorrect.catalogue import PORTS
 from fmucorrect.catalogue.motion import Motion
-from fmucorrect.fmu import FmuStepper
+from fmucorrect.catalogue.numeric import force, step
+from fmucorrect.discovery.located import Pushed
+from fmucorrect.discovery.problem import Model, Problem, simulate
+from fmucorrect.discovery.terms import ForceTerm, SignalTerm
+from fmucorrect.discovery.trials import Trial
+from fmucorrect.fmu import FmuDescription, FmuStepper
 from fmucorrect.signals import Channel, Condition
 from fmucorrect.stepper import run
 from fmucorrect.study import Joint, Study
+from fmucorrect.wrapping.laws import Wire
+from fmucorrect.wrapping.places import places
 
-_PORTS = ("displacement", "velocity", "acceleration", "nominal_force")
+Series = dict[str, Float64[np.ndarray, " _"]]
+"""What a law reads at a joint, by the names of its inputs, SI."""
 
 
 def motions(study: Study, conditions: Sequence[Condition]) -> dict[str, Motion]:
     """The motion of every joint, over all of `conditions`, without any law in the loop."""
+    assert study.simulation.fmu is not None
     names = ports(study.joints)
-    parts = [_record(study, condition, names) for condition in conditions]
-    column = {name: np.concatenate([part[:, i] for part in parts]) for i, name in enumerate(names)}
-    return {joint.name: motion_of(joint, column, study.simulation.step_size) for joint in study.joints}
+    channels = tuple(Channel(name, unit="") for name in names)
+    parts: list[dict[str, Series]] = []
+    for condition in conditions:
+        given = list(sources.inputs(study, condition))
+        with FmuStepper(
+            study.simulation.fmu, channels, inputs=given[0].names, parameters=study.simulation.parameters
+        ) as stepper:
+            result = run(stepper, replace(condition, simulated=None), given)
+            assert result is not None
+            column = dict(zip(names, result.values.T, strict=True))
+            parts.append({joint.name: shown(stepper.description, joint, column) for joint in study.joints})
+    return {
+        joint.name: motion_of(in_a_row([part[joint.name] for part in parts]), study.simulation.step_size)
+        for joint in study.joints
+    }
 
 
 def ports(joints: Sequence[Joint]) -> list[str]:
     """The FMU's outputs that joints show their motion by."""
-    return sorted({name for joint in joints for name in _names(joint) if name})
+    return sorted({name for joint in joints for port in PORTS if (name := getattr(joint, port))})
 
 
-def _names(joint: Joint) -> list[str]:
-    return [getattr(joint, port) for port in _PORTS]
+def shown(fmu: FmuDescription, joint: Joint, column: Mapping[str, Float64[np.ndarray, " N"]]) -> Series:
+    """What the joint's ports show, SI, by the names of PORTS. column: the FMU's outputs in its own units, by their names."""
+    names = joint.displacement, joint.velocity, joint.acceleration, joint.nominal_force
+    (place,) = places(fmu, [Wire("", joint.name, joint.force, *names, joint.sign, False)])
+    return {
+        name: source.factor * column[source.variable.name]
+        for name, source in zip(PORTS, place.ports, strict=True)
+        if source is not None
+    }
 
 
-def _record(study: Study, condition: Condition, names: Sequence[str]) -> np.ndarray:
-    assert study.simulation.fmu is not None
-    channels = tuple(Channel(name, unit="") for name in names)
-    given = list(sources.inputs(study, condition))
-    with FmuStepper(
-        study.simulation.fmu, channels, inputs=given[0].names, parameters=study.simulation.parameters
-    ) as stepper:
-        result = run(stepper, replace(condition, simulated=None), given)
-        assert result is not None
-        return result.values
+def in_a_row(parts: Sequence[Series]) -> Series:
+    """Several records one after another."""
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
-def motion_of(joint: Joint, column: Mapping[str, np.ndarray], step: float) -> Motion:
-    """Of one joint, from what its ports show: SI, by name, one after another where there are several records."""
-    d, v, a, f = (column.get(name) for name in _names(joint))
+def motion_of(seen: Series, size: float) -> Motion:
+    """The scales of one joint from what it shows, rows of `size` s, one after another where there are several records."""
+    d, v, a, f = (seen.get(name) for name in PORTS)
     assert d is not None
     if v is None:
-        v = np.gradient(d, step)
+        v = np.gradient(d, size)
     stiffness = damping = 0.0
     if f is not None:
-        f = joint.sign * f
         rows = np.stack([d, v], axis=1)
         scale = np.abs(rows).max(0) + 1e-300
         solved = np.linalg.lstsq(rows / scale, f, rcond=1e-9)[0] / scale
@@ -65,3 +88,41 @@ def motion_of(joint: Joint, column: Mapping[str, np.ndarray], step: float) -> Mo
 def peak(x: np.ndarray | None) -> float:
     """The size that all but a two hundredth stays below; 0 for nothing."""
     return 0.0 if x is None else float(np.quantile(np.abs(x), 0.995))
+
+
+def along(
+    problem: Problem, model: Model, trial: Trial, joint: Joint, push: Float64[np.ndarray, " N"] | None = None
+) -> Series:
+    """What laws read at a joint, simulated with the model, at all rows of the condition's simulation. push: N or N.m, a force
+    there at the measured rows. Raises FmuError where the solver gives up."""
+    names = ports([joint])
+    study = replace(problem.study, channels=tuple(Channel(name, unit="") for name in names))
+    seen = tuple(term for term in model.terms if not (isinstance(term, SignalTerm) and term.channels))
+    with replace(problem, study=study, _free=[]) as other, closing(Pushed(other, trial, (joint,))) as item:
+        if push is not None:
+            given = np.zeros(len(item.times))
+            given[trial.rows] = push
+            item.push = (joint,), given
+        y = simulate(study, item, trial.condition, replace(model, terms=seen), problem.tolerated)
+        moved = shown(item.description, joint, dict(zip(names, y.T, strict=True)))
+        moved["time"] = item.times
+    if "velocity" not in moved:
+        moved["velocity"] = np.gradient(moved["displacement"], study.simulation.step_size)
+    moved["speed"] = np.full(len(moved["time"]), trial.condition.speed / 3.6)
+    return moved
+
+
+def law_along(term: ForceTerm, moved: Series, size: float) -> Float64[np.ndarray, " N"]:
+    """The law's force along a motion with rows of `size` s, in the middle of each step, as the coupled model has it."""
+    law = term.law
+    middle = {name: x.copy() for name, x in moved.items() if name in law.inputs}
+    for x in middle.values():
+        x[:-1] = 0.5 * (x[:-1] + x[1:])
+    states = np.array([state.start for state in law.states])
+    if not law.states:
+        return force(law, middle, np.zeros((len(moved["time"]), 0)), term.values)
+    found = np.zeros(len(moved["time"]))
+    for k in range(len(found)):
+        now, states = step(law, {name: x[k] for name, x in middle.items()}, states, term.values, size)
+        found[k] = now
+    return found

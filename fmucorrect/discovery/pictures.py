@@ -10,17 +10,11 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64
 
-from fmucorrect.catalogue import PORTS
-from fmucorrect.catalogue.numeric import force, step
 from fmucorrect.discovery.located import Inverted, Pushed, answer, bare, evidence, invert
+from fmucorrect.discovery.motion import along, law_along
 from fmucorrect.discovery.problem import Model, Problem, simulate
-from fmucorrect.discovery.simulator import Simulator
-from fmucorrect.discovery.terms import ForceTerm, SignalTerm
-from fmucorrect.discovery.trials import Trial
-from fmucorrect.signals import Channel
+from fmucorrect.discovery.terms import ForceTerm
 from fmucorrect.study import Joint
-from fmucorrect.wrapping.laws import Wire
-from fmucorrect.wrapping.places import places
 
 SHOWN = 600
 """Points of a picture, at most."""
@@ -30,9 +24,6 @@ ALIKE = 0.1
 """Velocities of two joints that differ by less, in shares of their own, are alike."""
 ROTATIONAL = ("rad", "deg")
 """Units of displacement of a rotational joint."""
-
-Motion = dict[str, Float64[np.ndarray, " N"]]
-"""What a law reads at a joint, by the names of its inputs, SI."""
 
 
 def picture(problem: Problem, model: Model, term: ForceTerm, condition: int) -> dict[str, Any]:
@@ -48,17 +39,19 @@ def picture(problem: Problem, model: Model, term: ForceTerm, condition: int) -> 
     if problem.library is None or problem.study.fmu is None or trial.condition.simulated is not None:
         raise ValueError("a picture needs an FMU")
     h = problem.study.simulation.step_size
-    moved, units = motion(problem, model, trial, term.joints[0])
+    moved = along(problem, model, trial, term.joints[0])
     law = law_along(term, moved, h)[trial.rows]
     free = [term.joints[0]]
     for joint in term.joints[1:]:
-        other, _ = motion(problem, model, trial, joint)
+        other = along(problem, model, trial, joint)
         apart = float(np.std(other["velocity"] - moved["velocity"]))
         free += [joint] if apart < ALIKE * float(np.std(moved["velocity"])) else []
     asked = asked_for(problem, model, term, free, condition).force
     rows = _liveliest(law, moved["velocity"][trial.rows], h, trial.condition.frequency)
     shown = {name: moved[name][trial.rows][rows] for name in ("displacement", "velocity")}
     shown |= {"force": asked[rows], "law": law[rows]}
+    force, length = units_at(problem, term.joints[0])
+    units = [length, f"{length}/s", force]
     return {name: [float(f"{x:.6g}") for x in values] for name, values in shown.items()} | {"units": units}
 
 
@@ -78,54 +71,10 @@ def asked_for(problem: Problem, model: Model, term: ForceTerm, free: Sequence[Jo
     return invert(trial, evidence(trial, residual, study.simulation.step_size), kernel)
 
 
-def motion(problem: Problem, model: Model, trial: Trial, joint: Joint) -> tuple[Motion, list[str]]:
-    """What laws read at a joint, simulated with the model, at all rows of the condition's simulation; and the units of
-    displacement, velocity and force."""
-    assert problem.library is not None
-    ports = {name: getattr(joint, name) for name in PORTS if getattr(joint, name)}
-    names = tuple(dict.fromkeys(ports.values()))
-    study = replace(problem.study, channels=tuple(Channel(name, unit="") for name in names))
-    seen = tuple(term for term in model.terms if not (isinstance(term, SignalTerm) and term.channels))
-    seconds = (trial.rows.stop - 1) * study.simulation.step_size
-    with closing(Simulator(study, trial.condition, problem.library, seconds, problem.substeps)) as item:
-        y = simulate(study, item, trial.condition, replace(model, terms=seen), problem.tolerated)
-        fmu, times = item.description, item.times
-    seen_by = joint.displacement, joint.velocity, joint.acceleration, joint.nominal_force
-    wire = Wire("", joint.name, joint.force, *seen_by, joint.sign, False)
-    (place,) = places(fmu, [wire])
-    moved = {
-        name: source.factor * y[:, names.index(source.variable.name)]
-        for name, source in zip(PORTS, place.ports, strict=True)
-        if source is not None
-    }
-    if "velocity" not in moved:
-        moved["velocity"] = np.gradient(moved["displacement"], study.simulation.step_size)
-    moved["time"] = times
-    moved["speed"] = np.full(len(times), trial.condition.speed / 3.6)
-    force, length = units_at(problem, joint)
-    return moved, [length, f"{length}/s", force]
-
-
 def units_at(problem: Problem, joint: Joint) -> tuple[str, str]:
     """Of force and displacement at a joint, SI."""
     assert problem.fmu is not None
     return ("N.m", "rad") if problem.fmu.variables[joint.displacement].unit in ROTATIONAL else ("N", "m")
-
-
-def law_along(term: ForceTerm, moved: Motion, size: float) -> Float64[np.ndarray, " N"]:
-    """The law's force along a motion with rows of `size` s, in the middle of each step, as the coupled model has it."""
-    law = term.law
-    middle = {name: x.copy() for name, x in moved.items() if name in law.inputs}
-    for x in middle.values():
-        x[:-1] = 0.5 * (x[:-1] + x[1:])
-    states = np.array([state.start for state in law.states])
-    if not law.states:
-        return force(law, middle, np.zeros((len(moved["time"]), 0)), term.values)
-    found = np.zeros(len(moved["time"]))
-    for k in range(len(found)):
-        now, states = step(law, {name: x[k] for name, x in middle.items()}, states, term.values, size)
-        found[k] = now
-    return found
 
 
 def _liveliest(

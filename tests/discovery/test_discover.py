@@ -2,6 +2,7 @@
 
 import json
 import re
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from fmucorrect.cli import main
 from fmucorrect.discovery import discover, nuisances
 from fmucorrect.discovery.confirm import sensor_errors
 from fmucorrect.discovery.evidence import Nuisances, independent
+from fmucorrect.discovery.motion import motions
 from fmucorrect.discovery.problem import load
 from fmucorrect.errors import StudyError
 from fmucorrect.experiment import simulate
@@ -59,15 +61,16 @@ def write(path, record):
         out.write("/data", record)
 
 
-def write_study(folder, law, unit="mm", garbage=False):
-    scale = {"mm": 1.0, "m": 1e-3}[unit]
+def write_study(folder, law, unit="mm", garbage=False, fmu=FMU, scale=None):
+    """scale: from mm to the measured numbers, by the unit where it is None."""
+    scale = scale or {"mm": 1.0, "m": 1e-3}[unit]
     t_ns = np.arange(round(SECONDS / STEP) + 1) * round(STEP * 1e9)
     rng = np.random.default_rng(3)
     start = f"masses = 2.0, m1 = {M[0]}, m2 = {M[1]}, k1 = {K[0]}, k2 = {K[1]}, c1 = {C[0]}, c2 = {C[1]}"
     text = f"""format = 1
 name = "two masses"
 [simulation]
-fmu = {json.dumps(str(FMU))}
+fmu = {json.dumps(str(fmu))}
 step_size = {STEP}
 parameters = {{ {start}, k_end = {WALL[0]}, c_end = {WALL[1]} }}
 """
@@ -87,7 +90,9 @@ parameters = {{ {start}, k_end = {WALL[0]}, c_end = {WALL[1]} }}
         file = f"{name.replace(' ', '_')}"
         channels = (Channel("s1", unit=unit), Channel("s2", unit=unit))
         write(folder / f"{file}.mcap", Record(t_ns, measured * scale, channels))
-        force = Record(t_ns, push(name, t_ns * 1e-9 + 0.5 * STEP)[:, None], (Channel("mass2.f", unit="N"),))
+        force = Record(
+            t_ns, push(name, t_ns * 1e-9 + 0.5 * STEP)[:, None], (Channel("mass2.f", unit="N" if fmu is FMU else "kN"),)
+        )
         write(folder / f"{file}.csv", force)
         text += (
             f'[[conditions]]\nname = "{name}"\nrole = "{role}"\ninputs = "{file}.csv"\nmeasurement = "{file}.mcap"\n'
@@ -184,6 +189,36 @@ def test_other_units_change_nothing(tmp_path, found):
         assert effect["parameters"]["cubic_stiffness"][name] == pytest.approx(
             before["parameters"]["cubic_stiffness"][name], rel=1e-3
         )
+
+
+def relabelled(path):
+    """The oscillator with the same numbers as mm and kN: a heavier one, in units as many a multibody program has them."""
+    with zipfile.ZipFile(FMU) as source, zipfile.ZipFile(path, "w") as out:
+        for item in source.infolist():
+            data = source.read(item)
+            if item.filename == "modelDescription.xml":
+                for unit, other in {"m": "mm", "m/s": "mm/s", "m/s2": "mm/s2", "N": "kN"}.items():
+                    data = data.replace(f'unit="{unit}"'.encode(), f'unit="{other}"'.encode())
+                    data = data.replace(f'Unit name="{unit}"'.encode(), f'Unit name="{other}"'.encode())
+            out.writestr(item, data)
+    return path
+
+
+def test_an_fmu_in_other_units_changes_nothing(tmp_path, found):
+    study = write_study(tmp_path, cubic, fmu=relabelled(tmp_path / "heavy.fmu"), scale=1e-3)
+    report = discover(study, tmp_path / "out")
+    (effect,), (before,) = report["effects"], found[1]["effects"]
+    assert (effect["effect"], effect["joint"]) == (before["effect"], before["joint"])
+    for name in ("value", "std"):  # kN/mm3
+        assert 1e-12 * effect["parameters"]["cubic_stiffness"][name] == pytest.approx(
+            before["parameters"]["cubic_stiffness"][name], rel=1e-3
+        )
+    motion, other = (
+        motions(load_study(path), load_study(path).development) for path in (study, found[0] / "study.toml")
+    )
+    for joint in other:
+        assert 1e3 * motion[joint].d == pytest.approx(other[joint].d, rel=1e-6)
+        assert 1e-6 * motion[joint].stiffness == pytest.approx(other[joint].stiffness, rel=1e-6)
 
 
 def test_the_command_prints_the_verdict_and_explains_a_missing_column(tmp_path):

@@ -13,7 +13,8 @@ from pathlib import Path
 from fmucorrect import records
 from fmucorrect.catalogue import find
 from fmucorrect.discovery.located import located
-from fmucorrect.discovery.pictures import law_along, motion, picture
+from fmucorrect.discovery.motion import along, law_along
+from fmucorrect.discovery.pictures import picture
 from fmucorrect.discovery.problem import Model, load
 from fmucorrect.discovery.simulator import LawAt, Simulator
 from fmucorrect.discovery.terms import ForceTerm
@@ -138,7 +139,7 @@ def test_the_joint_of_the_law_explains_the_residual_by_the_laws_force(measured, 
     assert all(one.share < own - 0.02 for i, one in enumerate(found) if i != where - 1)
     model = Model((term,), problem.nominal.base)
     for trial, force in zip(problem.trials, found[where - 1].forces, strict=True):
-        moved, _ = motion(problem, model, trial, term.joints[0])
+        moved = along(problem, model, trial, term.joints[0])
         law = law_along(term, moved, STEP)[trial.rows]
         if effect == "preload":
             assert np.median(force) == pytest.approx(20.0, rel=0.05)
