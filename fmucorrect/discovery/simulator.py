@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from fmucorrect import sources
-from fmucorrect.catalogue import Law
+from fmucorrect.catalogue import CATALOGUE, Law
 from fmucorrect.discovery.native import LAWS
 from fmucorrect.errors import FmuError
 from fmucorrect.fmu import FmuDescription, FmuStepper
@@ -26,8 +26,10 @@ RUN_IN = 8.0
 """Seconds that a constant or periodic force has acted before a record begins."""
 LEAD = 1.0
 """Seconds at rest before the first motion of an input from which on it is simulated."""
-STILL = 1e-9
-"""Share of a response's range that may move at rest."""
+STILL, RESTS = 1e-9, 1e-3
+"""Share of a response's range that may move at rest: in rows that are left out, before a record."""
+PROBE = 1e-3
+"""N or N.m, that shows whether anything holds a joint."""
 _NONE: Mapping[str, float] = MappingProxyType({})
 
 
@@ -114,6 +116,7 @@ class Simulator:
         self._factors = self._stepper.factors
         self._speed = condition.speed / 3.6
         self._waits: bool | None = None
+        self._held: dict[Joint | None, bool] = {}
 
     @property
     def times(self) -> Float64[np.ndarray, " T"]:
@@ -135,22 +138,45 @@ class Simulator:
         place of the condition's own.
 
         A law of the family "load" acts at rest too: with one, the simulation begins RUN_IN earlier, the first row of inputs
-        held, so that the record begins settled, as a measurement does. Without one, a model that rests until the inputs
-        move is simulated from LEAD before on: what is left out is its first row. Raises FmuError where the solver gives up:
-        with these laws the model is not stable, say.
+        held, so that the record begins settled, as a measurement does; not where the FMU moves then anyway (a record that
+        begins in motion), or nothing holds the joint (a body without a spring has run away by then). Without one, a model
+        that rests until the inputs move is simulated from LEAD before on: what is left out is its first row. Raises FmuError
+        where the solver gives up: with these laws the model is not stable, say.
         """
         condition = replace(self._condition, parameters={**self._condition.parameters, **parameters})
         given = self._inputs if inputs is None else np.ascontiguousarray(inputs)
-        early = round(RUN_IN * NANOSECONDS / self._step_ns) if any(item.law.family == "load" for item in laws) else 0
-        if early:
+        loads = [item for item in laws if item.law.family == "load"]
+        if loads and self._settles([item.joint for item in loads]):
+            early = self._early
             given = np.ascontiguousarray(np.concatenate([np.repeat(given[:1], early, axis=0), given]))
             return self._along(laws, condition, given, -early)[early:]
         rest = self._rest(given)
         if rest and self._can_wait():
             y = self._along(laws, condition, given[rest:], rest)
-            if _still(y, self._lead):
+            if _still(y, self._lead, STILL * np.ptp(y, axis=0)):
                 return np.concatenate([np.repeat(y[:1], rest, axis=0), y])
         return self._along(laws, condition, given, 0)
+
+    @property
+    def _early(self) -> int:
+        return round(RUN_IN * NANOSECONDS / self._step_ns)
+
+    def _settles(self, joints: Sequence[Joint]) -> bool:
+        """Whether the FMU alone rests in RUN_IN, and a force at each of the joints moves it to another place of rest."""
+        held = np.repeat(self._inputs[:1], self._early, axis=0)
+        (law,) = CATALOGUE["preload"]
+        for joint in (None, *joints):
+            if joint not in self._held:
+                probe = [] if joint is None else [LawAt(law, joint, law.complete({"force": PROBE}))]
+                try:
+                    y = self._along(probe, self._condition, held, -self._early)
+                    whole = self._along((), self._condition, self._inputs, 0) if joint is None else y
+                except FmuError:
+                    return True
+                self._held[joint] = _still(y, len(y), RESTS * np.ptp(whole, axis=0)) if joint is None else _ends(y)
+            if not self._held[joint]:
+                return False
+        return True
 
     @property
     def _lead(self) -> int:
@@ -266,9 +292,16 @@ class Simulator:
         self._stepper.close()
 
 
-def _still(y: Float64[np.ndarray, "T J"], rows: int) -> bool:
-    """Whether nothing moves in the first rows."""
-    return bool((np.ptp(y[:rows], axis=0) <= STILL * np.ptp(y, axis=0)).all())
+def _still(y: Float64[np.ndarray, "T J"], rows: int, most: Float64[np.ndarray, " J"]) -> bool:
+    """Whether nothing moves by more than that in the first rows."""
+    return bool((np.ptp(y[:rows], axis=0) <= most).all())
+
+
+def _ends(y: Float64[np.ndarray, "T J"]) -> bool:
+    """Whether a motion comes to an end: no channel goes on one way, in the last quarter still by half as much as at first."""
+    steps = np.diff([part.mean(0) for part in np.array_split(y, 4)], axis=0)
+    one_way = (np.sign(steps) == np.sign(steps[0])).all(0)
+    return not bool((one_way & (np.abs(steps[-1]) > 0.5 * np.abs(steps[0]))).any())
 
 
 def _ports(joint: Joint) -> tuple[str, str, str, str]:

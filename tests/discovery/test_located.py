@@ -1,6 +1,7 @@
 """Where a force is missing, on a chain of masses: the joint of the hidden law explains the residual, by the law's force."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -82,11 +83,21 @@ def measured(tmp_path, library):
     """Makes a study whose measurement has a law at some of its joints, and opens it."""
     opened = []
 
-    def make(effect: str | None = None, where: tuple[str, ...] = (), offset: float = 0.0, **parameters: float):
+    def make(
+        effect: str | None = None,
+        where: tuple[str, ...] = (),
+        offset: float = 0.0,
+        held: bool = True,
+        **parameters: float,
+    ):
         path = write_study(tmp_path)
         for name in PUSHES:
             (tmp_path / f"measured_{name}.csv").touch()
         study = load_study(path)
+        if not held:
+            loose = {**study.simulation.parameters, **dict.fromkeys(("k1", "k_end", "c_end"), 0.0)}
+            simulation = replace(study.simulation, parameters=loose)
+            study = replace(study, simulation=simulation, conditions=study.conditions[:1])
         term = None
         if effect is not None:
             law = find(effect, parameters)
@@ -146,6 +157,20 @@ def test_the_joint_of_the_law_explains_the_residual_by_the_laws_force(measured, 
         else:
             assert np.corrcoef(force, law)[0, 1] > 0.95
             assert force @ law / (law @ law) == pytest.approx(1.0, abs=0.15)
+
+
+@pytest.mark.parametrize("effect", ["coulomb_friction", "preload"])
+def test_a_force_at_a_body_without_a_spring_is_located_too(measured, effect):
+    """Its mark never ends: the chain stays where it was pushed to."""
+    problem, term = measured(effect, ("joint 1",), held=False, **LAWS[effect])
+    own, *others = shares(problem)
+    assert own.share > 0.9
+    assert all(one.share < own.share for one in others)
+    model = Model((term,), problem.nominal.base)
+    for trial, force in zip(problem.trials, own.forces, strict=True):
+        law = law_along(term, along(problem, model, trial, term.joints[0]), STEP)[trial.rows]
+        assert force @ law / (law @ law) == pytest.approx(1.0, abs=0.15)
+        assert np.sqrt(np.mean((force - law) ** 2)) < 0.35 * np.sqrt(np.mean(law**2))
 
 
 def test_without_an_effect_no_joint_explains_anything(measured):

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from one_mass import JOINT, MASS, SWEEP, T, sweep, write
 
 pytest.importorskip("ziglang")
 pytest.importorskip("sympy")
@@ -13,7 +14,8 @@ from fmucorrect import experiment
 from fmucorrect.catalogue import find
 from fmucorrect.discovery.motion import motions
 from fmucorrect.discovery.simulator import LawAt, Simulator
-from fmucorrect.effects import Effects, ForceEffect, write
+from fmucorrect.effects import Effects, ForceEffect
+from fmucorrect.effects import write as write_effects
 from fmucorrect.errors import FmuError
 from fmucorrect.fmu import FmuStepper
 from fmucorrect.signals import Condition
@@ -69,7 +71,7 @@ def test_with_laws_it_is_the_wrapped_fmu(substeps, study, library, tmp_path):
         ForceEffect("viscous_damping", where[3], {"damping": 5e3}),
     )
     joints, part = tuple(joint(study, name) for name in where), study.simulation.step_size / substeps
-    write(Effects(rows, (), joints, coupling_step=part), tmp_path / "effects.toml")
+    write_effects(Effects(rows, (), joints, coupling_step=part), tmp_path / "effects.toml")
     assert study.fmu is not None
     wrap(study.fmu, None, tmp_path / "augmented.fmu", effects_file=tmp_path / "effects.toml", platforms=["linux64"])
     condition = replace(study.condition("340"), inputs=None)
@@ -177,3 +179,37 @@ def test_a_study_without_fmu_says_so(library):
     condition: Condition = replace(study.condition("340"), inputs=None)
     with pytest.raises(FmuError, match="names no FMU"):
         Simulator(replace(bare), replace(condition, simulated=None), library, 1.0)
+
+
+def pushed(library, folder, moved, k1=1000.0, x1=0.0):
+    """A mass of 1 kg (c1 = 10 N.s/m) with a constant force of 3 N at its joint, along a record of the force on it: (T,) mm."""
+    write(folder / "force.csv", "mass1.f [N]", moved)
+    write(folder / "measured.csv", "x1 [mm]", np.zeros(len(T)))
+    text = MASS.replace("k1 = 1000.0", f"k1 = {k1}") + JOINT + SWEEP.replace("{ }", f"{{ x1 = {x1} }}")
+    (folder / "study.toml").write_text(text, encoding="utf-8")
+    study = load_study(folder / "study.toml")
+    simulator = Simulator(study, study.conditions[0], library)
+    y = simulator.run([law_at(study, "preload", "joint 1", force=3.0)])[:, 0]
+    simulator.close()
+    return y
+
+
+STILL = np.zeros(len(T))
+
+
+@pytest.mark.parametrize("moved", [STILL, sweep(0.5)], ids=["still", "swept"])
+def test_a_constant_force_has_acted_long_before_a_record_begins(library, tmp_path, moved):
+    assert pushed(library, tmp_path, moved)[0] == pytest.approx(-3.0, rel=1e-6)
+
+
+def test_it_begins_with_the_record_where_nothing_holds_the_body(library, tmp_path):
+    """v(t) = -F/c (1 - exp(-c t / m)) from rest."""
+    expected = -300.0 * (T - 0.1 * (1.0 - np.exp(-10.0 * T)))
+    np.testing.assert_allclose(pushed(library, tmp_path, STILL, k1=0.0), expected, atol=1e-3)
+
+
+def test_it_begins_with_the_record_where_that_begins_in_motion(library, tmp_path):
+    """A free vibration about the place that the force moves it to: x(0) = 20 mm, at rest."""
+    w = np.sqrt(1000.0 - 5.0**2)
+    shape = np.exp(-5.0 * T) * (np.cos(w * T) + 5.0 / w * np.sin(w * T))
+    np.testing.assert_allclose(pushed(library, tmp_path, STILL, x1=0.02), -3.0 + 23.0 * shape, atol=1e-3)
