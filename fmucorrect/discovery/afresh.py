@@ -9,14 +9,14 @@ at the joint that explains it (located.py) is pushed there, and what the joint t
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fmucorrect.catalogue.motion import Motion
 from fmucorrect.discovery.candidates import Curve
 from fmucorrect.discovery.fit import Fitted, Setting, judge_at
-from fmucorrect.discovery.located import Located, located
+from fmucorrect.discovery.located import Located, block, located
 from fmucorrect.discovery.motion import Series, along, in_a_row, motion_of, peak
 from fmucorrect.discovery.problem import Model, Problem
 from fmucorrect.discovery.terms import ForceTerm, Term
@@ -37,41 +37,53 @@ def is_far(problem: Problem, base: Fitted) -> bool:
     return float(np.linalg.norm(base.residual)) > FAR * float(np.linalg.norm(problem.measured))
 
 
-def measured_motions(problem: Problem, base: Fitted, moves: Mapping[str, Motion]) -> dict[str, Motion]:
-    """Of the joints whose forces explain the residual: their motion with that force, `mark` being its peak. moves: of every
-    joint in the bare model."""
+@dataclass(frozen=True)
+class Asked:
+    """What the data ask for at a joint. motion: the scales of what it then goes through, `mark` the force's peak. parts: that
+    motion and `force`, N or N.m, one a condition, values as far apart as those of the located force."""
+
+    motion: Motion
+    parts: tuple[Series, ...]
+
+
+def asked(problem: Problem, base: Fitted, moves: Mapping[str, Motion]) -> dict[str, Asked]:
+    """Of the joints whose forces explain the residual. moves: of every joint in the bare model."""
     responses = problem.responses(base.model)
     residuals = [trial.measured - y for trial, y in zip(problem.trials, responses, strict=True)]
     found = located(problem, base.model, residuals, problem.study.joints)
     most = max((item.share for item in found), default=0.0)
-    result: dict[str, Motion] = {}
+    result: dict[str, Asked] = {}
     for item in found:
         if item.share > 0.0 and item.share >= EXPLAINS * most:
-            motion = _pushed(problem, base.model, item)
-            if motion is not None and motion.d > 0.0 and motion.v > 0.0:
+            one = _pushed(problem, base.model, item)
+            if one is not None and one.motion.d > 0.0 and one.motion.v > 0.0:
                 own = moves[item.joint.name]
-                result[item.joint.name] = replace(motion, stiffness=own.stiffness, damping=own.damping)
+                motion = replace(one.motion, stiffness=own.stiffness, damping=own.damping)
+                result[item.joint.name] = replace(one, motion=motion)
     return result
 
 
-def _pushed(problem: Problem, model: Model, item: Located) -> Motion | None:
+def _pushed(problem: Problem, model: Model, item: Located) -> Asked | None:
     """What a joint goes through with its located force; None where the solver gives up."""
+    settled: list[Series] = []
     parts: list[Series] = []
     for trial, force in zip(problem.trials, item.forces, strict=True):
         try:
             moved = along(problem, model, trial, item.joint, force)
         except FmuError:
             return None
-        settled = slice(int(SETTLED * len(force)), None)
-        parts.append({name: x[trial.rows][settled] for name, x in moved.items()} | {"force": force[settled]})
-    seen = in_a_row(parts)
-    return replace(motion_of(seen, problem.study.simulation.step_size), mark=peak(seen["force"]))
+        part = {name: x[trial.rows] for name, x in moved.items()} | {"force": force}
+        settled.append({name: x[int(SETTLED * len(x)) :] for name, x in part.items()})
+        parts.append({name: x[:: block(trial)] for name, x in part.items()})
+    seen = in_a_row(settled)
+    motion = replace(motion_of(seen, problem.study.simulation.step_size), mark=peak(seen["force"]))
+    return Asked(motion, tuple(parts))
 
 
 def starts(problem: Problem, setting: Setting, base: Fitted, curves: Sequence[Curve], most: int) -> list[Term]:
     """Of forces at joints, as the curves guess them, the best start of each form, the `most` likely first."""
-    asked = [curve.term(size * curve.size) for curve in curves for size in SIZES]
-    terms = [term for term in asked if isinstance(term, ForceTerm)]
+    guessed = [curve.term(size * curve.size) for curve in curves for size in SIZES]
+    terms = [term for term in guessed if isinstance(term, ForceTerm)]
     models = [replace(base.model, terms=(*base.model.terms, term)) for term in terms]
     best: dict[str, tuple[float, Term]] = {}
     for term, model, y in zip(terms, models, problem.many(models), strict=True):

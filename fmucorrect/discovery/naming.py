@@ -9,7 +9,8 @@ from functools import cache
 import numpy as np
 
 from fmucorrect.catalogue.motion import Motion
-from fmucorrect.discovery.afresh import is_far, measured_motions, starts
+from fmucorrect.discovery.afresh import Asked, asked, is_far, starts
+from fmucorrect.discovery.apart import apart
 from fmucorrect.discovery.calibration import calibrated, whole
 from fmucorrect.discovery.candidates import Curve, candidates, places
 from fmucorrect.discovery.condensing import condensed
@@ -50,6 +51,8 @@ CALIBRATED = 0.02
 """Share of the residual's energy, left by moved parameters alone, below which the first look is beside these."""
 AFRESH = 8
 """Candidates that are begun afresh."""
+FAR = 4.0
+"""A variance of the error that all sets leave, in units of its least, above which forces are taken apart."""
 CLEAR = 8.0
 """A drop of -2 log p below which a further effect is not believed."""
 
@@ -194,6 +197,9 @@ def _name(problem: Problem, progress: Progress) -> Naming:
     first, more = look(problem, replace(setting, base=parent.base), parent, curves, LISTED, progress, begun)
     setting, base, found = settled(problem, setting, base, merged([*found, *more]))
     setting, found = finer(problem, setting, base, found, progress)
+    if moves and first_of(admissible(setting, base, found)).s2 > FAR * setting.floor:
+        more = apart(problem, setting, base, *_asked(around, base), progress)
+        setting, base, found = settled(problem, setting, base, merged([*found, *more]))
 
     setting, base, found, replaced = _deepened(around, setting, base, found, parent, first, curves, progress)
     setting, base, found = settled(problem, setting, base, found)
@@ -205,9 +211,18 @@ def _name(problem: Problem, progress: Progress) -> Naming:
 
 def _begun(around: _Around, setting: Setting, base: Fitted) -> list[Term]:
     """Laws begun from the force that the data ask for, where the model is far from the measurement."""
-    seen = measured_motions(around.problem, base, around.moves)
-    pushed = {name: seen.get(name, replace(motion, mark=0.0)) for name, motion in around.moves.items()}
-    return starts(around.problem, setting, base, around.curves(base, pushed), AFRESH)
+    _, curves = _asked(around, base)
+    return starts(around.problem, setting, base, curves, AFRESH)
+
+
+def _asked(around: _Around, base: Fitted) -> tuple[dict[str, Asked], list[Curve]]:
+    """The forces that the data ask for, and the laws' candidates by what joints go through with them."""
+    found = asked(around.problem, base, around.moves)
+    pushed = {
+        name: found[name].motion if name in found else replace(motion, mark=0.0)
+        for name, motion in around.moves.items()
+    }
+    return found, around.curves(base, pushed)
 
 
 def _ranked(setting: Setting, base: Fitted, found: list[Fitted]) -> list[Fitted]:

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from test_nexttest import CONDITIONS, problem_of, setting_of, term
 
-from fmucorrect.discovery.afresh import is_far, measured_motions, starts
+from fmucorrect.discovery.afresh import asked, is_far, starts
 from fmucorrect.discovery.candidates import candidates
 from fmucorrect.discovery.fit import FARTHEST, _within, fit
 from fmucorrect.discovery.motion import motions
@@ -32,7 +32,7 @@ def test_the_motion_that_was_measured_sets_the_scales(far):
     assert is_far(problem, base)
     conditions = [trial.condition for trial in problem.trials]
     moves = motions(problem.study, conditions)
-    seen = measured_motions(problem, base, moves)["joint 1"]
+    seen = asked(problem, base, moves)["joint 1"].motion
     measured = np.concatenate([trial.measured[len(trial.measured) // 3 :, 0] for trial in problem.trials])
     peak = 1e-3 * np.quantile(np.abs(measured), 0.995)
     assert moves["joint 1"].d > 3.0 * peak  # in the model, at its resonance
@@ -43,7 +43,7 @@ def test_the_motion_that_was_measured_sets_the_scales(far):
 def test_starts_are_forces_each_form_once_the_likely_first(far):
     problem, setting, base = far
     moves = motions(problem.study, [trial.condition for trial in problem.trials])
-    seen = measured_motions(problem, base, moves)
+    seen = {name: one.motion for name, one in asked(problem, base, moves).items()}
     curves = candidates(problem, seen, problem.responses(problem.nominal))
     begun = starts(problem, setting, base, curves, 5)
     assert len({item.law.label for item in begun}) == len(begun) == 5
