@@ -213,6 +213,7 @@ A, B, C, D = ("backlash", "joint 1"), ("cubic_stiffness", "joint 1"), ("preload"
         (label(A, tolerances=3.0), said("none"), 1.0),
         (label(A, tolerances=3.0), said("named", A), 0.0),
         (label(A, tolerances=6.0), said("named", A), 1.0),
+        (label(("parameter_offset", "f11, f22")), said("named", ("parameter_offset", "f11 and f22")), 1.0),
         (label(A, B, kind="pair"), said("named", B, A), 1.0),
         (label(A, B, kind="pair"), said("named", A), 0.0),
         (label(A, B, kind="pair"), said("ambiguous", A, (*C, B)), 0.5),

@@ -23,6 +23,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import permutations
@@ -56,8 +57,8 @@ class Places:
     sets: Mapping[str, frozenset[str]]
 
     def of(self, name: str) -> frozenset[str]:
-        """The joints or parameters of a place; the parameters of a row may come with commas."""
-        first = name if name in self.sets else name.split(", ")[0]
+        """The joints or parameters of a place; those of a row come with commas in labels, with "and" in reports."""
+        first = name if name in self.sets else re.split(", | and ", name)[0]
         return self.sets.get(first) or frozenset([name])
 
 
