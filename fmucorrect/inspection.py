@@ -9,11 +9,13 @@ from typing import Any
 
 from fmucorrect import bundle, records, sources, units, views
 from fmucorrect.bundle import Bundle
+from fmucorrect.catalogue.law import FAMILIES
 from fmucorrect.errors import FmucorrectError, RecordError
 from fmucorrect.fmu import FmuDescription, open_fmu
 from fmucorrect.records.contents import Contents
 from fmucorrect.signals import NANOSECONDS
 from fmucorrect.study import Study, check_study, load_study
+from fmucorrect.study_places import nearest
 from fmucorrect.views import Thing
 
 
@@ -92,6 +94,12 @@ def study_problems(study: Study) -> list[str]:
                 columns[path] = record_columns(records.describe(path))
             except FmucorrectError as error:
                 problems.append(str(error))
+    problems += [
+        f"joint {joint.name!r}: kinds names {kind!r}, expected any of {', '.join(FAMILIES)}{nearest(kind, FAMILIES)}"
+        for joint in study.joints
+        for kind in joint.kinds
+        if kind not in FAMILIES
+    ]
     return [*problems, *check_study(study, variables, columns)]
 
 

@@ -37,6 +37,9 @@ own element gives; positive where it opposes a positive displacement. time: s si
 vehicle, m/s.
 """
 
+FAMILIES = ("spring", "damper", "mass", "friction", "hysteresis", "load")
+"""What `kinds` of a study's joint may name."""
+
 _PLAIN = {"N.s2/m": "kg", "N.m.s2/rad": "kg.m2", "1": "1"}
 
 
@@ -196,6 +199,18 @@ class Law:
     check: Callable[[Mapping[str, float]], str | None] = field(default=lambda values: None)
     reverse: Callable[[Mapping[str, float]], Mapping[str, float]] | None = None
 
+    def __post_init__(self) -> None:
+        known = {parameter.name for parameter in self.parameters}
+        wrong = [
+            f"{key} names {n!r}" for key in ("main", "estimated") for n in _listed(getattr(self, key)) if n not in known
+        ]
+        wrong += [f"inputs names {name!r}" for name in self.inputs if name not in INPUTS]
+        wrong += [f"family is {self.family!r}"] if self.family not in FAMILIES else []
+        if wrong:
+            lists = {"parameters of the law": known, "inputs": INPUTS, "a family": FAMILIES}
+            expected = "; ".join(f"{what}: {', '.join(names)}" for what, names in lists.items())
+            raise WrapError("; ".join(wrong), where=f"law {self.label!r}", expected=expected)
+
     @property
     def label(self) -> str:
         """Name and form, a C identifier."""
@@ -241,6 +256,10 @@ class Law:
     def slopes(self) -> tuple[Expr, ...]:
         """d(rate)/dz of each state, away from corners. Each state's rate depends on no other state."""
         return _slopes(self)
+
+
+def _listed(names: str | tuple[str, ...]) -> tuple[str, ...]:
+    return (names,) if isinstance(names, str) else names
 
 
 @cache

@@ -56,6 +56,7 @@ def _body(law: Law, values: Mapping[str, float], force: str, displacement: str) 
 
     def declared(template: str) -> str:
         text = unit(_exponents(law, template, values), force, displacement)
+        text = re.sub(r"/(.+[.].+)$", r"/(\1)", text)  # Modelica 3.6, section 19.1: one factor, or a group of them
         return "" if "^" in text else f'(unit="{text}")'
 
     yield f"  // {law.equation}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -34,6 +35,8 @@ WHOLE = 60.0
 """Seconds of a single tone that the numbers are fitted to at last: its end too, and how the model comes to rest behind it."""
 LAST = 6
 """Steps with sensitivities from both sides."""
+NOTHING = 2.0
+"""Standard deviations from nothing at which an effect is none: it explains less than any price of it."""
 ALIKE = 4.0
 """By how much less likely sensors whose gain is right may be, in -2 log p."""
 
@@ -53,6 +56,28 @@ def ended(problem: Problem, setting: Setting, base: Fitted, best: Fitted) -> Fit
     best = best if freed == best.model else _refitted(problem, own, best, freed)
     later = _later(problem, setting, best)
     return later if later is not None and later.s2 - best.s2 < WORTH**2 * base.s2 else _known(problem, setting, best)
+
+
+def needed(problem: Problem, setting: Setting, base: Fitted, best: Fitted) -> Fitted:
+    """An ended set without the members that can hardly be told from nothing: along a valley (masses, springs and gains that
+    grow together) a fit may have stopped with one of them off, and at its end that shows."""
+    while len(best.model.terms) > 1:
+        kept = [t for t, std in zip(best.model.terms, best.std(), strict=True) if not _is_nothing(t, std)]
+        gone = [t for t in best.model.terms if t not in kept][:1]
+        if not gone:
+            break
+        model = replace(best.model, terms=tuple(t for t in best.model.terms if t not in gone))
+        less = fit(problem, replace(setting, base=best.base), model, LONG)
+        if less is None:
+            break
+        best = ended(problem, setting, base, less)
+    return best
+
+
+def _is_nothing(term: Term, std: Mapping[str, float]) -> bool:
+    """Whether the main number is within twice its standard deviation of where the effect is none."""
+    neutral = term.parameter(term.main).neutral if term.main in std else None
+    return neutral is not None and abs(term.values[term.main] - neutral) < NOTHING * std[term.main]
 
 
 def _refitted(problem: Problem, setting: Setting, best: Fitted, model: Model) -> Fitted:

@@ -12,7 +12,7 @@ from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fit import Fitted, Setting, fit, judge_at, price
 from fmucorrect.discovery.marks import PROMISING, Marks, Target, marks
 from fmucorrect.discovery.problem import Problem
-from fmucorrect.discovery.search import Search
+from fmucorrect.discovery.search import Found, Search
 from fmucorrect.discovery.sets import LONG, Progress, extended, merged
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, Term, proportional
 from fmucorrect.discovery.worth import admissible, first_of, names
@@ -21,6 +21,8 @@ EXPLAINED = 1.3
 """A variance of the error, over its least, at which no larger set is looked for at once."""
 APART = 40.0
 """How far behind the same law at another place may be for its numbers to be fitted there."""
+SHAPES = 3
+"""Single laws that are begun from all of their shapes, where nothing explains all."""
 RIVALS = 5
 """Candidates that are fitted in the place of each effect of a set of several."""
 
@@ -99,6 +101,7 @@ def look(
     for i, item in enumerate(todo):
         progress("fits", i, len(todo))
         if len(item.members) > 1 and len(todo[i - 1].members) == 1 and _is_open(setting, fits):
+            fits += _other_shapes(problem, setting, around, found, search, todo[:SHAPES], fits)
             fits += extended(problem, setting, fits)
         if len(item.members) > 1 and not _is_open(setting, fits):
             break
@@ -110,6 +113,27 @@ def look(
         if fitted is not None:
             fits.append(fitted)
     return found, merged(fits)
+
+
+def _other_shapes(
+    problem: Problem,
+    setting: Setting,
+    around: Fitted,
+    found: Marks,
+    search: Search,
+    first: Sequence[Found],
+    fits: Sequence[Fitted],
+) -> list[Fitted]:
+    """Single laws from the other shapes that they may begin from: from the likeliest one a fit may end in a corner."""
+    more: list[Fitted] = []
+    for item in first:
+        for one in search.shapes(item):
+            term = found.curves[one.members[0].curve].term(one.members[0].size)
+            if term is not None:
+                model = replace(around.model, terms=(*around.model.terms, term))
+                fitted = fit(problem, setting, model, 8, rival=first_of([around, *fits, *more]).surprise)
+                more += [] if fitted is None else [fitted]
+    return more
 
 
 def _is_open(setting: Setting, fits: Sequence[Fitted]) -> bool:

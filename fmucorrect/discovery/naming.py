@@ -14,7 +14,7 @@ from fmucorrect.discovery.apart import apart
 from fmucorrect.discovery.calibration import calibrated, whole
 from fmucorrect.discovery.candidates import Curve, candidates, places
 from fmucorrect.discovery.condensing import condensed
-from fmucorrect.discovery.ending import ended
+from fmucorrect.discovery.ending import ended, needed
 from fmucorrect.discovery.fit import Fitted, Setting, begin, begin_as, fit, price
 from fmucorrect.discovery.lines import line, stands
 from fmucorrect.discovery.look import EXPLAINED, at_other_places, look, regrouped, rivals
@@ -85,7 +85,9 @@ def name(problem: Problem, progress: Progress = lambda stage, done, total: None)
     told = [fitted for fitted, _ in sets]
     if sets:  # its numbers to their end; compared with the others as they were fitted alike
         best = ended(problem, setting, naming.base, sets[0][1])
+        best = needed(problem, setting, naming.base, best)
         told[0] = replace(best, surprise=told[0].surprise)
+        told = [told[0], *(fitted for fitted in told[1:] if names(fitted) != names(best))]
     return replace(naming, sets=tuple(told))
 
 

@@ -75,6 +75,7 @@ class Search:
         self.Xr = gram(marks.columns, r.astype(np.float32)[:, None])[:, 0]
         self.Nr = nuisances.rotated @ r
         self.rr = float(r @ r)
+        self.singles: list[Found] = []
 
     def best(self, keep: Sequence[int]) -> list[Found]:
         """The best sets of one effect, two, ...: as many of each size as `keep` says; the most likely of a size first."""
@@ -88,7 +89,8 @@ class Search:
                 found = Found(metric.constant + metric.c - gain + self.penalty[i], (Place(i, size),))
                 if i not in singles or found.surprise < singles[i].surprise:
                     singles[i] = found
-        result = self._distinct(singles.values())
+        self.singles = sorted(singles.values(), key=lambda found: found.surprise)
+        result = self._distinct(self.singles)
         beam, every = result[:BEAM], result[: keep[0]]
         for most in keep[1:]:
             grown: dict[frozenset[int], Found] = {}
@@ -101,6 +103,15 @@ class Search:
             beam = self._distinct(grown.values())[:BEAM]
             every += beam[:most]
         return every
+
+    def shapes(self, found: Found) -> list[Found]:
+        """Of a set of one effect that best() gave: the other shapes from which its law may be begun there, likely first."""
+        name = self._name(found.members[0])
+        return [one for one in self.singles if self._name(one.members[0]) == name and one.members != found.members]
+
+    def _name(self, place: Place) -> tuple[str, str, str]:
+        curve = self.marks.curves[place.curve]
+        return curve.effect, curve.form, curve.where
 
     def _levels(self, energy: float, count: int) -> list[float]:
         """Variances of the error from its floor to all of `energy`."""
@@ -132,7 +143,7 @@ class Search:
         result: list[Found] = []
         for item in sorted(found, key=lambda found: found.surprise):  # type: ignore[call-overload]
             curves = [self.marks.curves[place.curve] for place in item.members]
-            key = frozenset((curve.effect, curve.form, curve.where) for curve in curves)
+            key = frozenset(self._name(place) for place in item.members)
             if key not in names and len({curve.key for curve in curves}) == len(curves):
                 names.add(key)
                 result.append(item)

@@ -52,6 +52,11 @@ class _OfLaw(_Keyed, Generic[L]):
     def estimated(self) -> tuple[str, ...]:
         return self.law.estimated
 
+    @property
+    def main(self) -> str:
+        """The name of the number that says how strong it is; "" where none does."""
+        return self.law.main
+
     def parameter(self, name: str) -> Parameter:
         """What is known of one of its numbers."""
         return next(parameter for parameter in self.law.parameters if parameter.name == name)
@@ -117,6 +122,8 @@ class OffsetTerm(_Keyed):
     @property
     def estimated(self) -> tuple[str, ...]:
         return ("value",)
+
+    main = "value"
 
     def parameter(self, name: str) -> Parameter:
         """What is known of its number."""

@@ -19,7 +19,7 @@ from fmucorrect.catalogue.text import latex, modelica
 from fmucorrect.errors import WrapError
 
 FUNCTIONS = {
-    **{name: getattr(np, name) for name in ("sin", "cos", "tanh", "exp", "sqrt")},
+    **{name: getattr(np, name) for name in ("sin", "cos", "tan", "tanh", "sinh", "cosh", "exp", "log", "sqrt")},
     "min": np.minimum,
     "max": np.maximum,
     "clip": np.clip,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from by_hand import BY_HAND, LAWS, RATES_BY_HAND, VALUES, complete, motion, stat
 
 from fmucorrect import units
 from fmucorrect.catalogue import CATALOGUE, INPUTS, find, force, rates, step, unit
+from fmucorrect.catalogue.law import FAMILIES
 from fmucorrect.errors import WrapError
 
 EVEN = {"bilinear_stiffness_difference", "damper_asymmetry_ratio", "damper_asymmetry_difference", "preload"}
@@ -194,3 +196,24 @@ def test_sympy_is_imported_only_for_expressions():
         " assert 'sympy' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "text"),
+    [
+        ({"family": "spirng"}, "family is 'spirng'"),
+        ({"main": "stifness"}, "main names 'stifness'"),
+        ({"estimated": ("stiffness", "gap")}, "estimated names 'gap'"),
+        ({"inputs": ("angle",)}, "inputs names 'angle'"),
+    ],
+)
+def test_a_name_that_no_law_can_have_is_an_error_at_once(wrong, text):
+    with pytest.raises(WrapError, match=text):
+        replace(LAWS["linear_stiffness"], **wrong)
+
+
+def test_simpler_laws_are_laws_of_the_catalogue():
+    laws = [law for forms in CATALOGUE.values() for law in forms]
+    named = {name for law in laws for name in (*law.special, *dict(law.becomes), *dict(law.extends))}
+    assert named <= {*CATALOGUE, *(law.label for law in laws)}
+    assert {law.family for law in laws} == set(FAMILIES)

@@ -229,6 +229,10 @@ def test_the_command_prints_the_verdict_and_explains_a_missing_column(tmp_path):
     study.write_text(study.read_text().replace('measurement = "s1"', 'measurement = "s9"'))
     with pytest.raises(StudyError, match="s9"):
         discover(study, tmp_path / "again")
+    kinds = study.read_text().replace('force = "joint1.f"', 'force = "joint1.f"\nkinds = ["spirng"]')
+    study.write_text(kinds)
+    with pytest.raises(StudyError, match=r"kinds names 'spirng'.* did you mean 'spring'"):
+        discover(study, tmp_path / "again")
     failed = CliRunner().invoke(main, ["discover", str(study), "-o", str(tmp_path / "again")])
     assert failed.exit_code == 2
     assert "Traceback" not in failed.output
