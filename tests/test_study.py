@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -11,8 +12,9 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from study_example import EXAMPLE, FILES, files, write
+from study_example import EFFECTS, EXAMPLE, FILES, MINIMAL, STUDY_MD, TRAINING, files, write
 
+from fmucorrect import effects, study_schema
 from fmucorrect.errors import StudyError
 from fmucorrect.study import check_study, load_study
 
@@ -22,6 +24,24 @@ RIGS = Path(__file__).parent.parent / "fmus" / "roller_rig"
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     return files(tmp_path)
+
+
+def test_what_study_md_shows_is_what_there_is(folder: Path) -> None:
+    """All four of its files load, and no key of a study is missing there."""
+    for name in ("oscillator.fmu", "loud_inputs.csv", "loud.csv", "soft_inputs.csv", "soft.csv"):
+        (folder / name).touch()
+    small = load_study(write(folder, MINIMAL))
+    assert [condition.role for condition in small.conditions] == ["development", "evaluation"]
+    assert load_study(write(folder, EXAMPLE + TRAINING)).training.corrector.members == 4
+    (folder / "effects.toml").write_text(EFFECTS)
+    found = effects.read(folder / "effects.toml")
+    assert (len(found.forces), len(found.offsets), len(found.joints)) == (1, 1, 1)
+    text = STUDY_MD.read_text(encoding="utf-8")
+    tables = {"StudyTable": study_schema.StudyTable} | {t.__name__: t for t in study_schema.Table.__subclasses__()}
+    own = [t for t in tables.values() if t.__module__ == study_schema.__name__]
+    keys = {key for table in own for key in table.model_fields} - {"training"}
+    assert len(own) == 9
+    assert [key for key in sorted(keys) if not re.search(rf"^#? ?\[*{key}\]* *(=|$|#)|\(or {key}\)", text, re.M)] == []
 
 
 def test_example_of_the_contract(folder: Path) -> None:
