@@ -112,12 +112,15 @@ def along(
     return moved
 
 
+def halfway(x: Float64[np.ndarray, " N"]) -> Float64[np.ndarray, " N"]:
+    """In the middle of each step; the last row as it is."""
+    return np.append(0.5 * (x[:-1] + x[1:]), x[-1:])
+
+
 def law_along(term: ForceTerm, moved: Series, size: float) -> Float64[np.ndarray, " N"]:
     """The law's force along a motion with rows of `size` s, in the middle of each step, as the coupled model has it."""
     law = term.law
-    middle = {name: x.copy() for name, x in moved.items() if name in law.inputs}
-    for x in middle.values():
-        x[:-1] = 0.5 * (x[:-1] + x[1:])
+    middle = {name: halfway(x) for name, x in moved.items() if name in law.inputs}
     states = np.array([state.start for state in law.states])
     if not law.states:
         return force(law, middle, np.zeros((len(moved["time"]), 0)), term.values)

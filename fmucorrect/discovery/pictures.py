@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from fmucorrect.discovery.located import Inverted, Pushed, answer, bare, evidence, invert
-from fmucorrect.discovery.motion import along, law_along
+from fmucorrect.discovery.motion import along, halfway, law_along
 from fmucorrect.discovery.problem import Model, Problem, simulate
 from fmucorrect.discovery.terms import ForceTerm
 from fmucorrect.study import Joint
@@ -48,7 +48,9 @@ def picture(problem: Problem, model: Model, term: ForceTerm, condition: int) -> 
         free += [joint] if apart < ALIKE * float(np.std(moved["velocity"])) else []
     asked = asked_for(problem, model, term, free, condition).force
     rows = _liveliest(law, moved["velocity"][trial.rows], h, trial.condition.frequency)
-    shown = {name: moved[name][trial.rows][rows] for name in ("displacement", "velocity")}
+    shown = {
+        name: halfway(moved[name])[trial.rows][rows] for name in ("displacement", "velocity")
+    }  # where the law is asked
     shown |= {"force": asked[rows], "law": law[rows]}
     force, length = units_at(problem, term.joints[0])
     units = [length, f"{length}/s", force]
