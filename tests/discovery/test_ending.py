@@ -12,7 +12,7 @@ pytest.importorskip("sympy")
 from one_mass import APART, JOINT, MASS, NOISE, STEP, shown, term_at, write
 
 from fmucorrect.discovery.candidates import adjustables
-from fmucorrect.discovery.ending import ended
+from fmucorrect.discovery.ending import ended, needed
 from fmucorrect.discovery.fit import begin, fit, with_sensors
 from fmucorrect.discovery.problem import Model, load
 from fmucorrect.study import load_study
@@ -133,3 +133,18 @@ def test_a_gain_that_the_fmu_cannot_give_stays_the_sensors(library, tmp_path):
         assert believed_gain(problem, last) == pytest.approx(2.0, abs=0.3)
     assert last.s2 < 1.1
     assert last.model.terms[0].values["friction_force"] == pytest.approx(0.1, rel=0.02)
+
+
+def test_a_member_that_ends_as_nothing_is_dropped_and_what_is_something_stays(library, tmp_path):
+    with problem_of(tmp_path, library, weaker_with_friction) as problem:
+        begun = friction(problem.study, stick_displacement=1e-4, stick_time=1e-3)
+        drag = term_at(problem.study, "quadratic_damping", "joint 1", quadratic_damping=0.05)
+        setting, at, _ = begin(problem)
+        base = fit(problem, setting, problem.nominal, 8, at)
+        best = fit(problem, setting, replace(problem.nominal, terms=(drag, begun)), 20)
+        last = ended(problem, setting, base, best)
+        assert abs(last.model.terms[0].values["quadratic_damping"]) < 2.0 * last.std()[0]["quadratic_damping"]
+        less = needed(problem, setting, base, last)
+        assert [term.effect for term in less.model.terms] == ["coulomb_friction"]
+        assert less.model.terms[0].values["friction_force"] == pytest.approx(0.1, rel=0.02)
+        assert needed(problem, setting, base, less) is less
