@@ -10,9 +10,9 @@ import pytest
 from fmucorrect.errors import StudyError
 from fmucorrect.study import load_study
 
-# what STUDY.md shows: two files, comments and all, and a table
-STUDY_MD = Path(__file__).resolve().parent.parent / "STUDY.md"
-MINIMAL, EXAMPLE, TRAINING, EFFECTS = re.findall(r"^```toml\n(.*?)^```", STUDY_MD.read_text("utf-8"), re.M | re.S)
+# what fmucorrect/README.md shows: two files, comments and all, and a table
+README = Path(__file__).resolve().parent.parent / "fmucorrect" / "README.md"
+MINIMAL, EXAMPLE, TRAINING, EFFECTS = re.findall(r"^```toml\n(.*?)^```", README.read_text("utf-8"), re.M | re.S)
 CHANNEL, CONDITION, JOINT = '[[channels]] 1 "FW"', '[[conditions]] 1 "300"', '[[joints]] 1 "yaw damper, left"'
 FILES = ("RollerRig.fmu", "inputs_300.csv", "measured_300.mcap", "simulated_300.mcap")
 

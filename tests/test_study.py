@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from study_example import EFFECTS, EXAMPLE, FILES, MINIMAL, STUDY_MD, TRAINING, files, write
+from study_example import EFFECTS, EXAMPLE, FILES, MINIMAL, README, TRAINING, files, write
 
 from fmucorrect import effects, study_schema
 from fmucorrect.errors import StudyError
@@ -26,7 +26,7 @@ def folder(tmp_path: Path) -> Path:
     return files(tmp_path)
 
 
-def test_what_study_md_shows_is_what_there_is(folder: Path) -> None:
+def test_what_the_readme_shows_is_what_there_is(folder: Path) -> None:
     """All four of its files load, and no key of a study is missing there."""
     for name in ("oscillator.fmu", "loud_inputs.csv", "loud.csv", "soft_inputs.csv", "soft.csv"):
         (folder / name).touch()
@@ -36,7 +36,7 @@ def test_what_study_md_shows_is_what_there_is(folder: Path) -> None:
     (folder / "effects.toml").write_text(EFFECTS)
     found = effects.read(folder / "effects.toml")
     assert (len(found.forces), len(found.offsets), len(found.joints)) == (1, 1, 1)
-    text = STUDY_MD.read_text(encoding="utf-8")
+    text = README.read_text(encoding="utf-8")
     tables = {"StudyTable": study_schema.StudyTable} | {t.__name__: t for t in study_schema.Table.__subclasses__()}
     own = [t for t in tables.values() if t.__module__ == study_schema.__name__]
     keys = {key for table in own for key in table.model_fields} - {"training"}

@@ -201,9 +201,8 @@ class Law:
 
     def __post_init__(self) -> None:
         known = {parameter.name for parameter in self.parameters}
-        wrong = [
-            f"{key} names {n!r}" for key in ("main", "estimated") for n in _listed(getattr(self, key)) if n not in known
-        ]
+        wrong = [f"main names {self.main!r}"] if self.main not in known else []
+        wrong += [f"estimated names {name!r}" for name in self.estimated if name not in known]
         wrong += [f"inputs names {name!r}" for name in self.inputs if name not in INPUTS]
         wrong += [f"family is {self.family!r}"] if self.family not in FAMILIES else []
         if wrong:
@@ -256,10 +255,6 @@ class Law:
     def slopes(self) -> tuple[Expr, ...]:
         """d(rate)/dz of each state, away from corners. Each state's rate depends on no other state."""
         return _slopes(self)
-
-
-def _listed(names: str | tuple[str, ...]) -> tuple[str, ...]:
-    return (names,) if isinstance(names, str) else names
 
 
 @cache

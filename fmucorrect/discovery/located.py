@@ -36,7 +36,7 @@ DECAYED = 0.02  # share of its largest that the response may still have at the e
 TRIES = 6  # pulses, where one leaves no trace, or the solver gives up
 FILLS = 12  # how often what lies before and after the measurement is filled with what the force makes of it
 MOST = (
-    2  # differences over time at most that are taken of what a push leaves for good, as a body without a spring goes on
+    2  # differences over time, at most, of what a push moves for good: a body without a spring stays there or goes on
 )
 OFFSET = 3.0  # largest offset of a sensor that is taken off its residual, in units of its noise
 SURE = 5.0  # standard deviations of the noise's energy that a residual has to stand above to be shared out wholly
@@ -227,7 +227,8 @@ def lasts(kernel: Float64[np.ndarray, "J K"]) -> bool:
 def invert(trial: Trial, x: Float64[np.ndarray, "J M"], kernel: Float64[np.ndarray, "J K"] | None) -> Inverted:
     """The force history that explains `x`, as evidence() gives it, through `kernel`, as answer() gives it.
 
-    On a ring of time, where that has a closed form a frequency. What comes before and after `x` is filled again and again
+    On a ring of time, where that has a closed form a frequency; what lasts is differenced over time until it does not, and the
+    error with it, whose spectrum is then `noise`. What comes before and after `x` is filled again and again
     with what the force makes of it (expectation maximisation), and no force acts after the end.
     """
     count = x.shape[1]

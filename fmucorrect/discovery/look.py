@@ -12,7 +12,7 @@ from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fit import Fitted, Setting, fit, judge_at, price
 from fmucorrect.discovery.marks import PROMISING, Marks, Target, marks
 from fmucorrect.discovery.problem import Problem
-from fmucorrect.discovery.search import Found, Search
+from fmucorrect.discovery.search import Search
 from fmucorrect.discovery.sets import LONG, Progress, extended, merged
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, Term, proportional
 from fmucorrect.discovery.worth import admissible, first_of, names
@@ -97,13 +97,16 @@ def look(
         model = replace(around.model, terms=(*around.model.terms, term))
         fitted = fit(problem, setting, model, LONG, rival=first_of([around, *fits]).surprise)
         fits += [] if fitted is None else [fitted]
-    todo = search.best(listed)
+    best = search.best(listed)
+    single = [item for item in best if len(item.members) == 1]
+    larger = best[len(single) :]
+    shapes = [shape for item in single[:SHAPES] for shape in search.shapes(item)] if larger else []
+    todo, alone = [*single, *shapes, *larger], len(single) + len(shapes)
     for i, item in enumerate(todo):
         progress("fits", i, len(todo))
-        if len(item.members) > 1 and len(todo[i - 1].members) == 1 and _is_open(setting, fits):
-            fits += _other_shapes(problem, setting, around, found, search, todo[:SHAPES], fits)
+        if i == alone and _is_open(setting, fits):
             fits += extended(problem, setting, fits)
-        if len(item.members) > 1 and not _is_open(setting, fits):
+        if (i == len(single) or i >= alone) and not _is_open(setting, fits):
             break
         terms = [found.curves[place.curve].term(place.size) for place in item.members]
         if any(term is None for term in terms):
@@ -113,27 +116,6 @@ def look(
         if fitted is not None:
             fits.append(fitted)
     return found, merged(fits)
-
-
-def _other_shapes(
-    problem: Problem,
-    setting: Setting,
-    around: Fitted,
-    found: Marks,
-    search: Search,
-    first: Sequence[Found],
-    fits: Sequence[Fitted],
-) -> list[Fitted]:
-    """Single laws from the other shapes that they may begin from: from the likeliest one a fit may end in a corner."""
-    more: list[Fitted] = []
-    for item in first:
-        for one in search.shapes(item):
-            term = found.curves[one.members[0].curve].term(one.members[0].size)
-            if term is not None:
-                model = replace(around.model, terms=(*around.model.terms, term))
-                fitted = fit(problem, setting, model, 8, rival=first_of([around, *fits, *more]).surprise)
-                more += [] if fitted is None else [fitted]
-    return more
 
 
 def _is_open(setting: Setting, fits: Sequence[Fitted]) -> bool:

@@ -15,14 +15,13 @@ from fmucorrect.catalogue.motion import Motion
 from fmucorrect.catalogue.numeric import force, step
 from fmucorrect.discovery.located import Pushed
 from fmucorrect.discovery.problem import Model, Problem, simulate
+from fmucorrect.discovery.simulator import place_of
 from fmucorrect.discovery.terms import ForceTerm, SignalTerm
 from fmucorrect.discovery.trials import Trial
 from fmucorrect.fmu import FmuDescription, FmuStepper
 from fmucorrect.signals import Channel, Condition
 from fmucorrect.stepper import run
 from fmucorrect.study import Joint, Study
-from fmucorrect.wrapping.laws import Wire
-from fmucorrect.wrapping.places import places
 
 Series = dict[str, Float64[np.ndarray, " _"]]
 """What a law reads at a joint, by the names of its inputs, SI."""
@@ -56,13 +55,8 @@ def ports(joints: Sequence[Joint]) -> list[str]:
 
 def shown(fmu: FmuDescription, joint: Joint, column: Mapping[str, Float64[np.ndarray, " N"]]) -> Series:
     """What the joint's ports show, SI, by the names of PORTS. column: the FMU's outputs in its own units, by their names."""
-    names = joint.displacement, joint.velocity, joint.acceleration, joint.nominal_force
-    (place,) = places(fmu, [Wire("", joint.name, joint.force, *names, joint.sign, False)])
-    return {
-        name: source.factor * column[source.variable.name]
-        for name, source in zip(PORTS, place.ports, strict=True)
-        if source is not None
-    }
+    found = zip(PORTS, place_of(fmu, joint).ports, strict=True)
+    return {name: source.factor * column[source.variable.name] for name, source in found if source is not None}
 
 
 def in_a_row(parts: Sequence[Series]) -> Series:

@@ -51,7 +51,7 @@ CALIBRATED = 0.02
 """Share of the residual's energy, left by moved parameters alone, below which the first look is beside these."""
 AFRESH = 8
 """Candidates that are begun afresh."""
-FAR = 4.0
+OPEN = 4.0
 """A variance of the error that all sets leave, in units of its least, above which forces are taken apart."""
 CLEAR = 8.0
 """A drop of -2 log p below which a further effect is not believed."""
@@ -199,7 +199,7 @@ def _name(problem: Problem, progress: Progress) -> Naming:
     first, more = look(problem, replace(setting, base=parent.base), parent, curves, LISTED, progress, begun)
     setting, base, found = settled(problem, setting, base, merged([*found, *more]))
     setting, found = finer(problem, setting, base, found, progress)
-    if moves and first_of(admissible(setting, base, found)).s2 > FAR * setting.floor:
+    if moves and first_of(admissible(setting, base, found)).s2 > OPEN * setting.floor:
         more = apart(problem, setting, base, *_asked(around, base), progress)
         setting, base, found = settled(problem, setting, base, merged([*found, *more]))
 

@@ -48,9 +48,8 @@ def picture(problem: Problem, model: Model, term: ForceTerm, condition: int) -> 
         free += [joint] if apart < ALIKE * float(np.std(moved["velocity"])) else []
     asked = asked_for(problem, model, term, free, condition).force
     rows = _liveliest(law, moved["velocity"][trial.rows], h, trial.condition.frequency)
-    shown = {
-        name: halfway(moved[name])[trial.rows][rows] for name in ("displacement", "velocity")
-    }  # where the law is asked
+    middle = {name: halfway(moved[name])[trial.rows] for name in ("displacement", "velocity")}  # where the law is asked
+    shown = {name: x[rows] for name, x in middle.items()}
     shown |= {"force": asked[rows], "law": law[rows]}
     force, length = units_at(problem, term.joints[0])
     units = [length, f"{length}/s", force]

@@ -19,6 +19,7 @@ from fmucorrect.errors import FmuError
 from fmucorrect.fmu import FmuDescription, FmuStepper
 from fmucorrect.signals import NANOSECONDS, Condition, join
 from fmucorrect.study import Joint, Study
+from fmucorrect.wrapping.generated import Place
 from fmucorrect.wrapping.laws import Wire
 from fmucorrect.wrapping.places import places
 
@@ -116,7 +117,7 @@ class Simulator:
         self._factors = self._stepper.factors
         self._speed = condition.speed / 3.6
         self._waits: bool | None = None
-        self._held: dict[Joint | None, bool] = {}
+        self._settled: dict[Joint | None, bool] = {}
 
     @property
     def times(self) -> Float64[np.ndarray, " T"]:
@@ -146,7 +147,7 @@ class Simulator:
         condition = replace(self._condition, parameters={**self._condition.parameters, **parameters})
         given = self._inputs if inputs is None else np.ascontiguousarray(inputs)
         loads = [item for item in laws if item.law.family == "load"]
-        if loads and self._settles([item.joint for item in loads]):
+        if loads and all(self._settles(joint) for joint in (None, *(item.joint for item in loads))):
             early = self._early
             given = np.ascontiguousarray(np.concatenate([np.repeat(given[:1], early, axis=0), given]))
             return self._along(laws, condition, given, -early)[early:]
@@ -161,22 +162,23 @@ class Simulator:
     def _early(self) -> int:
         return round(RUN_IN * NANOSECONDS / self._step_ns)
 
-    def _settles(self, joints: Sequence[Joint]) -> bool:
-        """Whether the FMU alone rests in RUN_IN, and a force at each of the joints moves it to another place of rest."""
-        held = np.repeat(self._inputs[:1], self._early, axis=0)
-        (law,) = CATALOGUE["preload"]
-        for joint in (None, *joints):
-            if joint not in self._held:
-                probe = [] if joint is None else [LawAt(law, joint, law.complete({"force": PROBE}))]
-                try:
-                    y = self._along(probe, self._condition, held, -self._early)
-                    whole = self._along((), self._condition, self._inputs, 0) if joint is None else y
-                except FmuError:
-                    return True
-                self._held[joint] = _still(y, len(y), RESTS * np.ptp(whole, axis=0)) if joint is None else _ends(y)
-            if not self._held[joint]:
-                return False
-        return True
+    def _settles(self, joint: Joint | None) -> bool:
+        """Whether a small force at the joint moves the FMU to another place of rest in RUN_IN; None: whether it rests then
+        without one."""
+        if joint not in self._settled:
+            (law,) = CATALOGUE["preload"]
+            probe = [] if joint is None else [LawAt(law, joint, law.complete({"force": PROBE}))]
+            held = np.repeat(self._inputs[:1], self._early, axis=0)
+            try:
+                y = self._along(probe, self._condition, held, -self._early)
+                most = (
+                    RESTS * np.ptp(self._along((), self._condition, self._inputs, 0), axis=0) if joint is None else None
+                )
+            except FmuError:
+                self._settled[joint] = True
+            else:
+                self._settled[joint] = _ends(y) if most is None else _still(y, len(y), most)
+        return self._settled[joint]
 
     @property
     def _lead(self) -> int:
@@ -247,8 +249,7 @@ class Simulator:
         rows = (_Placed * max(len(laws), 1))()
         kept: list[object] = []
         for row, item in zip(rows, laws, strict=False):
-            wire = Wire(item.law.name, item.joint.name, item.joint.force, *_ports(item.joint), item.joint.sign, False)
-            (place,) = places(self._description, [wire])
+            place = place_of(self._description, item.joint)
             for p, port in enumerate(place.ports):
                 row.port[p], row.factor[p] = -1, 1.0
                 if port is not None:
@@ -304,8 +305,11 @@ def _ends(y: Float64[np.ndarray, "T J"]) -> bool:
     return not bool((one_way & (np.abs(steps[-1]) > 0.5 * np.abs(steps[0]))).any())
 
 
-def _ports(joint: Joint) -> tuple[str, str, str, str]:
-    return joint.displacement, joint.velocity, joint.acceleration, joint.nominal_force
+def place_of(fmu: FmuDescription, joint: Joint) -> Place:
+    """The FMU's variables behind all that a joint shows and its force, with their factors to SI. Raises WrapError."""
+    ports = joint.displacement, joint.velocity, joint.acceleration, joint.nominal_force
+    (place,) = places(fmu, [Wire("", joint.name, joint.force, *ports, joint.sign, False)])
+    return place
 
 
 def _fmu(study: Study) -> Path:

@@ -53,6 +53,10 @@ APART = "".join(
 TOGETHER = '[[adjustable]]\nparameters = ["k1", "c1"]\nminimum = 0.2\nmaximum = 2.0\ntolerance = 0.02\n'
 
 
+def silent(stage: str, done: int, total: int) -> None:
+    """Progress that nobody reads."""
+
+
 def write(path: Path, name: str, values: np.ndarray) -> None:
     t = np.arange(len(values)) * STEP
     np.savetxt(path, np.column_stack([t, values]), "%.9g", ",", header=f"time,{name}", comments="")

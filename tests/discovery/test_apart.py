@@ -6,7 +6,7 @@ import pytest
 pytest.importorskip("ziglang")
 pytest.importorskip("sympy")
 
-from one_mass import JOINT, MASS, NOISE, SWEEP, T, shown, term_at, write
+from one_mass import JOINT, MASS, NOISE, SWEEP, T, shown, silent, term_at, write
 
 from fmucorrect.discovery.afresh import Asked, asked
 from fmucorrect.discovery.apart import apart, laws_of
@@ -19,10 +19,6 @@ from fmucorrect.study import load_study
 
 FRICTION, LOAD = 2.0, -0.6  # N
 KEYS = {("coulomb_friction", "joint 1"), ("preload", "joint 1")}
-
-
-def silent(stage, done, total):
-    """Progress that nobody reads."""
 
 
 @pytest.fixture(scope="module")

@@ -1,16 +1,12 @@
 """A single effect has rivals in its place, unless all candidates were looked at beside nothing; it is tried elsewhere too."""
 
-from one_mass import term_at
+from one_mass import silent, term_at
 from test_condensing import begun, problem_of
 
 from fmucorrect.discovery.candidates import adjustables
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.look import look, placed_elsewhere, rivals
 from fmucorrect.discovery.problem import Model
-
-
-def silent(stage, done, total):
-    """Progress that nobody reads."""
 
 
 def test_a_single_effect_that_was_found_beside_an_offset_gives_way_to_a_better_place(library, tmp_path):
