@@ -136,7 +136,7 @@ finite = st.floats(allow_nan=False, allow_infinity=False)
 names = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=12)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(
     name=names, variable=names, value=finite, words=st.text(max_size=20), std=st.dictionaries(names, finite, max_size=3)
 )

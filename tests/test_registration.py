@@ -21,7 +21,7 @@ def burst(t: np.ndarray) -> np.ndarray:
     return wave
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(offset=st.floats(-0.9, 0.9), gain=st.floats(0.5, 2.0), seed=st.integers(0, 99))
 def test_offset_to_a_small_part_of_a_sample(offset: float, gain: float, seed: int) -> None:
     t = np.arange(12000) * STEP

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from plants import CHANNELS, STEP_NS, LinearCorrector, SinePlant, response
 
@@ -31,7 +31,6 @@ def test_window_push_equals_extend(rows: int, count: int, data: st.DataObject) -
     assert np.array_equal(one.array[0, max(rows - count, 0) :], many.array[0, max(rows - count, 0) :])
 
 
-@settings(deadline=None)
 @given(count=st.integers(1, 60), data=st.data())
 def test_chunks_equal_rows_to_the_last_bit(count: int, data: st.DataObject) -> None:
     cuts = sorted(set(data.draw(st.lists(st.integers(1, count), max_size=4))) - {count})

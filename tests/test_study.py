@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from study_example import EFFECTS, EXAMPLE, FILES, MINIMAL, README, TRAINING, files, write
 
@@ -131,7 +131,6 @@ def test_importing_is_light() -> None:
     assert not heavy & set(run.stdout.split())
 
 
-@settings(deadline=None)
 @given(data=st.data())
 def test_whatever_is_written_the_answer_is_a_study_or_a_study_error(
     tmp_path_factory: pytest.TempPathFactory, data: st.DataObject

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from study_example import CHANNEL, CONDITION, EXAMPLE, JOINT, edited, files, line_of, problems, write
 
@@ -239,7 +239,6 @@ b = "2"
     assert 'line 2, [[conditions]] 1 "q", key role: must be' in "\n".join(problems(folder, inline))
 
 
-@settings(deadline=None)
 @given(
     st.lists(st.sampled_from(["a = 1", "b = '''\n\n'''", "# c", "", "d = [\n1,\n]", '"e f" = { g = 1 }']), unique=True)
 )
@@ -253,7 +252,6 @@ def test_every_key_has_its_line(pieces: list[str]) -> None:
         assert places["t", 0, key] == f'line {line}, [[t]] 1 "n", key {key}'
 
 
-@settings(deadline=None)
 @given(st.integers(1, 10**12))
 def test_steps_of_whole_nanoseconds_are_kept(nanoseconds: int) -> None:
     from fmucorrect.study_schema import SimulationTable

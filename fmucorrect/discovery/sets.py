@@ -12,11 +12,11 @@ from fmucorrect.discovery.candidates import may_act
 from fmucorrect.discovery.evidence import independent
 from fmucorrect.discovery.fit import FARTHEST, HOPELESS, Fitted, Setting, fit, judge, price, with_sensors
 from fmucorrect.discovery.problem import Model, Problem
-from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, Term, linear
+from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, SignalTerm, Term, linear
 from fmucorrect.discovery.worth import admissible, first_of, names
 
 MOST = 3
-"""Effects at once, beside parameters that are off."""
+"""Forces at once, and effects of sensors and excitation at once, beside parameters that are off."""
 FINER = 4
 """Couplings in a communication step, where one is too coarse."""
 COARSE = 0.3
@@ -193,8 +193,10 @@ def share_of(problem: Problem, setting: Setting, residual: np.ndarray) -> float:
 
 
 def has_room(fitted: Fitted) -> bool:
-    """Whether a set may have one more effect."""
-    return sum(not isinstance(term, OffsetTerm) for term in fitted.model.terms) < MOST
+    """Whether a set may have one more effect: a sensor that is off leaves room for what the model lacks."""
+    terms = fitted.model.terms
+    forces, signals = (sum(isinstance(term, kind) for term in terms) for kind in (ForceTerm, SignalTerm))
+    return max(forces, signals) < MOST
 
 
 def distinct(found: Sequence[Fitted]) -> list[Fitted]:

@@ -190,7 +190,7 @@ def test_sticking_is_the_hysteresis_of_dahl():
 STICKING = ["coulomb_friction_stick", "stribeck_friction_stick"]
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(
     name=st.sampled_from(STICKING), seed=st.integers(0, 1000), size=st.floats(1e-5, 1.0), reach=st.floats(1e-6, 1e-2)
 )
@@ -205,7 +205,7 @@ def test_sticking_gives_back_no_more_than_it_took(name, seed, size, reach):
 PASSIVE = ["viscous_damping", "quadratic_damping", "coulomb_friction", "stribeck_friction"]
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(name=st.sampled_from(PASSIVE), v=st.floats(-1, 1), size=st.floats(0, 1e5))
 def test_damping_and_friction_take_energy(name, v, size):
     law = LAWS[name]
@@ -215,7 +215,7 @@ def test_damping_and_friction_take_energy(name, v, size):
     assert float(force(law, {"velocity": v}, np.zeros((0,)), p)) * v >= 0.0
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(
     beta=st.floats(200, 2000),
     ratio=st.floats(-1, 1),
@@ -236,7 +236,7 @@ def test_hysteresis_takes_energy_in_every_cycle(beta, ratio, exponent, alpha, si
     assert (f * v)[2 * n :].sum() * dt >= -1e-3 * 1e6 * size**2
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(stiffness=st.floats(1e3, 1e9), damping=st.floats(1e2, 1e6), frequency=st.floats(0.1, 20))
 def test_a_softened_damper_still_takes_energy(stiffness, damping, frequency):
     """The damper and its correction together, against k c^2 w^2 / (k^2 + c^2 w^2) of the frequency domain."""

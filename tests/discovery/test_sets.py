@@ -10,11 +10,14 @@ pytest.importorskip("sympy")
 
 from one_mass import TOGETHER, begun, problem_of
 
+from fmucorrect.catalogue import find
+from fmucorrect.catalogue.signal import SIGNALS
 from fmucorrect.discovery.candidates import adjustables, parts
-from fmucorrect.discovery.fit import FINEST, PROBE, fit, probes
+from fmucorrect.discovery.fit import FINEST, PROBE, Fitted, fit, probes
 from fmucorrect.discovery.look import at_other_places
-from fmucorrect.discovery.problem import overrides
-from fmucorrect.discovery.sets import pared
+from fmucorrect.discovery.problem import Model, overrides
+from fmucorrect.discovery.sets import has_room, pared
+from fmucorrect.discovery.terms import ForceTerm, SignalTerm
 from fmucorrect.discovery.worth import admissible, first_of, names
 
 
@@ -83,3 +86,17 @@ def test_a_coordinate_is_probed_as_far_as_it_is_uncertain(library, tmp_path):
         assert far == pytest.approx(min(max(one.std()[0]["value"] / one.model.terms[0].scale, FINEST), PROBE), rel=0.01)
         assert probes(setting, one, np.zeros_like(one.slopes)) == pytest.approx(PROBE)
         assert probes(setting, one, 1e6 * one.slopes) == pytest.approx(FINEST)
+
+
+@pytest.mark.parametrize(
+    ("forces", "sensors", "room"), [(2, 0, True), (2, 1, True), (2, 2, True), (3, 0, False), (1, 3, False)]
+)
+def test_a_sensor_that_is_off_leaves_room_for_what_the_model_lacks(forces, sensors, room):
+    values, off = {"stiffness": 10.0}, SIGNALS["sensor_offset"][0]
+    law = find("linear_stiffness", values)
+    terms = (
+        *(ForceTerm(law, f"joint {i}", (), law.complete(values)) for i in range(forces)),
+        *(SignalTerm(off, f"x{i}", (i,), {"offset": 1.0}) for i in range(sensors)),
+    )
+    rows = np.zeros(10)
+    assert has_room(Fitted(Model(terms), rows, rows, 1.0, 0.0, np.zeros((10, 0)), ())) == room

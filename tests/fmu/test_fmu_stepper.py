@@ -77,7 +77,7 @@ def test_both_versions_give_the_same_numbers():
     np.testing.assert_array_equal(*results)
 
 
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     pieces=st.lists(st.tuples(st.integers(1, 30), st.booleans()), min_size=1, max_size=6),
     start=st.sampled_from([0, 1, 5 * MS, -3 * MS, 10**15, 1_700_000_000 * 10**9 + 7]),

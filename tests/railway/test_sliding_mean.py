@@ -49,7 +49,7 @@ def test_how_fast_the_track_was_run_changes_little() -> None:
     assert np.abs(slow - fast).max() < (0.7 * np.diff(UNEVEN).max()) ** 2 / 12
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.lists(st.floats(-1e5, 1e5), min_size=60, max_size=60), st.floats(2.0, 20.0), st.integers(0, 2**32 - 1))
 def test_reversed_track_linear_and_within_the_samples(samples: list[float], extent: float, seed: int) -> None:
     values = np.array(samples)

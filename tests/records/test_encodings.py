@@ -96,7 +96,7 @@ def test_nested_protobuf(tmp_path: Path) -> None:
     assert records.read(tmp_path / "run.mcap", ["rig/state.parts[1].y", "inner.v.x"]).values[3].tolist() == [3.0, 3.0]
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     st.lists(
         st.tuples(

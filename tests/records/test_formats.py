@@ -41,7 +41,7 @@ def same(a: Record, b: Record) -> None:
 
 
 @SUFFIXES
-@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=12, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_round_trip(suffix: str, data: st.DataObject) -> None:
     rows = data.draw(st.integers(1, 40))
