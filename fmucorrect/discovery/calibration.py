@@ -41,9 +41,10 @@ def calibrated(problem: Problem, setting: Setting, around: Fitted) -> Fitted | N
     if not free:
         return None
     found = fit(problem, setting, replace(around.model, terms=(*around.model.terms, *free)), FREED, around.at)
-    freed_again = False
+    freed_again, least = False, 0
     while found is not None:
-        kept, moves, base = _put_back(setting, found)
+        kept, moves, base = _put_back(setting, found, least)
+        least = 0
         if len(kept) < len(found.model.terms):
             terms = tuple(_moved(term, moves) for term in kept)
         elif not freed_again and (far := _far(problem, setting, found)):
@@ -51,6 +52,9 @@ def calibrated(problem: Problem, setting: Setting, around: Fitted) -> Fitted | N
             terms = (*found.model.terms, *far)
             gone = {term.adjustable for term in far}
             base = tuple(0.0 if a in gone else z for a, z in zip(problem.tolerated, base, strict=True))
+        elif found.surprise > around.surprise and not names(found) <= have:
+            least = 1  # the quadratic form held too many worth their price: the fits decide
+            continue
         else:
             break
         setting = replace(setting, base=found.base)
@@ -73,8 +77,11 @@ def _moved(term: L, moves: dict[tuple[str, str], float]) -> L:
     return replace(term, values={"value": min(max(value, term.low), term.high)})  # type: ignore[return-value]
 
 
-def _put_back(setting: Setting, fitted: Fitted) -> tuple[list[Term], dict[tuple[str, str], float], tuple[float, ...]]:
-    """Which members stay, by how much the offsets among them move for it (in their coordinates), and the base parameters."""
+def _put_back(
+    setting: Setting, fitted: Fitted, least: int
+) -> tuple[list[Term], dict[tuple[str, str], float], tuple[float, ...]]:
+    """Which members stay, by how much the offsets among them move for it (in their coordinates), and the base parameters.
+    least: so many offsets go, worth their price or not."""
     C = joint_covariance(setting, fitted)
     at: dict[tuple[str, str], int] = {}
     x = np.zeros(len(C))
@@ -88,7 +95,7 @@ def _put_back(setting: Setting, fitted: Fitted) -> tuple[list[Term], dict[tuple[
     while len(out) < len(at):
         costs = {k: put_back(C, [*out, k], x)[0] for k in at.values() if k not in out}
         k = min(costs, key=lambda k: costs[k])
-        if costs[k] - spent > price(setting, 1):
+        if costs[k] - spent > price(setting, 1) and len(out) >= least:
             break
         out, spent = [*out, k], costs[k]
     _, change = put_back(C, out, x)

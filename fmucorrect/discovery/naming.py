@@ -24,6 +24,7 @@ from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.sets import (
     LONG,
     Progress,
+    alike,
     distinct,
     extended,
     finer,
@@ -260,7 +261,9 @@ def _deepened(
             found = merged([*found, *regrouped(problem, setting, best), *condensed(problem, setting, best, curves)])
         base, found = pared(problem, setting, base, found)
         kept = _ranked(setting, base, found)
-        beside = [fitted for fitted in distinct(kept)[:BESIDE] if names(fitted) not in done and has_room(fitted)]
+        looked = [fitted for fitted in kept if names(fitted) in done]
+        fresh = [fitted for fitted in distinct(kept)[:BESIDE] if not any(alike(fitted, one) for one in looked)]
+        beside = [fitted for fitted in fresh if has_room(fitted)]
         finished = complete(setting, base, found, kept[0])
         enough = EXPLAINED if has_room(kept[0]) else LITTLE  # a full set that leaves something may have a wrong member
         if beside and not finished and (beside[0] is kept[0] or kept[0].s2 >= enough * setting.floor):

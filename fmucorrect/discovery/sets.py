@@ -24,6 +24,8 @@ COARSE = 0.3
 REFITTED = 4
 """Sets that are fitted again with a finer coupling."""
 
+ALIKE = 4.0
+"""By how much more or less likely, in -2 log p, the same effects at another place are taken for the same."""
 EXTENDED = 6
 """Sets in which a member gives way to a law that contains it."""
 LONG = 20
@@ -199,12 +201,18 @@ def has_room(fitted: Fitted) -> bool:
     return max(forces, signals) < MOST
 
 
+def alike(one: Fitted, other: Fitted) -> bool:
+    """Whether two sets differ in a place at most and are about as likely: joints that always move alike."""
+    effects = (sorted(term.effect for term in fitted.model.terms) for fitted in (one, other))
+    return abs(one.surprise - other.surprise) <= ALIKE and next(effects) == next(effects)
+
+
 def distinct(found: Sequence[Fitted]) -> list[Fitted]:
-    """Without sets that differ from an earlier one in a place only and are as likely: two joints that always move alike."""
-    kept: dict[tuple[tuple[str, ...], int], Fitted] = {}
+    """Without sets that are alike to an earlier one."""
+    kept: list[Fitted] = []
     for fitted in found:
-        kept.setdefault((tuple(sorted(term.effect for term in fitted.model.terms)), round(fitted.surprise)), fitted)
-    return list(kept.values())
+        kept += [] if any(alike(one, fitted) for one in kept) else [fitted]
+    return kept
 
 
 def merged(fits: Sequence[Fitted]) -> list[Fitted]:

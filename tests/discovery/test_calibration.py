@@ -7,7 +7,7 @@ pytest.importorskip("sympy")
 
 from one_mass import begun, problem_of
 
-from fmucorrect.discovery.calibration import calibrated, whole
+from fmucorrect.discovery.calibration import _put_back, calibrated, whole
 
 
 def test_parameters_far_outside_their_tolerances_are_found_and_no_others(library, tmp_path):
@@ -32,3 +32,12 @@ def test_parameters_within_their_tolerances_are_no_finding(library, tmp_path):
         setting, base = begun(problem)
         assert base.s2 < 1.2
         assert calibrated(problem, setting, base) is None
+
+
+def test_as_many_offsets_go_as_the_fits_ask_for_the_cheapest_first(library, tmp_path):
+    with problem_of(tmp_path, library, k1=1300.0, c1=5.0) as problem:
+        setting, base = begun(problem)
+        found = calibrated(problem, setting, base)
+        assert found is not None
+        left = [{term.where for term in _put_back(setting, found, least)[0]} for least in (0, 1, 2)]
+    assert left == [{"k1", "c1"}, {"k1"}, set()]

@@ -16,7 +16,7 @@ from fmucorrect.discovery.candidates import adjustables, parts
 from fmucorrect.discovery.fit import FINEST, PROBE, Fitted, fit, probes
 from fmucorrect.discovery.look import at_other_places
 from fmucorrect.discovery.problem import Model, overrides
-from fmucorrect.discovery.sets import has_room, pared
+from fmucorrect.discovery.sets import ALIKE, distinct, has_room, pared
 from fmucorrect.discovery.terms import ForceTerm, SignalTerm
 from fmucorrect.discovery.worth import admissible, first_of, names
 
@@ -100,3 +100,14 @@ def test_a_sensor_that_is_off_leaves_room_for_what_the_model_lacks(forces, senso
     )
     rows = np.zeros(10)
     assert has_room(Fitted(Model(terms), rows, rows, 1.0, 0.0, np.zeros((10, 0)), ())) == room
+
+
+def test_the_same_effect_at_a_place_that_is_about_as_likely_is_no_other_set():
+    law, values, rows = find("linear_stiffness", {"stiffness": 10.0}), {"stiffness": 10.0}, np.zeros(10)
+
+    def at(joint, surprise):
+        terms = (ForceTerm(law, joint, (), law.complete(values)),)
+        return Fitted(Model(terms), rows, rows, 1.0, surprise, np.zeros((10, 0)), ())
+
+    left, right, other = at("left", 100.4), at("right", 100.6 + 0.5 * ALIKE), at("other", 101.0 + ALIKE)
+    assert distinct([left, right, other]) == [left, other]
