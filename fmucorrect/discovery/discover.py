@@ -151,6 +151,7 @@ def _report(
         "adjusted": {moved.name: moved.now for moved in adjusted},
         "adjusted_from": {moved.name: moved.before for moved in adjusted},
         "adjusted_by": {moved.name: moved.tolerances for moved in adjusted},
+        "sensors": output.sensor_rows(study.channels, sensors),
         "candidates": output.candidate_rows(problem, naming, decision),
         "where": {"joints": _joints(problem, naming), **where(residuals, study.rotations, study.channels)},
         "gap": [output.gap_row(gap) for gap in checked],

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float64
 
 from fmucorrect.catalogue.law import unit
 from fmucorrect.catalogue.signal import unit as signal_unit
@@ -15,9 +16,11 @@ from fmucorrect.catalogue.text import latex, modelica
 from fmucorrect.discovery.confirm import Gap
 from fmucorrect.discovery.decide import Decision, Rival, held_out
 from fmucorrect.discovery.naming import Naming
+from fmucorrect.discovery.nuisances import GAIN, LAG
 from fmucorrect.discovery.pictures import units_at
 from fmucorrect.discovery.problem import Problem, start_value, tolerance_of
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, SignalTerm, Term
+from fmucorrect.signals import Channel
 from fmucorrect.study import Study
 from fmucorrect.wrapping.laws import functions
 
@@ -174,3 +177,12 @@ def adjusted(problem: Problem, base: Sequence[float], least: float = NOTICED) ->
             if np.isfinite(start):
                 found.append(Adjusted(name, start, start + z * tolerance_of(adjustable, start), z))
     return found
+
+
+def sensor_rows(channels: Sequence[Channel], errors: Float64[np.ndarray, "J 2"]) -> list[dict[str, Any]]:
+    """What each sensor took on beside the effects, and is part of the error "after": gain error, lag in s (with what all clocks
+    have in common), and by how many of the standard deviations that are expected of sensors."""
+    return [
+        {"channel": channel.name, "gain": float(gain), "lag": float(lag), "gain_by": gain / GAIN, "lag_by": lag / LAG}
+        for channel, (gain, lag) in zip(channels, errors, strict=True)
+    ]

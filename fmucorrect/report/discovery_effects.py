@@ -65,6 +65,7 @@ def effects_section(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
     for effect in effects:
         _effect(page, effect, verdict)
     _adjusted(page, report)
+    _sensors(page, report)
 
 
 def laws_section(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
@@ -206,6 +207,30 @@ def _adjusted(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
         table.append(Row([str(name), short(old, 4), short(new, 4), change, tolerances]))
     page.table(["parameter", "before", "after", "change", "in tolerances"], table)
     page.end()
+
+
+def _sensors(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
+    sensors = rows(report.get("sensors"))
+    far = [abs(number(row.get(key))) for row in sensors for key in ("gain_by", "lag_by") if known(row.get(key))]
+    if max(far, default=0.0) < 1.0:
+        return
+    page.section(
+        "What the sensors took on",
+        "Gain and lag of each, with what the clocks have in common. The error after has them in it. In brackets: by how many "
+        "standard deviations of what is expected of sensors.",
+    )
+    table = [
+        Row([str(row.get("channel")), _taken(row, "gain", 100.0, "%"), _taken(row, "lag", 1000.0, "ms")])
+        for row in sensors
+    ]
+    page.table(["channel", "gain", "late by"], table)
+    page.end()
+
+
+def _taken(row: Mapping[str, Any], key: str, factor: float, unit: str) -> str:
+    """A sensor's error in a unit that is `factor` times smaller."""
+    value, by = factor * number(row.get(key)), number(row.get(f"{key}_by"))
+    return signed(f"{value:+.2g} {unit} ({by:+.2g})")
 
 
 def _rival(item: Mapping[str, Any], kind: str) -> Row:

@@ -21,6 +21,7 @@ from fmucorrect.discovery import discover, nuisances
 from fmucorrect.discovery.confirm import sensor_errors
 from fmucorrect.discovery.evidence import Nuisances, independent
 from fmucorrect.discovery.motion import motions
+from fmucorrect.discovery.output import sensor_rows
 from fmucorrect.discovery.problem import load
 from fmucorrect.errors import StudyError
 from fmucorrect.experiment import simulate
@@ -280,6 +281,9 @@ def test_a_lag_that_all_conditions_have_is_one_of_every_channel(tmp_path):
         found = sensor_errors(belief.fitted, 2, len(still))
     assert found[:, 1] == pytest.approx(late, rel=0.1)
     assert found[:, 0] == pytest.approx(0.0, abs=2e-3)
+    told = sensor_rows(study.channels, found)
+    assert [row["channel"] for row in told] == ["x1", "x2"]
+    assert [row["lag"] / row["lag_by"] for row in told] == pytest.approx([nuisances.LAG] * 2)
 
 
 def test_only_independent_rows_count():

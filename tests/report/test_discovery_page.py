@@ -47,6 +47,7 @@ def test_sections_stand_in_the_order_of_reading() -> None:
         "What: Coulomb friction at “secondary, lateral”",
         "What: cubic stiffness at “yaw damper, left, mount”",
         "Parameters of the model that moved along",
+        "What the sensors took on",
         "The gap, before and after",
         "Measured, before and after",
         "The force that the model lacks",
@@ -75,6 +76,7 @@ def test_named_says_verdict_values_and_gap_at_once() -> None:
         "smoothing velocity 1.00 mm/s not estimated",
         "cubic stiffness 1.23 ± 0.04 TN/m³ 3.6 %",
         "kpx 14.70·10⁶ 14.52·10⁶ −1.2 %",
+        "FW +0.21 % (+0.42) +1.1 ms (+2.2)",
         "Evaluation: held out, not looked at until the verdict stood 385 14.1 1.31 1.10 1.2 −0.81 0.9921",
         "The next is Stribeck friction at “secondary, lateral”, 7.40 behind.",
         "7 more candidates, further behind",
@@ -88,6 +90,12 @@ def test_named_says_verdict_values_and_gap_at_once() -> None:
     ):
         assert said in text, said
     assert text.index("Evaluation: held out") < text.index("Development: the search")
+
+
+def test_sensors_within_what_is_expected_of_them_have_no_section() -> None:
+    report = example.report("named")
+    report["sensors"] = [{**row, "lag_by": 0.4} for row in report["sensors"]]
+    assert "What the sensors took on" not in headings(report)
 
 
 def test_ambiguous_names_the_class_and_the_test_that_splits_it() -> None:
