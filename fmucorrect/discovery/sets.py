@@ -22,10 +22,12 @@ FINER = 4
 COARSE = 0.3
 """An error of the coupling, in units of the noise, above which it is made finer."""
 REFITTED = 4
-"""Sets that are fitted again with a finer coupling."""
+"""Sets that are fitted again with a finer coupling, or from what they hold."""
 
 ALIKE = 4.0
 """By how much more or less likely, in -2 log p, the same effects at another place are taken for the same."""
+BEHIND = 4.0
+"""By how much, in -2 log p, a larger set is less likely than it can be where it had been fitted badly."""
 EXTENDED = 6
 """Sets in which a member gives way to a law that contains it."""
 LONG = 20
@@ -43,10 +45,12 @@ def _forms(terms: Sequence[Term]) -> frozenset[tuple[str, str]]:
 def pared(problem: Problem, setting: Setting, base: Fitted, found: Sequence[Fitted]) -> tuple[Fitted, list[Fitted]]:
     """The base and all sets, with those that are simpler than the best one by one step, and so on until the best one needs all
     that it has. Each is fitted from where the larger set stands, whatever was reached from elsewhere. Of one effect alone that
-    is the base model once more, by another way. What was needed in a larger set is needed in a smaller one."""
+    is the base model once more, by another way. What was needed in a larger set is needed in a smaller one. What then is
+    behind the best one although it holds it had been fitted badly, and is fitted again from there."""
     found = [*found, *_linear_part(problem, setting, base, found)]
     tried: list[Fitted] = []
     done: set[frozenset[tuple[str, str]]] = set()
+    caught: set[frozenset[tuple[str, str]]] = set()
     while True:
         best = first_of(admissible(setting, base, found))
         fits: list[Fitted] = []
@@ -58,10 +62,45 @@ def pared(problem: Problem, setting: Setting, base: Fitted, found: Sequence[Fitt
             fitted = fit(problem, replace(setting, base=best.base), less, LONG, rival=best.surprise)
             fits += [] if fitted is None else [fitted]
         if not fits:
-            return base, found
+            fits = _caught_up(problem, setting, best, found, caught)
+            if not fits:
+                return base, found
         tried += fits
         base = first_of([base, *(fitted for fitted in fits if not fitted.model.terms)])
         found += [fitted for fitted in fits if fitted.model.terms]
+
+
+def _caught_up(
+    problem: Problem,
+    setting: Setting,
+    best: Fitted,
+    found: Sequence[Fitted],
+    caught: set[frozenset[tuple[str, str]]],
+) -> list[Fitted]:
+    """The sets that hold the best one and are behind it by more than what they have beside it costs, fitted from its numbers:
+    a larger set can do all that a smaller one does. caught: those that were fitted so already."""
+    own, fits = {term.key: term for term in best.model.terms}, []
+    for more in merged(found):
+        extra = [term for term in more.model.terms if term.key not in own]
+        behind = more.surprise - best.surprise - sum(price(setting, len(term.estimated)) for term in extra)
+        if not best.model.terms or not names(best) < names(more) or names(more) in caught or behind < BEHIND:
+            continue
+        if len(caught) == REFITTED:
+            break
+        caught.add(names(more))
+        z = dict(zip(problem.tolerated, best.model.base, strict=True))
+        moved = {t.key: _all_of(t, z.get(t.adjustable, 0.0)) for t in extra if isinstance(t, OffsetTerm)}
+        gone = {t.adjustable for t in extra if isinstance(t, OffsetTerm)}
+        base = tuple(0.0 if a in gone else b for a, b in z.items())
+        terms = tuple({**own, **moved}.get(term.key, term) for term in more.model.terms)
+        fitted = fit(problem, replace(setting, base=best.base), Model(terms, base), LONG, rival=best.surprise)
+        fits += [] if fitted is None else [fitted]
+    return fits
+
+
+def _all_of(term: OffsetTerm, z: float) -> OffsetTerm:
+    """An offset that takes on all of what its parameter moved, z of its tolerances."""
+    return replace(term, values={"value": min(max(z * term.scale, term.low), term.high)})
 
 
 def _without(problem: Problem, model: Model, terms: tuple[Term, ...]) -> Model:

@@ -43,6 +43,17 @@ def test_a_set_is_pared_to_what_it_needs_even_where_that_had_been_fitted_badly(l
     assert best.s2 < 1.2
 
 
+def test_a_larger_set_that_had_been_fitted_badly_is_fitted_again_from_what_it_holds(library, tmp_path):
+    with problem_of(tmp_path, library, k1=1300.0, c1=5.0) as problem:
+        setting, base = begun(problem)
+        one, bad = fitted(problem, setting, "k1"), fitted(problem, setting, "k1", "c1", iterations=0)
+        assert bad.surprise > one.surprise
+        base, found = pared(problem, setting, base, [one, bad])
+        best = first_of(admissible(setting, base, found))
+    assert places(best) == {"k1", "c1"}
+    assert best.s2 < 1.2
+
+
 def test_what_is_needed_stays(library, tmp_path):
     with problem_of(tmp_path, library, k1=1300.0, c1=5.0) as problem:
         setting, base = begun(problem)
