@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,8 +12,9 @@ from fmucorrect.discovery.candidates import may_act
 from fmucorrect.discovery.evidence import independent
 from fmucorrect.discovery.fit import FARTHEST, HOPELESS, Fitted, Setting, fit, judge, price, with_sensors
 from fmucorrect.discovery.problem import Model, Problem
-from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, SignalTerm, Term, linear
+from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, SignalTerm, Term, linear, moved
 from fmucorrect.discovery.worth import admissible, first_of, names
+from fmucorrect.study import Adjustable
 
 MOST = 3
 """Forces at once, and effects of sensors and excitation at once, beside parameters that are off."""
@@ -80,27 +81,27 @@ def _caught_up(
     """The sets that hold the best one and are behind it by more than what they have beside it costs, fitted from its numbers:
     a larger set can do all that a smaller one does. caught: those that were fitted so already."""
     own, fits = {term.key: term for term in best.model.terms}, []
-    for more in merged(found):
-        extra = [term for term in more.model.terms if term.key not in own]
-        behind = more.surprise - best.surprise - sum(price(setting, len(term.estimated)) for term in extra)
-        if not best.model.terms or not names(best) < names(more) or names(more) in caught or behind < BEHIND:
+    z = dict(zip(problem.tolerated, best.model.base, strict=True))
+    for more in merged(found) if own else ():
+        behind = _at_least(setting, best.model.terms, more) - best.surprise
+        if behind < BEHIND or names(more) in caught:
             continue
         if len(caught) == REFITTED:
             break
         caught.add(names(more))
-        z = dict(zip(problem.tolerated, best.model.base, strict=True))
-        moved = {t.key: _all_of(t, z.get(t.adjustable, 0.0)) for t in extra if isinstance(t, OffsetTerm)}
-        gone = {t.adjustable for t in extra if isinstance(t, OffsetTerm)}
-        base = tuple(0.0 if a in gone else b for a, b in z.items())
-        terms = tuple({**own, **moved}.get(term.key, term) for term in more.model.terms)
+        terms = tuple(own.get(term.key) or _all_of(term, z) for term in more.model.terms)
+        gone = {t.adjustable for t in terms if isinstance(t, OffsetTerm) and t.key not in own}
+        base = tuple(0.0 if a in gone else moves for a, moves in zip(problem.tolerated, best.model.base, strict=True))
         fitted = fit(problem, replace(setting, base=best.base), Model(terms, base), LONG, rival=best.surprise)
         fits += [] if fitted is None else [fitted]
     return fits
 
 
-def _all_of(term: OffsetTerm, z: float) -> OffsetTerm:
-    """An offset that takes on all of what its parameter moved, z of its tolerances."""
-    return replace(term, values={"value": min(max(z * term.scale, term.low), term.high)})
+def _all_of(term: Term, z: Mapping[Adjustable, float]) -> Term:
+    """An offset with all of what its parameter moved in it, z in tolerances; another member as it is."""
+    if not isinstance(term, OffsetTerm):
+        return term
+    return moved(replace(term, values={"value": 0.0}), (term.scale,), (z.get(term.adjustable, 0.0),))
 
 
 def _without(problem: Problem, model: Model, terms: tuple[Term, ...]) -> Model:
