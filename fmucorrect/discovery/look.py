@@ -10,7 +10,7 @@ import numpy as np
 from fmucorrect.discovery.candidates import Curve, may_act, parts, places
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fit import Fitted, Setting, fit, judge_at, price
-from fmucorrect.discovery.marks import PROMISING, Marks, Target, marks
+from fmucorrect.discovery.marks import PROMISING, Marks, Target, marks, screened
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.search import Search
 from fmucorrect.discovery.sets import LONG, Progress, extended, merged
@@ -74,11 +74,15 @@ def look(
     listed: Sequence[int],
     progress: Progress,
     begun: Sequence[Term] = (),
+    before: Marks | None = None,
 ) -> tuple[Marks, list[Fitted]]:
     """Candidates beside what `around` has already: marks, search, fits of the short list. begun: terms that are fitted too,
-    from where they are."""
+    from where they are. before: marks beside another set, by which many candidates are screened."""
     have = names(around)
+    whole = Nuisances(np.concatenate([around.base, setting.sensors.columns], axis=1))
+    target = Target(around.linear, whole, setting.share, setting.floor)
     free = [curve for curve in curves if curve.key not in have]
+    free = free if before is None else screened(before, target, free)
     total = 2 * len(free) + 3 * min(len(free), PROMISING)
     count = [0]
 
@@ -86,8 +90,6 @@ def look(
         count[0] += n
         progress("marks", count[0], total)
 
-    whole = Nuisances(np.concatenate([around.base, setting.sensors.columns], axis=1))
-    target = Target(around.linear, whole, setting.share, setting.floor)
     found = marks(problem, around.model, around.at, target, free, done)
     penalty = [price(setting, curve.numbers) for curve in found.curves]
     search = Search(around.linear, whole, found, setting.share, penalty, setting.floor)

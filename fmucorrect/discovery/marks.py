@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float32, Float64
@@ -22,7 +22,8 @@ WANTED = (0.3, 1.0, 3.0)
 PROMISING = 60
 """Curves that are simulated at several sizes."""
 LIKELY, FAINT = 150, 0.1
-"""Curves that are simulated at a second size, beside those whose first mark was below this share of the residual."""
+"""Curves that are simulated at a second size, beside those whose first mark was below this share of the residual; and those
+that are looked at again beside another set."""
 AT = 0.02
 """Variance of the error at which they are chosen, as a share of the residual's."""
 FIRST = 1e-6
@@ -32,12 +33,15 @@ FIRST = 1e-6
 @dataclass(frozen=True)
 class Marks:
     """curves: the candidates that leave a mark. columns: (n, k) in units of the noise, around a model. span: of each curve,
-    its first column and one past its last. sizes: of each curve, those of its columns, weakest first."""
+    its first column and one past its last. sizes: of each curve, those of its columns, weakest first. seen: the effects
+    and places of all that were looked at. best: (n, s), of each of these the mark that explains most."""
 
     curves: tuple[Curve, ...]
     columns: Float32[np.ndarray, "n k"]
     span: tuple[tuple[int, int], ...]
     sizes: tuple[tuple[float, ...], ...]
+    seen: tuple[tuple[str, str], ...] = ()
+    best: Float32[np.ndarray, "n s"] = field(default_factory=lambda: np.zeros((0, 0), dtype=np.float32))
 
 
 class Target:
@@ -120,7 +124,25 @@ def marks(
     chosen = [int(i) for i in np.argsort(gains)[::-1][:PROMISING] if gains[i] > 0.0]
     for targets in ((1.0,), (WANTED[0], WANTED[-1])):
         look([row for i in chosen for share in targets for row in sized(i, share)])
-    return _gathered([curves[i] for i in chosen], [rows[i] for i in chosen], residual, len(at))
+    found = _gathered([curves[i] for i in chosen], [rows[i] for i in chosen], residual, len(at))
+    best: dict[tuple[str, str], tuple[float, np.ndarray]] = {}
+    for curve, row in zip(curves, rows, strict=True):
+        for mark in row.values():
+            gain = target.gain(mark)
+            if curve.key not in best or gain > best[curve.key][0]:
+                best[curve.key] = gain, mark
+    shown = [mark for _, mark in best.values()]
+    return replace(found, seen=tuple(best), best=np.stack(shown, axis=1) if shown else found.best)
+
+
+def screened(before: Marks, target: Target, curves: Sequence[Curve]) -> list[Curve]:
+    """Of many curves the LIKELY ones, by what the marks of an earlier look, beside another set, explain of what is left now; of
+    an effect at a place that was not looked at, all."""
+    if len(curves) <= LIKELY or not before.seen:
+        return [*curves]
+    gains = {key: target.gain(mark) for key, mark in zip(before.seen, before.best.T, strict=True)}
+    least = sorted((gains.get(curve.key, np.inf) for curve in curves), reverse=True)[LIKELY - 1]
+    return [curve for curve in curves if gains.get(curve.key, np.inf) >= least]
 
 
 def _gathered(curves: Sequence[Curve], rows: Sequence[dict[float, np.ndarray]], residual: float, count: int) -> Marks:
