@@ -138,6 +138,11 @@ def _lag(y: Samples, step: float, values: Values) -> Samples:
     return later(y, step, values["lag"])
 
 
+def _follow(y: Samples, step: float, values: Values) -> Samples:
+    T = values["time_constant"]
+    return lowpass(y, step, 1.0 / (2.0 * math.pi * T)) if T > 0.0 else y.copy()
+
+
 def _guess_gain(size: Extent, share: float) -> Values:
     return {"gain": 1.0 + share}
 
@@ -259,6 +264,19 @@ _LAWS = (
         main="lag",
         estimated=("lag",),
         signed=True,
+    ),
+    SignalLaw(
+        name="excitation_lag",
+        form="first_order",
+        at="excitation",
+        description="The excitation follows what is asked for as a first-order system: too late, and smaller the faster it is.",
+        equation="de/dt = (u - e) / T",
+        parameters=(Parameter("time_constant", "T", "s", "its lag in slow motion", minimum=0.0, neutral=0.0),),
+        change=_follow,
+        guesses=(lambda size, share: {"time_constant": share * size.rms / size.slope},),
+        main="time_constant",
+        estimated=("time_constant",),
+        note="A servo drive's or a platform's bandwidth of f Hz is T = 1 / (2 pi f).",
     ),
 )
 

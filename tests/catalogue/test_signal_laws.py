@@ -64,6 +64,13 @@ def test_the_lowpass_is_at_rest_first():
     assert lowpass(Y, STEP, 5.0)[0] == Y[0]
 
 
+def test_what_follows_as_a_first_order_system_is_late_by_its_time_constant_and_smaller_the_faster_it_goes():
+    for hertz in (1.0, 20.0):
+        got = LAWS["excitation_lag_first_order"].apply(np.sin(2 * np.pi * hertz * T), STEP, {"time_constant": 0.004})
+        ratio = 1 / (1 + 2j * np.pi * hertz * 0.004)
+        assert np.abs(got - np.imag(ratio * np.exp(2j * np.pi * hertz * T)))[100:].max() < 2e-3
+
+
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
 def test_neutral_values_change_nothing(law):
     if law.name == "sensor_rectification":
@@ -100,7 +107,7 @@ def test_opposites_are_allowed_and_lead_back(law):
 def test_a_still_signal_gives_no_scale():
     still = extent(np.zeros(10), STEP)
     assert still == Extent(0.0, 0.0, 0.0, 0.0, 9 * STEP)
-    for label in ("sensor_lag", "sensor_lowpass", "sensor_saturation", "excitation_lag"):
+    for label in ("sensor_lag", "sensor_lowpass", "sensor_saturation", "excitation_lag", "excitation_lag_first_order"):
         assert LAWS[label].starts(still, 0.05) == ()
 
 
