@@ -50,6 +50,7 @@ def test_without_laws_it_is_the_solver_to_the_bit(study, library):
     simulator = Simulator(study, condition, library)
     whole = experiment.simulate(study, condition)
     assert (simulator.run() == whole.values[:, : len(study.channels)]).all()
+    assert not (simulator.run((), {"bush_ky": 5e6}) == whole.values[:, : len(study.channels)]).all()
     assert (simulator.run() == whole.values[:, : len(study.channels)]).all()
     assert (simulator.times == whole.seconds()).all()
     simulator.close()
@@ -132,8 +133,37 @@ def test_rest_before_the_excitation_is_left_out_and_nothing_else(library, monkey
     simulator = Simulator(study, condition, library, 13.0)
     ours = simulator.run(laws, {"bush_ky": 5e6})
     assert steps == [13001, 4000, 4000]  # once to see that it may be left out; the command moves at 10.001 s
+    simulator.close()
     monkeypatch.setattr(Simulator, "_rest", lambda self, given: 0)
+    simulator = Simulator(study, condition, library, 13.0)
     assert (ours == simulator.run(laws, {"bush_ky": 5e6})).all()
+    assert steps[3:] == [13001]
+    simulator.close()
+
+
+def test_what_is_asked_for_again_is_not_simulated_again(library, monkeypatch):
+    study = load_study(STUDY)
+    runs: list[float] = []
+    simulated = Simulator._simulated
+
+    def counted(self, laws, parameters, inputs):
+        runs.append(parameters.get("bush_ky", 0.0))
+        return simulated(self, laws, parameters, inputs)
+
+    monkeypatch.setattr(Simulator, "_simulated", counted)
+    simulator = Simulator(study, study.condition("340"), library, 12.0)
+    friction = [law_at(study, "coulomb_friction", "secondary, lateral", friction_force=300.0)]
+    first = simulator.run(friction, {"bush_ky": 5e6})
+    assert simulator.run([*friction], {"bush_ky": 5e6}) is first
+    with pytest.raises(ValueError, match="read-only"):
+        first[0, 0] = 1.0
+    other = [replace(friction[0], values={**friction[0].values, "friction_force": 301.0})]
+    assert not (simulator.run(other, {"bush_ky": 5e6}) == first).all()
+    _, inputs = simulator.inputs
+    simulator.run(other, {"bush_ky": 5e6}, 1.01 * inputs)
+    simulator.run(other, {"bush_ky": 5e6})
+    simulator.run(other, {"bush_ky": 6e6})
+    assert runs == [5e6, 5e6, 5e6, 5e6, 6e6]
     simulator.close()
 
 
