@@ -77,6 +77,7 @@ def marks(
     size, and of these the PROMISING at more; the latter are kept."""
     residual = float(np.linalg.norm(target.residual))
     rows: list[dict[float, np.ndarray]] = [{} for _ in curves]
+    best: list[tuple[float, np.ndarray] | None] = [None for _ in curves]
     highest = [curve.most for curve in curves]
 
     def look(wanted: Sequence[tuple[int, float]]) -> None:
@@ -91,7 +92,8 @@ def marks(
             if y is None:
                 highest[i] = min(highest[i], 0.7 * size)
             else:
-                rows[i][size] = (y - at).astype(np.float32)
+                rows[i][size] = mark = (y - at).astype(np.float32)
+                best[i] = _better(best[i], (target.gain(mark), mark))
 
     def sized(i: int, target: float) -> Iterator[tuple[int, float]]:
         """The size whose mark is `target` times the residual, by the marks that are known; nothing where it is known."""
@@ -111,7 +113,7 @@ def marks(
             yield i, size
 
     def explained() -> list[float]:
-        return [max((target.gain(mark) for mark in row.values()), default=0.0) for row in rows]
+        return [0.0 if one is None else one[0] for one in best]
 
     def faint(i: int) -> bool:
         return all(float(np.linalg.norm(mark)) < FAINT * residual for mark in rows[i].values())
@@ -125,14 +127,17 @@ def marks(
     for targets in ((1.0,), (WANTED[0], WANTED[-1])):
         look([row for i in chosen for share in targets for row in sized(i, share)])
     found = _gathered([curves[i] for i in chosen], [rows[i] for i in chosen], residual, len(at))
-    best: dict[tuple[str, str], tuple[float, np.ndarray]] = {}
-    for curve, row in zip(curves, rows, strict=True):
-        for mark in row.values():
-            gain = target.gain(mark)
-            if curve.key not in best or gain > best[curve.key][0]:
-                best[curve.key] = gain, mark
-    shown = [mark for _, mark in best.values()]
-    return replace(found, seen=tuple(best), best=np.stack(shown, axis=1) if shown else found.best)
+    of_key: dict[tuple[str, str], tuple[float, np.ndarray]] = {}
+    for curve, one in zip(curves, best, strict=True):
+        if one is not None:
+            of_key[curve.key] = _better(of_key.get(curve.key), one)
+    shown = [mark for _, mark in of_key.values()]
+    return replace(found, seen=tuple(of_key), best=np.stack(shown, axis=1) if shown else found.best)
+
+
+def _better(old: tuple[float, np.ndarray] | None, new: tuple[float, np.ndarray]) -> tuple[float, np.ndarray]:
+    """Of two marks, each behind what it explains, the one that explains more; the first where they are equal."""
+    return old if old is not None and old[0] >= new[0] else new
 
 
 def screened(before: Marks, target: Target, curves: Sequence[Curve]) -> list[Curve]:

@@ -91,7 +91,7 @@ def _caught_up(
         caught.add(names(more))
         terms = tuple(own.get(term.key) or _all_of(term, z) for term in more.model.terms)
         gone = {t.adjustable for t in terms if isinstance(t, OffsetTerm) and t.key not in own}
-        base = tuple(0.0 if a in gone else moves for a, moves in zip(problem.tolerated, best.model.base, strict=True))
+        base = tuple(0.0 if a in gone else moves for a, moves in z.items())
         fitted = fit(problem, replace(setting, base=best.base), Model(terms, base), LONG, rival=best.surprise)
         fits += [] if fitted is None else [fitted]
     return fits
