@@ -85,7 +85,7 @@ def candidates(
                         if radius == 0.0 or turns(_wave(curve))
                     ]
     found += _of_parameters(problem)
-    found += _of_signals(problem, responses)
+    found += signals(problem, responses)
     return found
 
 
@@ -179,7 +179,8 @@ def _offset(none: OffsetTerm, way: float) -> Make:
     return lambda size: replace(none, values={"value": min(max(size * way, none.low), none.high)})
 
 
-def _of_signals(problem: Problem, responses: Sequence[np.ndarray]) -> Iterator[Curve]:
+def signals(problem: Problem, responses: Sequence[np.ndarray]) -> Iterator[Curve]:
+    """Errors of the sensors, and of what excites."""
     study, step = problem.study, problem.study.simulation.step_size
     for law in (law for forms in SIGNALS.values() for law in forms):
         if law.at == "excitation":

@@ -1,4 +1,4 @@
-"""From a few conditions to all: what these leave open is decided by those."""
+"""From a few conditions to all: what these leave open is decided by those, and sensors are looked at once more."""
 
 from dataclasses import replace
 
@@ -10,20 +10,19 @@ pytest.importorskip("sympy")
 
 from one_mass import APART, JOINT, MASS, NOISE, SWEEP, T, begun, shown, sweep, term_at, write
 
-from fmucorrect.catalogue.signal import SIGNALS
 from fmucorrect.discovery import naming
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.naming import Naming
 from fmucorrect.discovery.problem import Model, load
-from fmucorrect.discovery.terms import SignalTerm
 from fmucorrect.study import load_study
 
 PEAKS = (0.3, 0.4, 0.5, 0.6, 0.7)  # N
 OFFSET = 0.75  # of the sensor, in units of its noise
+FRICTION = 0.0012  # N
 
 
-def problem_of(folder, library, offset):
-    """Five sweeps of a mass on a hardening spring."""
+def problem_of(folder, library, friction=0.0, offset=0.0):
+    """Five sweeps of a mass on a hardening spring, with friction, N, and a sensor's offset in units of its noise."""
     text = MASS + JOINT + APART
     rng = np.random.default_rng(5)
     for k, peak in enumerate(PEAKS):
@@ -32,25 +31,41 @@ def problem_of(folder, library, offset):
         text += SWEEP.replace("sweep", str(k)).replace("force", str(k)).replace("measured.csv", f"measured_{k}.csv")
     (folder / "study.toml").write_text(text, encoding="utf-8")
     study = load_study(folder / "study.toml")
-    spring = Model((term_at(study, "cubic_stiffness", "joint 1", cubic_stiffness=2e7),))
+    forces = Model((spring_of(study), friction_of(study, friction))) if friction else Model((spring_of(study),))
     for k, condition in enumerate(study.conditions):
-        y = shown(study, condition, library, spring, len(T))[:, 0]
+        y = shown(study, condition, library, forces, len(T))[:, 0]
         write(folder / f"measured_{k}.csv", "x1 [mm]", y + NOISE * (offset + rng.normal(size=len(T))))
     return load(study, library, 2)
 
 
+def spring_of(study):
+    return term_at(study, "cubic_stiffness", "joint 1", cubic_stiffness=2e7)
+
+
+def friction_of(study, force):
+    return term_at(study, "coulomb_friction", "joint 1", friction_force=force)
+
+
+def by_few(problem, *sets):
+    """Sets of terms as two of the conditions see them."""
+    with problem.few(2 * len(T)) as few:
+        assert len(few.trials) == 2
+        setting, base = begun(few)
+        return Naming(base, tuple(fit(few, setting, replace(few.nominal, terms=terms), 20) for terms in sets), setting)
+
+
 def test_what_few_conditions_leave_open_is_decided_by_all(library, tmp_path):
-    with problem_of(tmp_path, library, OFFSET) as problem:
-        spring = term_at(problem.study, "cubic_stiffness", "joint 1", cubic_stiffness=2e7)
-        sensor = SignalTerm(SIGNALS["sensor_offset"][0], "x1", (0,), {"offset": OFFSET * NOISE})
-        with problem.few(2 * len(T)) as few:
-            assert len(few.trials) == 2
-            setting, base = begun(few)
-            found = [
-                fit(few, setting, replace(few.nominal, terms=terms), 20) for terms in ((spring,), (spring, sensor))
-            ]
-            by_few = Naming(base, tuple(found), setting)
-        by_all = naming._on_all(problem, by_few, lambda stage, done, total: None)
-    assert by_few.best is found[0]
-    assert {term.key for term in by_all.best.model.terms} == {spring.key, sensor.key}
+    with problem_of(tmp_path, library, friction=FRICTION) as problem:
+        spring, friction = spring_of(problem.study), friction_of(problem.study, FRICTION)
+        few = by_few(problem, (spring,), (spring, friction))
+        by_all = naming._on_all(problem, few, lambda stage, done, total: None)
+    assert naming._believed(few).best is few.sets[0]
+    assert {term.key for term in by_all.best.model.terms} == {spring.key, friction.key}
+
+
+def test_a_sensor_that_few_conditions_do_not_show_is_found_in_all(library, tmp_path):
+    with problem_of(tmp_path, library, offset=OFFSET) as problem:
+        spring = spring_of(problem.study)
+        by_all = naming._on_all(problem, by_few(problem, (spring,)), lambda stage, done, total: None)
+    assert {term.key for term in by_all.best.model.terms} == {spring.key, ("sensor_offset", "x1")}
     assert by_all.best.model.terms[1].values["offset"] == pytest.approx(OFFSET * NOISE, rel=0.1)
