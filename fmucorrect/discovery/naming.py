@@ -161,7 +161,7 @@ def _sensors(problem: Problem, setting: Setting, base: Fitted, found: list[Fitte
             return fits
         done.append(names(best))
         curves = [curve for curve in signals(problem, problem.responses(best.model)) if curve.where != EXCITATION]
-        fits += look(problem, replace(setting, base=best.base), best, curves, LISTED[-1:], progress)[1]
+        fits += look(problem, replace(setting, base=best.base), best, curves, (1,), progress)[1]
 
 
 @dataclass(frozen=True)

@@ -119,6 +119,7 @@ class Simulator:
         self._waits: bool | None = None
         self._settled: dict[Joint | None, bool] = {}
         self._asked: tuple[list[LawAt], dict[str, float]] | None = None
+        self._given = self._inputs
         self.nominal: Float64[np.ndarray, "T J"] | None = None
 
     @property
@@ -137,9 +138,9 @@ class Simulator:
         parameters: Mapping[str, float] = _NONE,
         inputs: Float64[np.ndarray, "T I"] | None = None,
     ) -> Float64[np.ndarray, "T J"]:
-        """The response in the channels' units, read-only: `nominal` until the next one. With the same laws and parameters, and
-        the condition's own inputs, it is the last one once more: candidates at sensors ask for that. parameters: start values,
-        over those of study and condition. inputs: in place of the condition's own.
+        """The response in the channels' units, read-only: `nominal` until the next one. With the same laws, parameters and
+        inputs it is the last one once more: candidates at sensors ask for that. parameters: start values, over those of study
+        and condition. inputs: in place of the condition's own.
 
         A law of the family "load" acts at rest too: with one, the simulation begins RUN_IN earlier, the first row of inputs
         held, so that the record begins settled, as a measurement does; not where the FMU moves then anyway (a record that
@@ -147,20 +148,20 @@ class Simulator:
         that rests until the inputs move is simulated from LEAD before on: what is left out is its first row. Raises FmuError
         where the solver gives up: with these laws the model is not stable, say.
         """
-        asked = ([*laws], {**parameters}) if inputs is None else None
-        if asked is None or asked != self._asked:
+        given = self._inputs if inputs is None else np.ascontiguousarray(inputs)
+        asked = [*laws], {**parameters}
+        if asked != self._asked or not np.array_equal(given, self._given):
             self._asked = None  # nothing to show where the solver gives up
-            self.nominal = self._simulated(laws, parameters, inputs)
+            self.nominal = self._simulated(laws, parameters, given)
             self.nominal.setflags(write=False)
-            self._asked = asked
+            self._asked, self._given = asked, given.copy()
         assert self.nominal is not None
         return self.nominal
 
     def _simulated(
-        self, laws: Sequence[LawAt], parameters: Mapping[str, float], inputs: Float64[np.ndarray, "T I"] | None
+        self, laws: Sequence[LawAt], parameters: Mapping[str, float], given: Float64[np.ndarray, "T I"]
     ) -> Float64[np.ndarray, "T J"]:
         condition = replace(self._condition, parameters={**self._condition.parameters, **parameters})
-        given = self._inputs if inputs is None else np.ascontiguousarray(inputs)
         loads = [item for item in laws if item.law.family == "load"]
         if loads and all(self._settles(joint) for joint in (None, *(item.joint for item in loads))):
             early = self._early

@@ -160,10 +160,14 @@ def test_what_is_asked_for_again_is_not_simulated_again(library, monkeypatch):
     other = [replace(friction[0], values={**friction[0].values, "friction_force": 301.0})]
     assert not (simulator.run(other, {"bush_ky": 5e6}) == first).all()
     _, inputs = simulator.inputs
-    simulator.run(other, {"bush_ky": 5e6}, 1.01 * inputs)
+    larger = 1.01 * inputs
+    pushed = simulator.run(other, {"bush_ky": 5e6}, larger)
+    assert simulator.run(other, {"bush_ky": 5e6}, 1.01 * inputs) is pushed
+    larger *= 1.01
+    assert simulator.run(other, {"bush_ky": 5e6}, larger) is not pushed
     simulator.run(other, {"bush_ky": 5e6})
     simulator.run(other, {"bush_ky": 6e6})
-    assert runs == [5e6, 5e6, 5e6, 5e6, 6e6]
+    assert runs == [5e6, 5e6, 5e6, 5e6, 5e6, 6e6]
     simulator.close()
 
 
