@@ -16,6 +16,7 @@ from fmucorrect import experiment
 from fmucorrect.discovery import output
 from fmucorrect.discovery.augmented import Found, found_of, write_model
 from fmucorrect.discovery.confirm import Gap, carries_over, gaps, sensor_errors
+from fmucorrect.discovery.constancy import varying
 from fmucorrect.discovery.decide import CLOSE, Decision, decide
 from fmucorrect.discovery.elsewhere import library, quietly
 from fmucorrect.discovery.fit import Setting
@@ -132,6 +133,8 @@ def _report(
         output.effect_row(problem, term, std[i], decision.probability[i], decision.classes[i])
         for i, term in enumerate(best.model.terms)
     ]
+    for term, row, share in zip(best.model.terms, rows, varying(problem.rows, naming.setting, best), strict=True):
+        row["varies"] = {"parameter": term.main, "share": share} if share and isinstance(term, ForceTerm) else None
     _pictures(problem, decision, rows)
     named = verdict in ("named", "ambiguous")
     start = problem.responses(problem.nominal)

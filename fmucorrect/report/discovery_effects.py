@@ -148,6 +148,13 @@ def _effect(page: DiscoveryPage, effect: Mapping[str, Any], verdict: str) -> Non
     page.section(f"{heading}: {at(effect)}", str(effect.get("description") or ""))
     if verdict == "unexplained":
         page.caution("This fits best, but leaves structure or does not carry over. It is no finding.")
+    if effect.get("varies"):
+        item = mapping(effect["varies"])
+        page.caution(
+            f"By itself each condition would have another {plain(item['parameter'])}: they differ by"
+            f" {percent(item['share'])} of it (standard deviation). The law comes near; the"
+            " true one depends on something else too."
+        )
     if effect.get("equation"):
         page.equation(str(effect["equation"]))
     parameters = {str(name): mapping(item) for name, item in mapping(effect.get("parameters")).items()}

@@ -134,6 +134,13 @@ def test_none_claims_no_more_than_the_noise_allows() -> None:
     assert "Tried Preload" in text
 
 
+def test_a_number_that_differs_between_conditions_is_said() -> None:
+    report = example.report("named")
+    assert "by itself each condition" not in words(report).lower()
+    effect = report["effects"][0] | {"varies": {"parameter": "friction_force", "share": 0.31}}
+    assert "another friction force: they differ by 31 %" in words(report | {"effects": [effect]}).replace("\u00a0", " ")
+
+
 def test_unexplained_says_where_and_names_nothing() -> None:
     text = words(ALL["unexplained"])
     assert "Something is missing that no effect of the catalogue explains" in text

@@ -1,0 +1,56 @@
+"""One number must do for all conditions: what noise scatters is no change, what a wrong law needs is one."""
+
+import numpy as np
+import pytest
+
+from fmucorrect.catalogue import CATALOGUE
+from fmucorrect.discovery.constancy import varying
+from fmucorrect.discovery.evidence import Nuisances
+from fmucorrect.discovery.fit import Fitted, Setting
+from fmucorrect.discovery.problem import Model
+from fmucorrect.discovery.terms import ForceTerm
+
+CONDITIONS, ROWS = 4, 1000
+(LAW,) = CATALOGUE["cubic_stiffness"]
+ROWS_OF = [slice(k * ROWS, (k + 1) * ROWS) for k in range(CONDITIONS)]
+
+
+def fitted(moves: list[float], seed: int = 0, background: float = 0.0) -> tuple[Setting, Fitted]:
+    """A law whose number each condition would move by so much of it, by noise of 1 and by an error that is none of it."""
+    rng = np.random.default_rng(seed)
+    n = CONDITIONS * ROWS
+    slopes = rng.normal(scale=30.0, size=(n, 1))
+    residual = slopes[:, 0] * np.repeat(moves, ROWS) + rng.normal(size=n) + background * rng.normal(size=n)
+    nothing = np.zeros((n, 0))
+    setting = Setting(residual, Nuisances(nothing), nothing, np.zeros(0), 1.0)
+    term = ForceTerm(LAW, "joint", (), LAW.complete({LAW.estimated[0]: 5.0}))
+    s2 = float(np.mean(residual**2))
+    return setting, Fitted(Model((term,)), residual, residual, s2, 0.0, nothing, (), slopes)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_noise_changes_nothing(seed):
+    setting, best = fitted([0.0] * CONDITIONS, seed)
+    assert varying(ROWS_OF, setting, best) == (0.0,)
+
+
+def test_an_error_beside_it_that_is_as_large_as_what_is_named_changes_little():
+    setting, best = fitted([0.0] * CONDITIONS, background=15.0)
+    assert varying(ROWS_OF, setting, best) == (0.0,)
+
+
+def test_all_alike_is_no_change():
+    setting, best = fitted([0.4] * CONDITIONS)
+    assert varying(ROWS_OF, setting, best) == (0.0,)
+
+
+def test_a_number_that_differs_between_conditions_is_told():
+    moves = [-0.4, -0.1, 0.1, 0.4]
+    setting, best = fitted(moves)
+    (share,) = varying(ROWS_OF, setting, best)
+    assert share == pytest.approx(np.std(moves, ddof=1), rel=0.05)
+
+
+def test_a_single_condition_says_nothing():
+    setting, best = fitted([-0.4, -0.1, 0.1, 0.4])
+    assert varying(ROWS_OF[:1], setting, best) == (0.0,)
