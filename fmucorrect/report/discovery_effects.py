@@ -15,13 +15,13 @@ from fmucorrect.report.discovery_text import (
     known,
     listed,
     mapping,
+    moved_by,
     number,
     percent,
     plain,
     quantity,
     rows,
     short,
-    signed,
     texts,
     titled,
 )
@@ -208,9 +208,9 @@ def _adjusted(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
     table: list[Row] = []
     for name, value in after.items():
         old, new = number(before.get(name)), number(value)
-        change = signed(f"{100.0 * (new / old - 1.0):+.2g} %") if known(old) and old and known(new) else ""
+        change = f"{moved_by(100.0 * (new / old - 1.0))} %" if known(old) and old and known(new) else ""
         moved = number(by.get(name))
-        tolerances = signed(f"{moved:+.2g}") if known(moved) else ""
+        tolerances = moved_by(moved) if known(moved) else ""
         table.append(Row([str(name), short(old, 4), short(new, 4), change, tolerances]))
     page.table(["parameter", "before", "after", "change", "in tolerances"], table)
     page.end()
@@ -237,7 +237,7 @@ def _sensors(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
 def _taken(row: Mapping[str, Any], key: str, factor: float, unit: str) -> str:
     """A sensor's error in a unit that is `factor` times smaller."""
     value, by = factor * number(row.get(key)), number(row.get(f"{key}_by"))
-    return signed(f"{value:+.2g} {unit} ({by:+.2g})")
+    return f"{moved_by(value)} {unit} ({moved_by(by)})"
 
 
 def _rival(item: Mapping[str, Any], kind: str) -> Row:

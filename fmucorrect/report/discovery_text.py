@@ -78,6 +78,11 @@ def signed(text: str) -> str:
     return text.replace("-", "−")
 
 
+def moved_by(value: Any) -> str:
+    """A difference, two significant digits, with its sign."""
+    return ("+" if number(value) > 0.0 else "") + short(value, 2)
+
+
 def percent(share: Any) -> str:
     """A share of 1 in per cent, two digits; small ones as "< 0.1 %"."""
     x = 100.0 * number(share)

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from fmucorrect.report.discovery_text import markup, percent, quantity, short
+from fmucorrect.report.discovery_text import markup, moved_by, percent, quantity, short
 
 
 def test_equations_are_set_and_escaped() -> None:
@@ -51,3 +51,7 @@ def test_numbers_have_three_digits() -> None:
     ]
     said = [percent(x).replace("\u00a0", " ") for x in (0.0, 0.0004, 0.031, 0.5, 0.9995, 1.0, None)]
     assert said == ["0 %", "< 0.1 %", "3.1 %", "50 %", "99.9 %", "100 %", "–"]
+
+
+def test_differences_have_a_sign_and_no_exponent() -> None:
+    assert [moved_by(x) for x in (-100.0, 0.94, 0.0, 28.4, None)] == ["−100", "+0.94", "0", "+28", "–"]
