@@ -10,7 +10,7 @@ import numpy as np
 from fmucorrect.discovery.candidates import Curve, may_act, parts, places
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fit import Fitted, Setting, fit, judge_at, price
-from fmucorrect.discovery.marks import PROMISING, Marks, Target, marks, screened
+from fmucorrect.discovery.marks import PROMISING, Marks, Target, marks
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.search import Search
 from fmucorrect.discovery.sets import LONG, Progress, extended, merged
@@ -74,15 +74,13 @@ def look(
     listed: Sequence[int],
     progress: Progress,
     begun: Sequence[Term] = (),
-    before: Marks | None = None,
 ) -> tuple[Marks, list[Fitted]]:
     """Candidates beside what `around` has already: marks, search, fits of the short list. begun: terms that are fitted too,
-    from where they are. before: marks beside another set, by which many candidates are screened."""
+    from where they are."""
     have = names(around)
     whole = Nuisances(np.concatenate([around.base, setting.sensors.columns], axis=1))
     target = Target(around.linear, whole, setting.share, setting.floor)
     free = [curve for curve in curves if curve.key not in have]
-    free = free if before is None else screened(before, target, free)
     total = 2 * len(free) + 3 * min(len(free), PROMISING)
     count = [0]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float32, Float64
@@ -22,8 +22,7 @@ WANTED = (0.3, 1.0, 3.0)
 PROMISING = 60
 """Curves that are simulated at several sizes."""
 LIKELY, FAINT = 150, 0.1
-"""Curves that are simulated at a second size, beside those whose first mark was below this share of the residual; and those
-that are looked at again beside another set."""
+"""Curves that are simulated at a second size, beside those whose first mark was below this share of the residual."""
 AT = 0.02
 """Variance of the error at which they are chosen, as a share of the residual's."""
 FIRST = 1e-6
@@ -33,15 +32,12 @@ FIRST = 1e-6
 @dataclass(frozen=True)
 class Marks:
     """curves: the candidates that leave a mark. columns: (n, k) in units of the noise, around a model. span: of each curve,
-    its first column and one past its last. sizes: of each curve, those of its columns, weakest first. seen: the effects
-    and places of all that were looked at. best: (n, s), of each of these the mark that explains most."""
+    its first column and one past its last. sizes: of each curve, those of its columns, weakest first."""
 
     curves: tuple[Curve, ...]
     columns: Float32[np.ndarray, "n k"]
     span: tuple[tuple[int, int], ...]
     sizes: tuple[tuple[float, ...], ...]
-    seen: tuple[tuple[str, str], ...] = ()
-    best: Float32[np.ndarray, "n s"] = field(default_factory=lambda: np.zeros((0, 0), dtype=np.float32))
 
 
 class Target:
@@ -77,7 +73,7 @@ def marks(
     size, and of these the PROMISING at more; the latter are kept."""
     residual = float(np.linalg.norm(target.residual))
     rows: list[dict[float, np.ndarray]] = [{} for _ in curves]
-    best: list[tuple[float, np.ndarray] | None] = [None for _ in curves]
+    gains = [0.0 for _ in curves]
     highest = [curve.most for curve in curves]
 
     def look(wanted: Sequence[tuple[int, float]]) -> None:
@@ -93,7 +89,7 @@ def marks(
                 highest[i] = min(highest[i], 0.7 * size)
             else:
                 rows[i][size] = mark = (y - at).astype(np.float32)
-                best[i] = _better(best[i], (target.gain(mark), mark))
+                gains[i] = max(gains[i], target.gain(mark))
 
     def sized(i: int, target: float) -> Iterator[tuple[int, float]]:
         """The size whose mark is `target` times the residual, by the marks that are known; nothing where it is known."""
@@ -112,42 +108,16 @@ def marks(
             size = min(size * min(max((target / share) ** (1.0 / power), 1e-3), 1e3), highest[i])
             yield i, size
 
-    def explained() -> list[float]:
-        return [0.0 if one is None else one[0] for one in best]
-
     def faint(i: int) -> bool:
         return all(float(np.linalg.norm(mark)) < FAINT * residual for mark in rows[i].values())
 
     look([(i, curve.size) for i, curve in enumerate(curves)])
-    gains = explained()
     likely = {int(i) for i in np.argsort(gains)[::-1][:LIKELY]}
     look([row for i in range(len(curves)) if i in likely or faint(i) for row in sized(i, 1.0)])
-    gains = explained()
     chosen = [int(i) for i in np.argsort(gains)[::-1][:PROMISING] if gains[i] > 0.0]
     for targets in ((1.0,), (WANTED[0], WANTED[-1])):
         look([row for i in chosen for share in targets for row in sized(i, share)])
-    found = _gathered([curves[i] for i in chosen], [rows[i] for i in chosen], residual, len(at))
-    of_key: dict[tuple[str, str], tuple[float, np.ndarray]] = {}
-    for curve, one in zip(curves, best, strict=True):
-        if one is not None:
-            of_key[curve.key] = _better(of_key.get(curve.key), one)
-    shown = [mark for _, mark in of_key.values()]
-    return replace(found, seen=tuple(of_key), best=np.stack(shown, axis=1) if shown else found.best)
-
-
-def _better(old: tuple[float, np.ndarray] | None, new: tuple[float, np.ndarray]) -> tuple[float, np.ndarray]:
-    """Of two marks, each behind what it explains, the one that explains more; the first where they are equal."""
-    return old if old is not None and old[0] >= new[0] else new
-
-
-def screened(before: Marks, target: Target, curves: Sequence[Curve]) -> list[Curve]:
-    """Of many curves the LIKELY ones, by what the marks of an earlier look, beside another set, explain of what is left now; of
-    an effect at a place that was not looked at, all."""
-    if len(curves) <= LIKELY or not before.seen:
-        return [*curves]
-    gains = {key: target.gain(mark) for key, mark in zip(before.seen, before.best.T, strict=True)}
-    least = sorted((gains.get(curve.key, np.inf) for curve in curves), reverse=True)[LIKELY - 1]
-    return [curve for curve in curves if gains.get(curve.key, np.inf) >= least]
+    return _gathered([curves[i] for i in chosen], [rows[i] for i in chosen], residual, len(at))
 
 
 def _gathered(curves: Sequence[Curve], rows: Sequence[dict[float, np.ndarray]], residual: float, count: int) -> Marks:

@@ -284,7 +284,7 @@ def _deepened(
         if beside and not finished and (beside[0] is kept[0] or kept[0].s2 >= enough * setting.floor):
             one = beside[0]
             own = replace(setting, base=one.base)
-            _, more = look(problem, own, one, around.curves(one), LISTED[:1], progress, before=first)
+            _, more = look(problem, own, one, around.curves(one), LISTED[:1], progress)
             done.append(names(one))
         elif names(kept[0]) not in replaced and len(replaced) <= BESIDE:
             replaced.append(names(kept[0]))

@@ -1,13 +1,11 @@
 """Short lists from marks that add up: single effects, sets of them, and the shapes that one law may begin from."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from fmucorrect.discovery.candidates import Curve
 from fmucorrect.discovery.evidence import Nuisances
-from fmucorrect.discovery.marks import LIKELY, Marks, Target, screened
+from fmucorrect.discovery.marks import Marks
 from fmucorrect.discovery.search import Search
 
 ROWS = 400
@@ -49,20 +47,3 @@ def test_of_the_shapes_of_one_law_at_one_place_the_likeliest_is_listed_and_the_o
     assert other.members[0].curve == 3
     assert other.surprise > first.surprise
     assert search.shapes(next(item for item in singles if item.members[0].curve == 1)) == []
-
-
-def test_of_many_candidates_those_are_looked_at_again_whose_marks_may_explain_what_is_left_and_those_never_seen():
-    rng = np.random.default_rng(2)
-    seen = tuple(("a", f"joint {i}") for i in range(3 * LIKELY))
-    best = rng.normal(size=(ROWS, len(seen))).astype(np.float32)
-    before = Marks((), np.zeros((ROWS, 0), dtype=np.float32), (), (), seen, best)
-    left = -0.3 * best[:, 7] + 0.01 * rng.normal(size=ROWS)
-    target = Target(left, Nuisances(np.zeros((ROWS, 0))), 1.0, 1e-4)
-    curves = [curve(effect, where) for effect, where in seen] + [curve("new", "joint 1")]
-
-    chosen = screened(before, target, curves)
-    assert {curves[7], curves[-1]} <= {*chosen}
-    assert len(chosen) == LIKELY
-    assert chosen == [curve for curve in curves if curve in chosen]
-    assert screened(before, target, curves[:LIKELY]) == curves[:LIKELY]
-    assert screened(replace(before, seen=(), best=best[:, :0]), target, curves) == curves
