@@ -16,7 +16,7 @@ from fmucorrect import experiment
 from fmucorrect.discovery import output
 from fmucorrect.discovery.augmented import Found, found_of, write_model
 from fmucorrect.discovery.confirm import Gap, carries_over, gaps, sensor_errors
-from fmucorrect.discovery.constancy import varying
+from fmucorrect.discovery.constancy import TOO_MUCH, varying
 from fmucorrect.discovery.decide import CLOSE, Decision, decide
 from fmucorrect.discovery.elsewhere import library, quietly
 from fmucorrect.discovery.fit import Setting
@@ -126,14 +126,15 @@ def _report(
     sensors = sensor_errors(told, len(study.channels), len(problem.trials))
     progress("confirm", 0, len(study.conditions))
     checked = gaps(study, problem.library, study.conditions, best.model, problem.tolerated, sensors, problem.substeps)
-    verdict = confirmed(decision, checked)
+    shares = varying(problem.rows, naming.setting, best)
+    verdict = confirmed(decision, checked, shares)
     lap("confirm")
     std = best.std()
     rows = [
         output.effect_row(problem, term, std[i], decision.probability[i], decision.classes[i])
         for i, term in enumerate(best.model.terms)
     ]
-    for term, row, share in zip(best.model.terms, rows, varying(problem.rows, naming.setting, best), strict=True):
+    for term, row, share in zip(best.model.terms, rows, shares, strict=True):
         row["varies"] = {"parameter": term.main, "share": share} if share and isinstance(term, ForceTerm) else None
     _pictures(problem, decision, rows)
     named = verdict in ("named", "ambiguous")
@@ -196,16 +197,28 @@ def _next(problem: Problem, naming: Naming, decision: Decision) -> dict[str, Any
     return next_test(problem, naming.setting, decision.best, close, True)
 
 
-def confirmed(decision: Decision, checked: Sequence[Gap]) -> str:
-    """The verdict once the evaluation conditions have spoken: what does not carry over is unexplained."""
+def confirmed(decision: Decision, checked: Sequence[Gap], shares: Sequence[float]) -> str:
+    """The verdict once the evaluation conditions have spoken: what does not carry over, to them or from one development
+    condition to the next, is unexplained. shares: by which each member's number would have to differ between these."""
     held = [gap for gap in checked if gap.condition.role == "evaluation"]
-    if decision.verdict in ("named", "ambiguous") and held and not carries_over(held):
-        return "unexplained"
-    return decision.verdict
+    kept = max(shares, default=0.0) < TOO_MUCH and (not held or carries_over(held))
+    return decision.verdict if kept or decision.verdict == "none" else "unexplained"
 
 
 def sentence(report: dict[str, Any], checked: Sequence[Gap]) -> str:
     """The verdict for an engineer."""
+    if report["verdict"] == "none":
+        by = report["adjusted_by"]
+        most = max(by, key=lambda name: abs(by[name]), default="")
+        moved = f" after its parameters moved by at most {abs(by[most]):.2g} of their tolerances ({most})" if by else ""
+        return f"Simulation and measurement agree to the sensors' noise{moved}: nothing is missing that these data can show."
+    if report["verdict"] == "unexplained":
+        left = f"{100 * report['unexplained']:.2g} % of the residual's energy stays"
+        nearest = max(report["suspects"], key=_share, default=None)
+        if nearest is not None and _share(nearest) >= TOO_MUCH:
+            number = f"{nearest['varies']['parameter'].replace('_', ' ')} would have to differ by {100 * _share(nearest):.0f} %"
+            left = f"nearest comes {_called(nearest)}, whose {number} between conditions"
+        return f"Simulation and measurement disagree, and nothing in the catalogue explains it: {left}."
     held = [gap for gap in checked if gap.condition.role == "evaluation"] or list(checked)
     worst = max(held, key=lambda gap: gap.nrmse_before)
     error = (
@@ -217,16 +230,13 @@ def sentence(report: dict[str, Any], checked: Sequence[Gap]) -> str:
     after = f"; with it {error}." if len(names) == 1 else f". With them {error}."
     if report["verdict"] == "named":
         return f"The model lacks {what}{after}"
-    if report["verdict"] == "ambiguous":
-        others = sorted({_called(other) for row in report["effects"] for other in row["indistinguishable_from"]})
-        return f"The model lacks {what}, or what these data cannot tell from that ({'; '.join(others)}){after}"
-    if report["verdict"] == "none":
-        by = report["adjusted_by"]
-        most = max(by, key=lambda name: abs(by[name]), default="")
-        moved = f" after its parameters moved by at most {abs(by[most]):.2g} of their tolerances ({most})" if by else ""
-        return f"Simulation and measurement agree to the sensors' noise{moved}: nothing is missing that these data can show."
-    left = f"{100 * report['unexplained']:.2g} % of the residual's energy stays"
-    return f"Simulation and measurement disagree, and nothing in the catalogue explains it: {left}."
+    others = sorted({_called(other) for row in report["effects"] for other in row["indistinguishable_from"]})
+    return f"The model lacks {what}, or what these data cannot tell from that ({'; '.join(others)}){after}"
+
+
+def _share(row: dict[str, Any]) -> float:
+    """By which the effect's number would have to differ between conditions."""
+    return row["varies"]["share"] if row["varies"] else 0.0
 
 
 def _called(row: dict[str, Any]) -> str:

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from fmucorrect.catalogue import CATALOGUE
-from fmucorrect.discovery.constancy import varying
+from fmucorrect.discovery.constancy import TOO_MUCH, VARIES, varying
+from fmucorrect.discovery.decide import Decision
+from fmucorrect.discovery.discover import confirmed, sentence
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fit import Fitted, Setting
 from fmucorrect.discovery.problem import Model
@@ -54,3 +56,22 @@ def test_a_number_that_differs_between_conditions_is_told():
 def test_a_single_condition_says_nothing():
     setting, best = fitted([-0.4, -0.1, 0.1, 0.4])
     assert varying(ROWS_OF[:1], setting, best) == (0.0,)
+
+
+@pytest.mark.parametrize("verdict", ["named", "ambiguous", "none", "unexplained"])
+def test_a_law_that_does_not_carry_over_between_conditions_is_no_finding(verdict):
+    decision = Decision(verdict, fitted([0.0] * CONDITIONS)[1], (1.0,), ((),), (), 0.01)
+    assert confirmed(decision, [], ()) == confirmed(decision, [], (0.0, VARIES)) == verdict
+    assert confirmed(decision, [], (0.0, TOO_MUCH)) == ("none" if verdict == "none" else "unexplained")
+
+
+@pytest.mark.parametrize(
+    ("share", "said"), [(0.414, "friction force would have to differ by 41 % between"), (0.2, "5 % of")]
+)
+def test_and_the_sentence_says_so(share, said):
+    close = {"effect": "coulomb_friction", "joint": "damper", "varies": {"parameter": "friction_force", "share": share}}
+    other = {"effect": "added_mass", "joint": "frame", "varies": None}
+    report = {"verdict": "unexplained", "effects": [], "suspects": [other, close], "unexplained": 0.05}
+    text = sentence(report, [])
+    assert said in text
+    assert ("coulomb friction at damper" in text) == (share > TOO_MUCH)

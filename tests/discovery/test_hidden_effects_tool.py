@@ -180,7 +180,7 @@ def label(
         | {"same_as": same_as.get(e, []), "tolerances": tolerances}
         for (e, j), m in zip(effects, marks or (100.0,) * len(effects), strict=True)
     ]
-    return {"effects": rows, "seen": 5.0, "spec": {"kind": kind}}
+    return {"effects": rows, "seen": 5.0, "spec": {"kind": kind, "bench": "two_on_base"}, "parameters": {}}
 
 
 def said(verdict: str, *effects: tuple, **more: object) -> dict:
@@ -248,6 +248,15 @@ def test_what_else_is_judged():
     judged = judge(label(A), said("named", ("cubic_stiffness", "joint 2")), GROUPS)
     assert (judged.places, judged.claims) == ((False,), ((0.9, False),))
     assert judge(label(A), said("named", A), GROUPS).errors == (("backlash", pytest.approx(0.02)),)
+
+
+def test_the_offset_of_a_parameter_holds_what_the_base_model_was_off_by():
+    twin = {"effect": "parameter_offset", "joint": "k1", "parameters": {"value": 100.0}}
+    hidden = label(("linear_stiffness", "joint 1"), linear_stiffness=[twin])
+    hidden["parameters"] = {"k1": bench("two_on_base").value("k1", {}) + 20.0}
+    told = said("named", ("parameter_offset", "k1"))
+    told["effects"][0]["parameters"] = {"value": {"value": 117.0, "std": 1.0, "unit": "N/m"}}
+    assert judge(hidden, told, GROUPS).errors == (("linear_stiffness", pytest.approx(3.0 / 120.0)),)
 
 
 def test_a_failing_discovery_is_recorded_and_scored(written):

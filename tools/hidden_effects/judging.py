@@ -29,6 +29,8 @@ from dataclasses import dataclass
 from itertools import permutations
 from typing import Any
 
+from bench import bench
+
 from fmucorrect.errors import SignalError
 from fmucorrect.units import conversion
 
@@ -78,7 +80,8 @@ def judge(label: Row, report: Row | None, places: Places) -> Judged:
     if not sure:
         return Judged(score, strict, found, (), (), (), ())
     where = _places_right(named, hidden, places)
-    return Judged(score, strict, found, tuple(wrong), where, tuple(_errors(named, hidden, places)), tuple(claims))
+    off = _off(label)
+    return Judged(score, strict, found, tuple(wrong), where, tuple(_errors(named, hidden, places, off)), tuple(claims))
 
 
 def _leaves_a_mark(hidden: Row, seen: float) -> bool:
@@ -165,20 +168,31 @@ def _places_right(named: Sequence[Row], hidden: Sequence[Row], places: Places) -
     return tuple(places.of(row["joint"]) in where for row in named) if hidden else ()
 
 
-def _errors(named: Sequence[Row], hidden: Sequence[Row], places: Places) -> Iterator[tuple[str, float]]:
+def _off(label: Row) -> dict[str, float]:
+    """By how much the base parameters are off by themselves."""
+    on = bench(label["spec"]["bench"])
+    return {name: value - on.value(name, {}) for name, value in label["parameters"].items()}
+
+
+def _errors(
+    named: Sequence[Row], hidden: Sequence[Row], places: Places, off: Mapping[str, float]
+) -> Iterator[tuple[str, float]]:
     """(effect, relative error of the main parameter) of what was named right."""
     for row in named:
         for h in hidden:
             names = [h, *h["same_as"]]
             match = next((n for n in names if same(row, {**n, "same_as": []}, places)), None)
-            if match is not None and h["main"] and (error := _error(row, match, h["main"])) is not None:
+            if match is not None and h["main"] and (error := _error(row, match, h["main"], off)) is not None:
                 yield h["effect"], error
                 break
 
 
-def _error(row: Row, match: Row, main: str) -> float | None:
-    """The main parameter, or where the report has another form of the law, the first that both have."""
+def _error(row: Row, match: Row, main: str, off: Mapping[str, float]) -> float | None:
+    """The main parameter, or where the report has another form of the law, the first that both have. What is told as the offset
+    of a parameter holds all that it is off by: the effect and what the base parameter is off by itself."""
     wanted, given = match["parameters"], row.get("parameters", {})
+    if match["effect"] == "parameter_offset":
+        wanted = {name: value + off.get(match["joint"].split(", ")[0], 0.0) for name, value in wanted.items()}
     names = [main, *wanted] if main in wanted else list(wanted)
     for name in names:
         if name in given and name in wanted:
