@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +30,8 @@ SMALL = Training(
         stride=2,
     ),
 )
+BRIEF = replace(SMALL, corrector=replace(SMALL.corrector, baseline_epochs=6, epochs=(4, 8)))
+"""For laws that hold however little was learned."""
 HEAD = """format = 1
 name = "closed form"
 

@@ -1,7 +1,7 @@
 """The closed-form study, and a corrector trained on it once."""
 
 import pytest
-from closed_form import SMALL, make_study
+from closed_form import BRIEF, SMALL, make_study
 
 from fmucorrect.study import Study, load_study
 from fmucorrect.training.protocol import Trained, train
@@ -15,3 +15,8 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
 @pytest.fixture(scope="session")
 def trained(study: Study) -> Trained:
     return train(study, SMALL)
+
+
+@pytest.fixture(scope="session")
+def briefly(study: Study) -> Trained:
+    return train(study, BRIEF)

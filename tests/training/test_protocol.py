@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from closed_form import SMALL, make_study
+from closed_form import BRIEF, SMALL, make_study
 
 from fmucorrect import bundle
 from fmucorrect.errors import StudyError
@@ -18,24 +18,24 @@ from fmucorrect.training.results import save
 from fmucorrect.training.tasks import Workshop
 
 
-def test_corrupting_the_evaluation_record_changes_no_fitted_number(trained: Trained, tmp_path: Path) -> None:
+def test_corrupting_the_evaluation_record_changes_no_fitted_number(briefly: Trained, tmp_path: Path) -> None:
     path = make_study(tmp_path)
     for name, topic in (("measured_385.mcap", "/measured"), ("simulated_385.mcap", "/simulation")):
         record = read(tmp_path / name)
         broken = replace(record, values=1e3 * np.random.default_rng(1).normal(size=record.values.shape))
         with writer(tmp_path / name) as out:
             out.write(topic, broken)
-    assert train(load_study(path), SMALL).content == trained.content
+    assert train(load_study(path), BRIEF).content == briefly.content
 
 
-def test_corrupting_a_development_record_does_change_them(trained: Trained, tmp_path: Path) -> None:
+def test_corrupting_a_development_record_does_change_them(briefly: Trained, tmp_path: Path) -> None:
     path = make_study(tmp_path)
     record = read(tmp_path / "measured_340.mcap")
     broken = record.values.copy()
     broken[:, :2] *= 1.01
     with writer(tmp_path / "measured_340.mcap") as out:
         out.write("/measured", replace(record, values=broken))
-    assert train(load_study(path), SMALL).content != trained.content
+    assert train(load_study(path), BRIEF).content != briefly.content
 
 
 def test_it_helps_at_the_speed_that_was_held_out(study: Study, trained: Trained, tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
-from closed_form import SMALL, make_study
+from closed_form import BRIEF, make_study
 
 from fmucorrect import bundle, cli
 from fmucorrect.study import Study
@@ -15,10 +15,10 @@ from fmucorrect.training.results import lines, train_into
 from fmucorrect.training.tasks import Workshop
 
 
-def test_the_three_files_agree(study: Study, trained: Trained, tmp_path: Path) -> None:
+def test_the_three_files_agree(study: Study, briefly: Trained, tmp_path: Path) -> None:
     (tmp_path / "card.md").write_text("an old one")
-    done = train_into(tmp_path, study, SMALL, "the test", Workshop())
-    assert (tmp_path / "corrector.onnx").read_bytes() == trained.content
+    done = train_into(tmp_path, study, BRIEF, "the test", Workshop())
+    assert (tmp_path / "corrector.onnx").read_bytes() == briefly.content
     assert sorted(path.name for path in tmp_path.iterdir()) == ["card.md", "corrector.onnx", "evaluation.json"]
     figures = json.loads((tmp_path / "evaluation.json").read_text())["conditions"]
     assert [item["condition"] for item in figures] == ["300", "320", "340", "360", "385"]
