@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float64, Int
 
 from fmucorrect.discovery.candidates import Curve
-from fmucorrect.discovery.fit import PROBE, Fitted, Setting, fit, joint_covariance, put_back, stepped
+from fmucorrect.discovery.fit import PROBE, Fitted, Setting, fit, joint_covariance, judge_at, put_back, stepped
 from fmucorrect.discovery.problem import Model, Problem
 from fmucorrect.discovery.sets import LONG
 from fmucorrect.discovery.terms import Term, coordinates, linear, proportional
@@ -20,13 +20,14 @@ MEMBERS = 6
 """Members of which all parts are tried."""
 EXPLAINED = 0.1
 """Share of what leaving members out costs that may stay when one other comes in, to first order."""
-FITTED = 4
-"""Condensed sets that are fitted."""
+SHOWN, FITTED = 24, 4
+"""Condensed sets that are simulated as the form has them, and those of them that are fitted."""
 
 
 def condensed(problem: Problem, setting: Setting, best: Fitted, curves: Sequence[Curve]) -> list[Fitted]:
     """The set with two or more of its members of one number (offsets of parameters; forces with a factor) in the place of which
-    there is one other that is linear: looked for on the fit's quadratic form, and fitted from there."""
+    there is one other that is linear: looked for on the fit's quadratic form, and fitted from there. Far from the fit the form
+    may be wrong, so that what it lists is simulated first."""
     ends = np.cumsum([0, *(len(term.estimated) for term in best.model.terms)])
     own = [t for t, term in enumerate(best.model.terms) if proportional(term)]
     if not 2 <= len(own) <= MEMBERS:
@@ -48,8 +49,15 @@ def condensed(problem: Problem, setting: Setting, best: Fitted, curves: Sequence
             if new is not None:
                 listed.append((share, _with(best.model, part, ends, change, new)))
     listed.sort(key=lambda item: item[0])
+    models = [model for _, model in listed[:SHOWN]]
+    shown = [
+        (judge_at(setting, best, model, y).surprise, model, y)
+        for model, y in zip(models, problem.many(models), strict=True)
+        if y is not None
+    ]
+    shown.sort(key=lambda item: item[0])
     around = replace(setting, base=best.base)
-    fits = [fit(problem, around, model, LONG, rival=best.surprise) for _, model in listed[:FITTED]]
+    fits = [fit(problem, around, model, LONG, y, rival=best.surprise) for _, model, y in shown[:FITTED]]
     return [fitted for fitted in fits if fitted is not None]
 
 
