@@ -35,6 +35,8 @@ WHOLE = 60.0
 """Seconds of a single tone that the numbers are fitted to at last: its end too, and how the model comes to rest behind it."""
 LAST = 6
 """Steps with sensitivities from both sides."""
+FEW = 0.3
+"""Share of independent rows below which the fit is tried with all."""
 NOTHING = 2.0
 """Standard deviations from nothing at which an effect is none: it explains less than any price of it."""
 ALIKE = 4.0
@@ -51,7 +53,7 @@ def ended(problem: Problem, setting: Setting, base: Fitted, best: Fitted) -> Fit
     if not best.model.terms:
         return best
     own = replace(setting, base=best.base)
-    best = _refitted(problem, own, best, best.model)
+    best = _further(problem, own, _refitted(problem, own, best, best.model))
     freed = _freed(best.model)
     best = best if freed == best.model else _refitted(problem, own, best, freed)
     later = _later(problem, setting, best)
@@ -84,6 +86,15 @@ def _refitted(problem: Problem, setting: Setting, best: Fitted, model: Model) ->
     """The model fitted from there, or what was best before."""
     fitted = fit(problem, setting, model, LONG, best.at)
     return fitted if fitted is not None and fitted.surprise < best.surprise else best
+
+
+def _further(problem: Problem, setting: Setting, best: Fitted) -> Fitted:
+    """Where what is left hangs together from row to row, the fit takes it for little evidence, and may have stopped half way.
+    Once more with all rows for independent, and from there as before."""
+    if setting.share > FEW:
+        return best
+    found = fit(problem, replace(setting, share=1.0), best.model, LONG, best.at)
+    return best if found is None else _refitted(problem, setting, best, found.model)
 
 
 def _later(problem: Problem, setting: Setting, best: Fitted) -> Fitted | None:
