@@ -1,5 +1,6 @@
 """Shapes and types of the whole package are checked while the tests run; no test is asked how long it takes."""
 
+import pytest
 from hypothesis import settings
 from jaxtyping import install_import_hook
 
@@ -7,3 +8,12 @@ hook = install_import_hook("fmucorrect", "beartype.beartype")
 
 settings.register_profile("untimed", deadline=None)
 settings.load_profile("untimed")
+
+TOGETHER = ("training", "wrapping")
+"""Folders whose tests share what takes long to make: under pytest-xdist they stay in one process, others file by file."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    for item in items:
+        folder = item.path.parent.name
+        item.add_marker(pytest.mark.xdist_group(folder if folder in TOGETHER else item.path.stem))
