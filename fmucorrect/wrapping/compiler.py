@@ -59,9 +59,10 @@ def compile_library(
         extra = ["-lm", "-ldl", "-Wl,--build-id=none"]
     command = [
         *(sys.executable, "-m", "ziglang", "cc", "-target", target),
-        *(*_FLAGS, *flags, *extra, "-o", str(output.resolve()), *names),
+        *(*_FLAGS, *flags, *extra, "-o", output.name),  # no path: zig takes "%41" in it for "A"
+        *(str(sources.resolve() / name) for name in names),
     ]
-    result = subprocess.run(command, cwd=sources, capture_output=True, text=True)
+    result = subprocess.run(command, cwd=output.parent, capture_output=True, text=True)
     if result.returncode:
         raise WrapError(f"the C compiler refused: {' '.join(command[1:])}\n{result.stderr}", where=str(sources))
     if result.stderr:
