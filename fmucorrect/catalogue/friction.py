@@ -95,6 +95,11 @@ def _holding(motion: Motion, force: float) -> dict[str, float]:
     return {"friction_force": force, **_stick(motion)}
 
 
+def _never_sliding(displacement: float, force: float) -> Mapping[str, float]:
+    """Twice the force that there is, and as stiff until it slides."""
+    return {"friction_force": 2.0 * force, "stick_displacement": 2.0 * displacement}
+
+
 def _falls_within(share: float) -> Guess:
     """Breakaway half as high again as sliding, gone at a share of the peak velocity."""
 
@@ -174,6 +179,7 @@ LAWS = (
         guesses=(_holding,),
         main="friction_force",
         estimated=("friction_force", "stick_displacement"),
+        holds=_never_sliding,
         states=(_BRISTLE,),
         note=f"Dahl's friction with a damping of its own. {_HOLD}",
     ),

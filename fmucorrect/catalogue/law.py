@@ -172,8 +172,9 @@ class Law:
     main: the parameter that says how strong it is. estimated: what data decide; the others stay as guessed, and are
     fitted to the best set alone. signed: whether it may act the other way round. special: simpler effects that it becomes
     with special numbers; it is named only where these do clearly worse. becomes: of those, by label, numbers from its own,
-    where the same names do not do. extends: laws by label that it contains, and its numbers from theirs. reverse: how, where
-    not by the sign (or inverse) of `main`.
+    where the same names do not do. extends: laws by label that it contains, and its numbers from theirs. holds: its numbers
+    with which it holds a joint still that gives by a displacement (m or rad) under a force (N or N.m). reverse: how, where not
+    by the sign (or inverse) of `main`.
     """
 
     name: str
@@ -193,6 +194,7 @@ class Law:
     special: tuple[str, ...] = ()
     becomes: tuple[tuple[str, Extension], ...] = ()
     extends: tuple[tuple[str, Extension], ...] = ()
+    holds: Callable[[float, float], Mapping[str, float]] | None = None
     states: tuple[State, ...] = ()
     form: str = ""
     note: str = ""

@@ -16,6 +16,7 @@ from fmucorrect.discovery.candidates import Curve, candidates, places, signals
 from fmucorrect.discovery.condensing import condensed
 from fmucorrect.discovery.ending import ended, needed
 from fmucorrect.discovery.fit import Fitted, Setting, begin, begin_as, fit, price
+from fmucorrect.discovery.held import held
 from fmucorrect.discovery.lines import line, stands
 from fmucorrect.discovery.look import EXPLAINED, at_other_places, look, regrouped, rivals
 from fmucorrect.discovery.marks import Marks, with_marks
@@ -87,8 +88,9 @@ def name(problem: Problem, progress: Progress = lambda stage, done, total: None)
     if sets:  # its numbers to their end; compared with the others as they were fitted alike
         best = ended(problem, setting, naming.base, sets[0][1])
         best = needed(problem, setting, naming.base, best)
-        told[0] = replace(best, surprise=told[0].surprise)
-        told = [told[0], *(fitted for fitted in told[1:] if names(fitted) != names(best))]
+        best = replace(best, surprise=told[0].surprise)
+        beside = [*held(problem, setting, best), *told[1:]]
+        told = [best, *(fitted for fitted in beside if names(fitted) != names(best))]
     return replace(naming, sets=tuple(told))
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -41,6 +42,8 @@ WIDEST = 3.0
 """Standard deviation that a model's number counts with at most, in logarithms or units of its coordinate."""
 RUNAWAY = 10.0
 """A response larger than what was measured by this factor, at another speed, is an instability."""
+SIDES = (1.0, -1.0)
+"""In which a number that is not known is moved."""
 FOLLOWS = 0.02
 """Share of an input that may be foreign to the excitation, and its rates, when it is scaled along with it."""
 
@@ -172,25 +175,34 @@ def _follow(conditions: Sequence[Condition]) -> Mapping[str, float]:
     return {name: r[0] for name, r in ratios.items() if r[0] != 0.0 and np.allclose(r, r[0], rtol=1e-6, atol=0.0)}
 
 
-def _simulated(problem: Problem, repeat: Repeat, models: Sequence[Model]) -> list[Float64[np.ndarray, "N J"]] | None:
-    """Responses, in this thread; None where the solver gives up with one of them."""
+def _simulated(
+    problem: Problem, repeat: Repeat, asked: Sequence[Sequence[tuple[Model, float]]]
+) -> list[tuple[Float64[np.ndarray, "N J"], float]] | None:
+    """For each row of models the response of the first with which the solver does not give up, in this thread, and the number
+    that stands beside it; None where it gives up with all of a row."""
     assert problem.library is not None
-    item = _Repeated(problem.study, repeat, problem.library, problem.substeps)
-    try:
-        whole = [simulate(problem.study, item, repeat.condition, m, problem.tolerated) for m in models]
-        return [y[repeat.trial.rows] for y in whole]
-    except FmuError:
-        return None
-    finally:
-        item.close()
+    found: list[tuple[Float64[np.ndarray, "N J"], float]] = []
+    with closing(_Repeated(problem.study, repeat, problem.library, problem.substeps)) as item:
+        for row in asked:
+            for model, number in row:
+                try:
+                    y = simulate(problem.study, item, repeat.condition, model, problem.tolerated)
+                except FmuError:
+                    continue
+                found.append((y[repeat.trial.rows], number))
+                break
+            else:
+                return None
+    return found
 
 
 def _looked(problem: Problem, setting: Setting, models: Sequence[Fitted], repeat: Repeat) -> Apart | None:
     """With what stays uncertain taken from the condition that is repeated, as if all were linear in its excitation."""
-    responses = _simulated(problem, repeat, [fitted.model for fitted in models])
+    found = _simulated(problem, repeat, [[(fitted.model, 1.0)] for fitted in models])
     most = np.inf if repeat.speed is None else RUNAWAY * np.ptp(repeat.trial.measured)
-    if responses is None or max(map(np.ptp, responses)) > most:
+    if found is None or max(np.ptp(y) for y, _ in found) > most:
         return None
+    responses = [y for y, _ in found]
     apart = Apart(repeat, tuple(repeat.trial.evidence(y).ravel() for y in responses), responses[0])
     rows = problem.rows[repeat.k]
     own = [repeat.scale * fitted.slopes[rows] @ directions(fitted) for fitted in models]
@@ -200,23 +212,27 @@ def _looked(problem: Problem, setting: Setting, models: Sequence[Fitted], repeat
 def _refined(
     problem: Problem, setting: Setting, models: Sequence[Fitted], apart: Apart, pool: ThreadPoolExecutor
 ) -> Apart | None:
-    """With what stays uncertain simulated there."""
+    """With what stays uncertain simulated there; to the other side where the solver gives up."""
     best = models[0].model
-    shifts = PERTURBED * np.eye(len(best.base))
-    asked = [(replace(best, base=tuple(best.base + shift)), 1.0 / PERTURBED, apart.at[0]) for shift in shifts]
+    asked: list[list[tuple[Model, float]]] = []
+    around: list[Float64[np.ndarray, " n"]] = []
+    for shift in PERTURBED * np.eye(len(best.base)):
+        asked.append([(replace(best, base=tuple(best.base + side * shift)), side / PERTURBED) for side in SIDES])
+        around.append(apart.at[0])
     for fitted, at in zip(models, apart.at, strict=True):
         for direction in directions(fitted).T:
             size = float(np.linalg.norm(direction))
-            step = min(max(size, PROBE), LONGEST)
-            asked.append((stepped(fitted.model, direction * (step / size)), size / step, at))
+            step = min(max(size, PROBE), LONGEST) / size
+            asked.append([(stepped(fitted.model, side * step * direction), side / step) for side in SIDES])
+            around.append(at)
     share = max(1, -(-len(asked) // problem.workers))
-    parts = [[model for model, _, _ in asked[i : i + share]] for i in range(0, len(asked), share)]
+    parts = [asked[i : i + share] for i in range(0, len(asked), share)]
     columns = [np.zeros_like(apart.at[0])]
-    rest = iter(asked)
-    for responses in pool.map(lambda part: _simulated(problem, apart.repeat, part), parts):
-        if responses is None:
+    rest = iter(around)
+    for found in pool.map(lambda part: _simulated(problem, apart.repeat, part), parts):
+        if found is None:
             return None
-        for y, (_, factor, at) in zip(responses, rest, strict=False):
+        for (y, factor), at in zip(found, rest, strict=False):
             columns.append(factor * (apart.repeat.trial.evidence(y).ravel() - at))
     return _judged(problem, setting, models, apart, np.stack(columns, axis=1))
 

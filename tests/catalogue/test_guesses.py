@@ -98,6 +98,15 @@ def test_where_a_law_gives_way_to_another_that_does_about_the_same(law, label, n
         assert np.linalg.norm(other - old) < 0.5 * np.linalg.norm(old)
 
 
+@pytest.mark.parametrize("law", [law for law in LAWS.values() if law.holds], ids=lambda law: law.label)
+def test_what_holds_a_joint_is_a_spring_at_first(law):
+    displacement, force = 2e-6, 3e3
+    values = law.complete(law.holds(displacement, force))
+    share = 0.1 * T / T[-1]  # pulled slowly, so that nothing is damped
+    inputs = {"time": T, "displacement": share * displacement, "velocity": np.full(2 * N, 0.1 * displacement / T[-1])}
+    np.testing.assert_allclose(forces(law, inputs, values), share[N:] * force, rtol=0.1)
+
+
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
 def test_a_joint_that_shows_nothing_gives_no_scale_and_no_error(law):
     still = Motion(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
