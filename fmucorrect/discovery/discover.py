@@ -213,7 +213,7 @@ def sentence(report: dict[str, Any], checked: Sequence[Gap]) -> str:
         moved = f" after its parameters moved by at most {abs(by[most]):.2g} of their tolerances ({most})" if by else ""
         return f"Simulation and measurement agree to the sensors' noise{moved}: nothing is missing that these data can show."
     if report["verdict"] == "unexplained":
-        left = f"{100 * report['unexplained']:.2g} % of the residual's energy stays"
+        left = f"{100 * report['unexplained']:.3g} % of the residual's energy stays"
         nearest = max(report["suspects"], key=_share, default=None)
         if nearest is not None and _share(nearest) >= TOO_MUCH:
             number = f"{nearest['varies']['parameter'].replace('_', ' ')} would have to differ by {100 * _share(nearest):.0f} %"

@@ -24,22 +24,32 @@ QUICK = (
 """A small subset, by key: for continuous integration."""
 
 
+SEED = "seed"
+"""What the keys of all seeds but the first begin with."""
+
+
 def name_of(programme: str, key: str) -> str:
-    """A name that tells nothing."""
-    return f"{programme[:3]}_{zlib.crc32(key.encode()) % 100_000:05d}"
+    """A name that tells nothing; longer where there is a seed, as five digits come twice with one in three seeds."""
+    number = zlib.crc32(key.encode())
+    return f"{programme[:3]}_{number:010d}" if key.startswith(SEED) else f"{programme[:3]}_{number % 100_000:05d}"
 
 
-def subset(which: str) -> list[Spec]:
-    """quick, oscillator, rig (tone and sweep) or all."""
+def subset(which: str, seed: int = 0) -> list[Spec]:
+    """quick, oscillator, rig (tone and sweep) or all. seed: another one has as many cases of every kind at other places of the
+    chains, with other numbers and other noise."""
+    keyed = dict(_oscillator_cases(_Dealer(seed)))
     if which == "quick":
-        keyed = dict(_oscillator_cases())
-        return [keyed[key] for key in QUICK]
-    found = [] if which == "rig" else [spec for _, spec in _oscillator_cases()]
+        return [keyed[_salted(seed, key)] for key in QUICK]
+    found = [] if which == "rig" else [*keyed.values()]
     if which != "oscillator":
-        found += rig_cases(name_of)
+        found += rig_cases(name_of, seed)
     names = [spec.name for spec in found]
     assert len(set(names)) == len(names), "two cases of one name"
     return found
+
+
+def _salted(seed: int, key: str) -> str:
+    return f"{SEED} {seed}: {key}" if seed else key
 
 
 def places(effect: str) -> list[Place]:
@@ -67,40 +77,44 @@ def _fits(effect: str, on: Bench, joint: str) -> bool:
 
 
 class _Dealer:
-    """Deals the places of an effect in random order, each once before any comes again."""
+    """Deals the places of an effect in random order, each once before any comes again; and keys of its seed."""
 
-    def __init__(self) -> None:
+    def __init__(self, seed: int) -> None:
+        self._seed = seed
         self._packs: dict[str, list[Place]] = {}
+
+    def key(self, text: str) -> str:
+        return _salted(self._seed, text)
 
     def deal(self, effect: str, skip: int = 0) -> Place:
         pack = self._packs.get(effect)
         if not pack:
             pack = places(effect)
-            np.random.default_rng(zlib.crc32(effect.encode())).shuffle(pack)
+            np.random.default_rng(zlib.crc32(self.key(effect).encode())).shuffle(pack)
             self._packs[effect] = pack
         return pack.pop(skip if skip < len(pack) else 0)
 
 
-def _oscillator_cases() -> Iterator[tuple[str, Spec]]:
-    dealer = _Dealer()
+def _oscillator_cases(dealer: _Dealer) -> Iterator[tuple[str, Spec]]:
     for effect in KINDS:
         count = 1 if effect == "sensor_rectification" else 3 if effect in AT_JOINTS else 2
         for i in range(count):
-            yield _case(f"single/{effect}/{i}", "single", dealer.deal(effect), effect, 0.01, bool(i % 2))
+            yield _case(dealer.key(f"single/{effect}/{i}"), "single", dealer.deal(effect), effect, 0.01, bool(i % 2))
     for i, effect in enumerate(KINDS):
-        yield _case(f"noisy/{effect}", "single", dealer.deal(effect), effect, 0.05, bool(i % 2))
+        yield _case(dealer.key(f"noisy/{effect}"), "single", dealer.deal(effect), effect, 0.05, bool(i % 2))
     mains = [name for name in AT_JOINTS if name not in ("preload", "periodic_force", "linear_stiffness")]
     for i, outside in enumerate([*OUTSIDE, *OUTSIDE]):
         effect = mains[(5 * i + 2) % len(mains)]
-        yield _unmodelled(f"unmodelled/{outside}/{i}", dealer.deal(effect), effect, outside, bool(i % 2))
+        yield _unmodelled(dealer.key(f"unmodelled/{outside}/{i}"), dealer.deal(effect), effect, outside, bool(i % 2))
     for i in range(20):
         yield _background(i, dealer, mains[(3 * i + 1) % len(mains)])
     faint = ("coulomb_friction", "cubic_stiffness", "linear_stiffness", "sensor_gain")
     for i, (effect, wanted) in enumerate([(e, m) for e in faint for m in (2.0, 25.0)]):
-        yield _case(f"faint/{effect}/{wanted:g}", "faint", dealer.deal(effect), effect, 0.01, bool(i % 2), wanted)
+        key = dealer.key(f"faint/{effect}/{wanted:g}")
+        yield _case(key, "faint", dealer.deal(effect), effect, 0.01, bool(i % 2), wanted)
     for i in range(30):
         on = list(CHAINS)[i % len(CHAINS)]
-        key = f"null/{i}"
+        key = dealer.key(f"null/{i}")
         recorded = ("none", "command", "actual")[i % 3]
         spec = Spec(
             name_of(OSCILLATOR, key), on, "null", 0.05 if i % 4 == 3 else 0.01, bool(i % 2), (), recorded=recorded
@@ -108,7 +122,7 @@ def _oscillator_cases() -> Iterator[tuple[str, Spec]]:
         yield key, spec
     for outside in OUTSIDE:
         for i in range(2):
-            yield _outside(outside, i)
+            yield _outside(dealer.key(f"outside/{outside}/{i}"), outside, bool(i % 2))
     yield from _pairs(dealer)
 
 
@@ -172,7 +186,7 @@ def _stranger(on: Bench, outside: str, share: float, rng: np.random.Generator) -
 
 def _background(i: int, dealer: _Dealer, effect: str) -> tuple[str, Spec]:
     """One or two further effects of the catalogue, each at most half the main one's own mark."""
-    key = f"background/{i}"
+    key = dealer.key(f"background/{i}")
     rng = _rng(key)
     place = dealer.deal(effect)
     on = bench(place[0])
@@ -206,28 +220,28 @@ def _others(on: Bench, taken: list[Wanted], count: int, rng: np.random.Generator
     return found
 
 
-def _outside(outside: str, i: int) -> tuple[str, Spec]:
-    key = f"outside/{outside}/{i}"
+def _outside(key: str, outside: str, base_error: bool) -> tuple[str, Spec]:
     rng = _rng(key)
     sprung = [name for name in CHAINS if sum(k > 0.0 for k in CHAINS[name].k) > 1]
     on = bench(sprung[rng.integers(len(sprung))])
     wanted = _stranger(on, outside, _drawn(rng, 0.1, 0.4), rng)
-    return key, Spec(name_of(OSCILLATOR, key), on.name, "outside", 0.01, bool(i % 2), (wanted,))
+    return key, Spec(name_of(OSCILLATOR, key), on.name, "outside", 0.01, base_error, (wanted,))
 
 
 def _pairs(dealer: _Dealer) -> Iterator[tuple[str, Spec]]:
     """30 pairs, at one joint or at two, and six triples."""
     for i in range(36):
-        key, count = (f"pair/{i}", 1) if i < 30 else (f"triple/{i - 30}", 2)
+        kind, n = ("pair", i) if i < 30 else ("triple", i - 30)
+        key = dealer.key(f"{kind}/{n}")
         rng = _rng(key)
         effect = AT_JOINTS[(7 * i + 3) % len(AT_JOINTS)]
         place = dealer.deal(effect)
         on = bench(place[0])
         wanted = [Wanted(effect, place[1], _drawn(rng, 0.1, 0.4))]
-        for name, where in _others(on, wanted, count, rng):
+        for name, where in _others(on, wanted, 1 if kind == "pair" else 2, rng):
             wanted.append(Wanted(name, where, _drawn(rng, 0.08, 0.3), "second"))
         spec = Spec(
-            *(name_of(OSCILLATOR, key), place[0], "pair" if i < 30 else "triple", 0.01, bool(i % 2), tuple(wanted)),
+            *(name_of(OSCILLATOR, key), place[0], kind, 0.01, bool(i % 2), tuple(wanted)),
             without=_without(effect, place[1], rng),
         )
         yield key, spec

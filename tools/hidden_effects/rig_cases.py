@@ -67,29 +67,30 @@ BACKGROUNDS = (
 OUTSIDE = (("parametric_stiffness", "secondary, lateral"), ("delayed_spring", "primary, yaw, front"))
 
 
-def rig_cases(name_of: Callable[[str, str], str]) -> list[Spec]:
-    """Both programmes, each with nulls and what no catalogue holds."""
+def rig_cases(name_of: Callable[[str, str], str], seed: int) -> list[Spec]:
+    """Both programmes, each with nulls and what no catalogue holds. seed: another one has other numbers and other noise."""
     found: list[Spec] = []
+    salt, more = (f"seed {seed}: ", 1000 * seed) if seed else ("", 0)
 
     def add(
         programme: str, kind: str, key: str, wanted: list[Wanted], base_error: bool, recorded: str = "command"
     ) -> None:
-        name = name_of(programme, f"{programme}/{kind}/{key}")
+        name = name_of(programme, f"{salt}{programme}/{kind}/{key}")
         found.append(Spec(name, f"rig_{programme}", kind, 0.0, base_error, tuple(wanted), recorded=recorded))
 
     for programme, singles, nulls in ((SWEEP, SINGLES, 4), (TONE, SINGLES[:IN_TONE], 3)):
         for i, (effect, place) in enumerate(singles):
-            rng = np.random.default_rng(zlib.crc32(f"{programme} {effect} {place}".encode()))
+            rng = np.random.default_rng(zlib.crc32(f"{salt}{programme} {effect} {place}".encode()))
             recorded = "actual" if effect == "excitation_gain" else "command"
             add(programme, "single", f"{effect}/{place}", [Wanted(effect, place, _drawn(rng))], bool(i % 2), recorded)
         for i in range(nulls):
             add(programme, "null", str(i), [], bool(i % 2), ("command", "actual")[i // 2 % 2])
     for i, pair in enumerate(PAIRS):
-        rng = np.random.default_rng(700 + i)
+        rng = np.random.default_rng(700 + more + i)
         wanted = [Wanted(*item, _drawn(rng, 0.08, 0.3), "second" if n else "main") for n, item in enumerate(pair)]
         add(SWEEP, "pair", str(i), wanted, bool(i % 2))
     for i, (main, *others) in enumerate(BACKGROUNDS):
-        rng = np.random.default_rng(800 + i)
+        rng = np.random.default_rng(800 + more + i)
         share = _drawn(rng, 0.12, 0.4)
         further = [Wanted(*item, share * rng.uniform(0.15, 0.4), "background") for item in others]
         add(SWEEP, "background", str(i), [Wanted(*main, share), *further], bool(i % 2))

@@ -81,6 +81,9 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True, metavar="DIR")
     parser.add_argument("--subset", choices=["quick", "oscillator", "rig", "all"], default="all")
     parser.add_argument("--cases", default="", help="names, or patterns of names or kinds: osc_00123,swe_*,null")
+    parser.add_argument(
+        "--seed", type=int, default=0, help="other cases of the same kinds, which nobody has tuned anything on"
+    )
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--scheduler", default="", metavar="ADDRESS", help="of a dask scheduler")
     parser.add_argument("--generate-only", action="store_true")
@@ -91,7 +94,7 @@ def main() -> None:
     patterns = [text for text in args.cases.split(",") if text]
     specs = [
         spec
-        for spec in subset(args.subset)
+        for spec in subset(args.subset, args.seed)
         if not patterns or any(fnmatch(text, p) for text in (spec.name, spec.kind) for p in patterns)
     ]
     names = [spec.name for spec in specs]
