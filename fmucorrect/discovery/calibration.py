@@ -23,7 +23,8 @@ from fmucorrect.discovery.fit import (
     price,
     put_back,
 )
-from fmucorrect.discovery.problem import Model, Problem
+from fmucorrect.discovery.offsets import with_whole_offsets
+from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.terms import OffsetTerm, Term
 from fmucorrect.discovery.worth import names
 
@@ -105,22 +106,10 @@ def _put_back(
 
 
 def whole(problem: Problem, setting: Setting, fitted: Fitted) -> Fitted:
-    """The same model, an offset with all of its parameter's move in it: what of it a tolerance would allow is no other thing.
-    Parameters that conditions set themselves stay as they are."""
-    own = {name for condition in problem.study.conditions for name in condition.parameters}
-    z = dict(zip(problem.tolerated, fitted.model.base, strict=True))
-
-    def told(term: Term) -> Term:
-        if not isinstance(term, OffsetTerm) or own & {*term.adjustable.parameters}:
-            return term
-        value = term.values["value"] + z.get(term.adjustable, 0.0) * term.scale
-        return replace(term, values={"value": value}) if term.low <= value <= term.high else term
-
-    terms = tuple(told(term) for term in fitted.model.terms)
-    gone = {new.adjustable for new in terms if isinstance(new, OffsetTerm) and new not in fitted.model.terms}
-    if not gone:
+    """The same model, an offset with all of its parameter's move in it: what of that a tolerance would allow is the same."""
+    model = with_whole_offsets(problem, fitted.model)
+    if model == fitted.model:
         return fitted
-    kept = np.array([a not in gone for a in problem.tolerated])
-    base = tuple(float(x) for x in np.where(kept, fitted.model.base, 0.0))
-    moved = replace(fitted, model=Model(terms, base), base=fitted.base * kept)
+    kept = np.array([new == old for new, old in zip(model.base, fitted.model.base, strict=True)])
+    moved = replace(fitted, model=model, base=fitted.base * kept)
     return judge(setting, replace(moved, covariance=covariance(setting, moved)))

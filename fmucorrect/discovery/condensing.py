@@ -1,7 +1,9 @@
-"""Several members that are one: an end of a chain whose springs and dampers are all weaker moves as a heavier one."""
+"""Several members that are one: an end of a chain whose springs and dampers are all weaker moves as a heavier one, and one
+whose masses, springs and dampers are all smaller as one that is pushed harder."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import combinations
@@ -10,42 +12,64 @@ import numpy as np
 from jaxtyping import Float64, Int
 
 from fmucorrect.discovery.candidates import Curve
-from fmucorrect.discovery.fit import PROBE, Fitted, Setting, fit, joint_covariance, judge_at, put_back, stepped
+from fmucorrect.discovery.ending import both_sides
+from fmucorrect.discovery.fit import (
+    FARTHEST,
+    FINEST,
+    PROBE,
+    Fitted,
+    Setting,
+    fit,
+    judge_at,
+    normal,
+    price,
+    put_back,
+    stepped,
+)
 from fmucorrect.discovery.problem import Model, Problem
 from fmucorrect.discovery.sets import LONG
-from fmucorrect.discovery.terms import Term, coordinates, linear, proportional
+from fmucorrect.discovery.terms import ForceTerm, SignalTerm, Term, coordinates, linear, proportional
 from fmucorrect.discovery.worth import names
 
-MEMBERS = 6
-"""Members of which all parts are tried."""
-EXPLAINED = 0.1
+MEMBERS, LEFT = 6, 2
+"""Members of which all parts are tried; of more of them those that leave so many at most."""
+WIDE = 100.0
+"""Standard deviation of a member's coordinate, in its own units, that is taken for no knowledge of it."""
+EXPLAINED = 0.4
 """Share of what leaving members out costs that may stay when one other comes in, to first order."""
 SHOWN, FITTED = 24, 4
 """Condensed sets that are simulated as the form has them, and those of them that are fitted."""
 
 
 def condensed(problem: Problem, setting: Setting, best: Fitted, curves: Sequence[Curve]) -> list[Fitted]:
-    """The set with two or more of its members of one number (offsets of parameters; forces with a factor) in the place of which
-    there is one other that is linear: looked for on the fit's quadratic form, and fitted from there. Far from the fit the form
-    may be wrong, so that what it lists is simulated first."""
+    """The set with two or more of its members of one number (offsets of parameters, forces with a factor, a gain or a lag) in
+    the place of which there is one other that is linear, or an error of a sensor or of what excites; or with one that takes
+    back what base parameters had to move for it. Looked for on the fit's quadratic form, and fitted from there. Far from the
+    fit the form may be wrong, so that what it lists is simulated first."""
     ends = np.cumsum([0, *(len(term.estimated) for term in best.model.terms)])
-    own = [t for t, term in enumerate(best.model.terms) if proportional(term)]
-    if not 2 <= len(own) <= MEMBERS:
+    own = [t for t, term in enumerate(best.model.terms) if proportional(term) or _from_nothing(term)]
+    far = float(np.sum(np.square(best.model.base)))
+    least = max(2, len(own) - LEFT) if len(own) > MEMBERS else 2
+    parts = [[int(ends[t]) for t in part] for n in range(least, len(own) + 1) for part in combinations(own, n)]
+    if not parts and far <= price(setting, 1):
         return []
+    best = _both_sided(problem, best, int(ends[-1]))
     x = np.zeros(int(ends[-1]))
     for t in own:
         x[ends[t]] = _size(best.model.terms[t])
-    parts = [[int(ends[t]) for t in part] for n in range(2, len(own) + 1) for part in combinations(own, n)]
-    alone = joint_covariance(setting, best)
+    alone, _ = _form(setting, best)
     costs = [put_back(alone, part, x)[0] for part in parts]
     listed: list[tuple[float, Model]] = []
     for curve, column in _columns(problem, best, curves):
         more = replace(best, slopes=np.concatenate([best.slopes, column[:, None]], axis=1))
-        C = joint_covariance(setting, more)
+        C, change = _form(setting, more)
+        gain = float(change @ np.linalg.solve(C, change))
+        if gain > price(setting, 1) and (new := _grown(curve, float(change[ends[-1]]))) is not None:
+            listed.append((1.0 - gain / far, _beside(best.model, ends, change, new)))
         for part, alone_cost in zip(parts, costs, strict=True):
             cost, change = put_back(C, part, x)
             share = cost / max(alone_cost, 1e-300)
-            new = curve.term(float(change[ends[-1]]) * curve.size) if share < EXPLAINED else None
+            new = _grown(curve, float(change[ends[-1]])) if share < EXPLAINED else None
             if new is not None:
                 listed.append((share, _with(best.model, part, ends, change, new)))
     listed.sort(key=lambda item: item[0])
@@ -61,24 +85,57 @@ def condensed(problem: Problem, setting: Setting, best: Fitted, curves: Sequence
     return [fitted for fitted in fits if fitted is not None]
 
 
+def _form(setting: Setting, state: Fitted) -> tuple[Float64[np.ndarray, "q q"], Float64[np.ndarray, " q"]]:
+    """The covariance of members and base parameters, and the step to where the form is least. Numbers that nothing tells apart
+    are held by a prior that is far too wide to matter where anything does."""
+    H, g = normal(setting, state, state.slopes)
+    C = np.linalg.inv(H + np.eye(len(H)) / WIDE**2)
+    return C, C @ g
+
+
+def _both_sided(problem: Problem, best: Fitted, count: int) -> Fitted:
+    """The set with sensitivities from both sides: in a direction in which many numbers stand in for each other, what is left of
+    one-sided ones would be taken for a slope."""
+    slopes, base = both_sides(problem, best, np.full(count, FINEST))
+    return replace(best, slopes=slopes, base=base, around=best.model.base)
+
+
 def _columns(
     problem: Problem, best: Fitted, curves: Sequence[Curve]
 ) -> Iterator[tuple[Curve, Float64[np.ndarray, " n"]]]:
-    """Linear candidates that are not in the set, and what one of each changes, by a small one."""
+    """Candidates of one number that are not in the set, forces if they are linear, and what one of each changes, by a small
+    one."""
     have = names(best)
     free = [curve for curve in curves if curve.key not in have and curve.numbers == 1]
     small = [(curve, curve.term(PROBE * curve.size)) for curve in free]
-    small = [(curve, term) for curve, term in small if term is not None and linear(term)]
+    small = [(curve, term) for curve, term in small if term is not None]
+    small = [(curve, term) for curve, term in small if linear(term) or not isinstance(term, ForceTerm)]
     models = [replace(best.model, terms=(*best.model.terms, term)) for _, term in small]
     for (curve, _), y in zip(small, problem.many(models), strict=True):
         if y is not None:
             yield curve, (y - best.at) / PROBE
 
 
+def _grown(curve: Curve, share: float) -> Term | None:
+    """The candidate at a share of its first size; None where it does not act that way round."""
+    return curve.term(share * curve.size) if share > 0.0 or curve.signed else None
+
+
+def _from_nothing(term: Term) -> bool:
+    """Whether it is an error of one number that may be none: a gain, a lag."""
+    if not isinstance(term, SignalTerm) or len(term.estimated) != 1:
+        return False
+    neutral = term.parameter(term.estimated[0]).neutral
+    return neutral is not None and math.isfinite(neutral)
+
+
 def _size(term: Term) -> float:
     """How far a member's coordinate is from nothing, to first order."""
     (name,), (scale,) = term.estimated, coordinates(term)
-    return 1.0 if scale == 0.0 else term.values[name] / scale
+    nothing = term.parameter(name).neutral or 0.0
+    if scale == 0.0:
+        return math.log(term.values[name] / nothing) if nothing > 0.0 else 1.0
+    return (term.values[name] - nothing) / scale
 
 
 def _with(
@@ -88,3 +145,9 @@ def _with(
     steps = [change[k] for t in kept for k in range(int(ends[t]), int(ends[t + 1]))]
     rest = stepped(Model(tuple(model.terms[t] for t in kept)), np.array(steps))
     return Model((*rest.terms, new), model.base)  # what base parameters would take of it, the new member does
+
+
+def _beside(model: Model, ends: Int[np.ndarray, " t"], change: Float64[np.ndarray, " q"], new: Term) -> Model:
+    count = int(ends[-1])
+    base = np.clip(np.asarray(model.base) + change[count + 1 :], -FARTHEST, FARTHEST)
+    return Model((*stepped(model, change[:count]).terms, new), tuple(float(z) for z in base))

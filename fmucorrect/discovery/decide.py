@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from fmucorrect.discovery.fit import Fitted
-from fmucorrect.discovery.naming import CLEAR, Naming
+from fmucorrect.discovery.naming import Naming
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.sets import has_room
 from fmucorrect.discovery.terms import Term
@@ -17,6 +17,9 @@ from fmucorrect.discovery.worth import OPEN, WORTH, names
 
 TEMPER = 2.0
 """By what surprises are divided before they become probabilities: laws and sensors are never quite as assumed."""
+CLEAR = 4.0
+"""A drop of -2 log p below which a further effect is not believed, beside what its name and numbers cost (nulls of the suite
+stay 1 above)."""
 CLOSE = 12.0
 """Sets whose surprise is higher by less cannot be told from the best one."""
 AGREES = 1.3
@@ -59,7 +62,7 @@ def decide(naming: Naming) -> Decision:
     weights = np.exp(-0.5 * np.maximum(behind, 0.0) / TEMPER)
     weights /= weights.sum()
     rivals = tuple(Rival(f, float(w), float(b)) for f, w, b in zip(sets, weights, behind, strict=True))
-    unexplained = left(best, base)
+    unexplained = left(best, base, naming.setting.floor)
     probability = tuple(
         min(sum(r.probability for r in rivals if term.key in names(r.chosen)), 1.0) for term in best.model.terms
     )
@@ -75,9 +78,11 @@ def decide(naming: Naming) -> Decision:
     return Decision(verdict, best, probability, classes, rivals, unexplained)
 
 
-def left(fitted: Fitted, base: Fitted) -> float:
-    """Share of the residual's energy above the noise that a fit leaves; 0 where there was none."""
-    before, after = float(np.mean(base.residual**2)) - 1.0, fitted.s2 - 1.0
+def left(fitted: Fitted, base: Fitted, floor: float) -> float:
+    """Share of the residual's energy above the noise that a fit leaves; 0 where there was none. Of what is there before any
+    parameter has moved, where moving them takes it all."""
+    rest = base.residual if base.s2 > AGREES * floor else base.linear
+    before, after = float(np.mean(rest**2)) - 1.0, fitted.s2 - 1.0
     return 0.0 if before <= 0.0 else min(max(after, 0.0) / before, 1.0)
 
 

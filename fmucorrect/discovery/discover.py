@@ -36,6 +36,8 @@ from fmucorrect.inspection import study_problems
 from fmucorrect.study import Study, load_study
 from fmucorrect.units import parse
 
+TELLING = 2.5
+"""Standard deviations of a sensor's gain or lag from which on the sentence tells it."""
 SURE = 5.0
 """Standard deviations of an error's variance by which it must lie above the noise for something to be left."""
 
@@ -211,6 +213,9 @@ def sentence(report: dict[str, Any], checked: Sequence[Gap]) -> str:
         by = report["adjusted_by"]
         most = max(by, key=lambda name: abs(by[name]), default="")
         moved = f" after its parameters moved by at most {abs(by[most]):.2g} of their tolerances ({most})" if by else ""
+        far, which = max(_sensed(report), default=(0.0, ""))
+        if far >= TELLING:
+            moved += f"{' and' if by else ' after'} the {which} by {far:.2g} standard deviations"
         return f"Simulation and measurement agree to the sensors' noise{moved}: nothing is missing that these data can show."
     if report["verdict"] == "unexplained":
         left = f"{100 * report['unexplained']:.3g} % of the residual's energy stays"
@@ -232,6 +237,11 @@ def sentence(report: dict[str, Any], checked: Sequence[Gap]) -> str:
         return f"The model lacks {what}{after}"
     others = sorted({_called(other) for row in report["effects"] for other in row["indistinguishable_from"]})
     return f"The model lacks {what}, or what these data cannot tell from that ({'; '.join(others)}){after}"
+
+
+def _sensed(report: dict[str, Any]) -> list[tuple[float, str]]:
+    """By how many of the standard deviations that are expected of it each sensor's gain and lag are off, and what that is."""
+    return [(abs(row[f"{of}_by"]), f"{of} of {row['channel']}") for row in report["sensors"] for of in ("gain", "lag")]
 
 
 def _share(row: dict[str, Any]) -> float:

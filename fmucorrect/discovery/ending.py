@@ -131,7 +131,7 @@ def _sharpened(problem: Problem, setting: Setting, state: Fitted) -> Fitted:
     hide in which direction it still goes down, and how far that is unknown."""
     reach = np.clip(problem.reach, -FARTHEST, FARTHEST)
     for _ in range(LAST):
-        slopes, base = _both_sides(problem, state, probes(setting, state, state.slopes))
+        slopes, base = both_sides(problem, state, probes(setting, state, state.slopes))
         state = replace(state, slopes=slopes, base=base, around=state.model.base)
         gained = 0.0
         for damping in np.logspace(-8.0, 0.0, 9):
@@ -144,7 +144,7 @@ def _sharpened(problem: Problem, setting: Setting, state: Fitted) -> Fitted:
     return state
 
 
-def _both_sides(
+def both_sides(
     problem: Problem, state: Fitted, far: Float64[np.ndarray, " p"]
 ) -> tuple[Float64[np.ndarray, "n p"], Float64[np.ndarray, "n A"]]:
     """Sensitivities to the members' coordinates and to the base parameters; one-sided where there is but one side."""

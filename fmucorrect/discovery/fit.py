@@ -11,6 +11,7 @@ from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.kept import remembered
 from fmucorrect.discovery.nuisances import GAIN, PERTURBED, sensitivities
 from fmucorrect.discovery.nuisances import sensors as sensors_of
+from fmucorrect.discovery.offsets import with_whole_offsets
 from fmucorrect.discovery.problem import Model, Problem
 from fmucorrect.discovery.terms import coordinates, moved, room
 
@@ -144,6 +145,7 @@ def fit(
     if at is None:
         return None
     state = judge(setting, Fitted(model, at, setting.measured - at, 1.0, 0.0, setting.base, model.base))
+    state = _whole(problem, setting, state)
     numbers = sum(len(term.estimated) for term in model.terms)
     damping, reach = 1e-2, np.clip(problem.reach, -FARTHEST, FARTHEST)
     slopes = _slopes(problem, state, np.full(numbers, PROBE))
@@ -154,7 +156,7 @@ def fit(
             tried = better(problem, setting, state, step(setting, state, slopes, reach, damping))
             if tried is not None:
                 gained = state.surprise - tried.surprise
-                state, damping = tried, max(damping / 6.0, 1e-6)
+                state, damping = _whole(problem, setting, tried), max(damping / 6.0, 1e-6)
                 break
             damping = max(damping, 1e-3) * 10.0
         anew = False
@@ -178,6 +180,16 @@ def better(problem: Problem, setting: Setting, state: Fitted, following: Model) 
     (y,) = problem.many([following])
     tried = None if y is None else judge_at(setting, state, following, y)
     return tried if tried is not None and tried.surprise < state.surprise else None
+
+
+def _whole(problem: Problem, setting: Setting, state: Fitted) -> Fitted:
+    """Its offsets with all of their parameters' moves: along that direction nothing changes but what the tolerances cost."""
+    model = with_whole_offsets(problem, state.model)
+    if model == state.model:
+        return state
+    shifts = zip(state.around, model.base, state.model.base, strict=True)
+    around = tuple(at + new - old for at, new, old in shifts)  # as far as before from where they were taken
+    return judge(setting, replace(state, model=model, around=around))
 
 
 def _holds(problem: Problem, state: Fitted) -> bool:

@@ -45,8 +45,8 @@ QUICK, PLACES = 45_000, 16
 are more than so many joints and groups."""
 LIKELY, TRANSFERRED = 200.0, 6
 """How far behind, and how many, sets are fitted to all conditions."""
-UNDECIDED = 3
-"""Further ones of them that few conditions do not ask for: about as likely as the best, or more, and not worth it there."""
+NEAR, UNDECIDED = 8.0, 3
+"""How far behind, and how many, further ones of them are that few conditions do not ask for: not worth it there."""
 LOOKS, BESIDE = 5, 3
 """How often all candidates are looked at beside a set, and how many of the best sets that may be."""
 CALIBRATED = 0.02
@@ -55,8 +55,6 @@ AFRESH = 8
 """Candidates that are begun afresh."""
 OPEN = 4.0
 """A variance of the error that all sets leave, in units of its least, above which forces are taken apart."""
-CLEAR = 8.0
-"""A drop of -2 log p below which a further effect is not believed."""
 
 
 @dataclass(frozen=True)
@@ -125,7 +123,7 @@ def _believed(naming: Naming) -> Naming:
 def _likely(found_by_few: Naming, naming: Naming) -> list[Fitted]:
     """What few conditions believe, and what they leave open."""
     best, have = naming.best.surprise, {names(fitted) for fitted in naming.sets}
-    close = [f for f in merged(found_by_few.sets) if f.surprise < best + CLEAR and names(f) not in have]
+    close = [f for f in merged(found_by_few.sets) if f.surprise < best + NEAR and names(f) not in have]
     return [*[f for f in naming.sets if f.surprise < best + LIKELY][:TRANSFERRED], *close[:UNDECIDED]]
 
 
@@ -208,8 +206,9 @@ def _name(problem: Problem, progress: Progress) -> Naming:
     curves = around.curves(base)
     setting = replace(setting, candidates=len(curves))
     progress("calibration", 0, 1)
-    moved = calibrated(problem, setting, base)
-    setting, base, found = settled(problem, setting, base, [] if moved is None else [moved])
+    moved = calibrated(problem, setting, base) or base
+    found = [*([] if moved is base else [moved]), *condensed(problem, setting, moved, curves)]
+    setting, base, found = settled(problem, setting, base, merged(found))
     raw = float(np.mean((setting.measured - at) ** 2))
     parent = found[0] if found and found[0].s2 < CALIBRATED * raw else base
     begun = _begun(around, setting, base) if parent is base and moves and is_far(problem, base) else []
