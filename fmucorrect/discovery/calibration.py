@@ -23,7 +23,7 @@ from fmucorrect.discovery.fit import (
     price,
     put_back,
 )
-from fmucorrect.discovery.offsets import with_whole_offsets
+from fmucorrect.discovery.offsets import free, with_whole_offsets
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.terms import OffsetTerm, Term
 from fmucorrect.discovery.worth import names
@@ -108,8 +108,8 @@ def _put_back(
 def whole(problem: Problem, setting: Setting, fitted: Fitted) -> Fitted:
     """The same model, an offset with all of its parameter's move in it: what of that a tolerance would allow is the same."""
     model = with_whole_offsets(problem, fitted.model)
-    if model == fitted.model:
+    kept = free(problem, model)
+    if not fitted.base[:, ~kept].any() and model == fitted.model:
         return fitted
-    kept = np.array([new == old for new, old in zip(model.base, fitted.model.base, strict=True)])
     moved = replace(fitted, model=model, base=fitted.base * kept)
     return judge(setting, replace(moved, covariance=covariance(setting, moved)))

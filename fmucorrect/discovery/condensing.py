@@ -12,13 +12,13 @@ import numpy as np
 from jaxtyping import Float64, Int
 
 from fmucorrect.discovery.candidates import Curve
-from fmucorrect.discovery.ending import both_sides
 from fmucorrect.discovery.fit import (
     FARTHEST,
     FINEST,
     PROBE,
     Fitted,
     Setting,
+    both_sides,
     fit,
     judge_at,
     normal,

@@ -6,24 +6,17 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float64
 
 from fmucorrect.discovery.calibration import whole
 from fmucorrect.discovery.errorbars import spread
 from fmucorrect.discovery.fit import (
-    FARTHEST,
-    GAINED,
-    PROBE,
     Fitted,
     Setting,
     begin_as,
-    better,
     fit,
     judge,
     judge_at,
-    probes,
-    step,
-    stepped,
+    sharpened,
     with_sensors,
 )
 from fmucorrect.discovery.problem import Model, Problem
@@ -33,8 +26,6 @@ from fmucorrect.discovery.worth import WORTH
 
 WHOLE = 60.0
 """Seconds of a single tone that the numbers are fitted to at last: its end too, and how the model comes to rest behind it."""
-LAST = 6
-"""Steps with sensitivities from both sides."""
 FEW = 0.3
 """Share of independent rows below which the fit is tried with all."""
 NOTHING = 2.0
@@ -120,51 +111,10 @@ def _known(problem: Problem, setting: Setting, fitted: Fitted) -> Fitted:
     """Its last steps, and what is then known of its numbers; an offset with all of its parameter's move in it. Sensors whose
     gain is right are preferred where that is about as likely: what they would take on, the FMU shall give."""
     exact = with_sensors(problem, setting, fitted.model, gain=0.0)
-    right = judge(setting, _sharpened(problem, exact, judge(exact, fitted)))
-    last = _sharpened(problem, setting, right)
+    right = judge(setting, sharpened(problem, exact, judge(exact, fitted)))
+    last = sharpened(problem, setting, right)
     told = whole(problem, setting, last if last.surprise < right.surprise - ALIKE else right)
     return replace(told, covariance=spread(problem, setting, told))
-
-
-def _sharpened(problem: Problem, setting: Setting, state: Fitted) -> Fitted:
-    """A fit's last steps, with sensitivities from both sides. Where numbers can nearly stand in for each other, one-sided ones
-    hide in which direction it still goes down, and how far that is unknown."""
-    reach = np.clip(problem.reach, -FARTHEST, FARTHEST)
-    for _ in range(LAST):
-        slopes, base = both_sides(problem, state, probes(setting, state, state.slopes))
-        state = replace(state, slopes=slopes, base=base, around=state.model.base)
-        gained = 0.0
-        for damping in np.logspace(-8.0, 0.0, 9):
-            tried = better(problem, setting, state, step(setting, state, slopes, reach, float(damping)))
-            if tried is not None:
-                gained, state = state.surprise - tried.surprise, tried
-                break
-        if gained < GAINED:
-            break
-    return state
-
-
-def both_sides(
-    problem: Problem, state: Fitted, far: Float64[np.ndarray, " p"]
-) -> tuple[Float64[np.ndarray, "n p"], Float64[np.ndarray, "n A"]]:
-    """Sensitivities to the members' coordinates and to the base parameters; one-sided where there is but one side."""
-    model, z = state.model, np.asarray(state.model.base)
-    count = len(far)
-    models = [stepped(model, side * move) for move in np.diag(far) for side in (1.0, -1.0)]
-    models += [
-        replace(model, base=tuple(float(x) for x in z + side * move))
-        for move in np.eye(len(z)) * PROBE
-        for side in (1.0, -1.0)
-    ]
-    found = problem.many(models)
-    columns: list[np.ndarray] = []
-    for one in (*far, *np.full(len(z), PROBE)):
-        sides = [(side, y) for side, y in zip((1.0, -1.0), (next(found), next(found)), strict=True) if y is not None]
-        sides = [(side, y) for side, y in sides if (y != state.at).any()]  # not held by a bound
-        changes = [side * (y - state.at) / one for side, y in sides]
-        columns.append(np.mean(changes, axis=0) if changes else np.zeros_like(state.at))
-    jacobian = np.stack(columns, axis=1) if columns else np.zeros((len(state.at), 0))
-    return jacobian[:, :count], jacobian[:, count:]
 
 
 def _freed(model: Model) -> Model:

@@ -27,6 +27,8 @@ HOPE, HOPELESS = 8.0, 60.0
 """A fit is given up when so many more gains like its last one would leave it so far behind its rival."""
 GAINED = 0.3
 """A step that lowers the surprise by less is the last one."""
+LAST = 6
+"""Steps with sensitivities from both sides."""
 SLOW, HOLDS = 3.0, 0.3
 """Where a step lowers the surprise by less, and a sensitivity to a base parameter is off by a larger share, they are taken
 anew."""
@@ -171,8 +173,52 @@ def fit(
             base = sensitivities(problem, state.model, state.at)
             state, damping = replace(state, base=base, around=state.model.base), min(damping, 1e-2)
         slopes = _slopes(problem, state, probes(setting, state, slopes)) if gained > 0.0 else slopes
-    state = replace(state, slopes=slopes)
+    state = sharpened(problem, setting, replace(state, slopes=slopes), rival, min(iterations, LAST))
     return replace(state, covariance=covariance(setting, state))
+
+
+def sharpened(problem: Problem, setting: Setting, state: Fitted, rival: float = np.inf, most: int = LAST) -> Fitted:
+    """A fit's last steps, with sensitivities from both sides. Where numbers can nearly stand in for each other, one-sided ones
+    hide in which direction it still goes down, and how far that is unknown. rival: a surprise to be beaten."""
+    reach = np.clip(problem.reach, -FARTHEST, FARTHEST)
+    for _ in range(most):
+        slopes, base = both_sides(problem, state, probes(setting, state, state.slopes))
+        state = replace(state, slopes=slopes, base=base, around=state.model.base)
+        H, g = normal(setting, state, slopes)
+        gained = 0.0
+        if not len(g) or state.surprise - float(g @ np.linalg.pinv(H, hermitian=True) @ g) > rival + HOPELESS:
+            break
+        for damping in np.logspace(-8.0, 0.0, 9):
+            tried = better(problem, setting, state, step(setting, state, slopes, reach, float(damping)))
+            if tried is not None:
+                gained, state = state.surprise - tried.surprise, _whole(problem, setting, tried)
+                break
+        if gained < GAINED:
+            break
+    return state
+
+
+def both_sides(
+    problem: Problem, state: Fitted, far: Float64[np.ndarray, " p"]
+) -> tuple[Float64[np.ndarray, "n p"], Float64[np.ndarray, "n A"]]:
+    """Sensitivities to the members' coordinates and to the base parameters; one-sided where there is but one side."""
+    model, z = state.model, np.asarray(state.model.base)
+    count = len(far)
+    models = [stepped(model, side * move) for move in np.diag(far) for side in (1.0, -1.0)]
+    models += [
+        replace(model, base=tuple(float(x) for x in z + side * move))
+        for move in np.eye(len(z)) * PROBE
+        for side in (1.0, -1.0)
+    ]
+    found = problem.many(models)
+    columns: list[np.ndarray] = []
+    for one in (*far, *np.full(len(z), PROBE)):
+        sides = [(side, y) for side, y in zip((1.0, -1.0), (next(found), next(found)), strict=True) if y is not None]
+        sides = [(side, y) for side, y in sides if (y != state.at).any()]  # not held by a bound
+        changes = [side * (y - state.at) / one for side, y in sides]
+        columns.append(np.mean(changes, axis=0) if changes else np.zeros_like(state.at))
+    jacobian = np.stack(columns, axis=1) if columns else np.zeros((len(state.at), 0))
+    return jacobian[:, :count], jacobian[:, count:]
 
 
 def better(problem: Problem, setting: Setting, state: Fitted, following: Model) -> Fitted | None:

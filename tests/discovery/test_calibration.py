@@ -40,4 +40,4 @@ def test_as_many_offsets_go_as_the_fits_ask_for_the_cheapest_first(library, tmp_
         found = calibrated(problem, setting, base)
         assert found is not None
         left = [{term.where for term in _put_back(setting, found, least)[0]} for least in (0, 1, 2)]
-    assert left == [{"k1", "c1"}, {"k1"}, set()]
+    assert left == [{"k1", "c1"}, {"c1"}, set()]  # 15 tolerances of one, 25 of the other

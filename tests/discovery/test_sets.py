@@ -86,7 +86,7 @@ def test_an_offset_that_a_tolerance_covers_goes_back_into_it(library, tmp_path):
         start = replace(base, surprise=base.surprise + 1000.0)  # as if its own fit had stopped far from its end
         found, _ = pared(problem, setting, start, [offset])
     assert found.s2 == pytest.approx(offset.s2, rel=0.01)
-    assert found.model.base[0] == pytest.approx(1.5, abs=0.1)
+    assert found.model.base[0] == pytest.approx(1.5, abs=0.15)
 
 
 def test_a_coordinate_is_probed_as_far_as_it_is_uncertain(library, tmp_path):
