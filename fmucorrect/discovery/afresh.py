@@ -15,7 +15,7 @@ import numpy as np
 
 from fmucorrect.catalogue.motion import Motion
 from fmucorrect.discovery.candidates import Curve
-from fmucorrect.discovery.fit import Fitted, Setting, judge_at
+from fmucorrect.discovery.fitted import Fitted, Setting, judge_at
 from fmucorrect.discovery.located import Located, block, located
 from fmucorrect.discovery.motion import Series, along, in_a_row, motion_of, peak
 from fmucorrect.discovery.problem import Model, Problem

@@ -19,7 +19,8 @@ from fmucorrect.catalogue.numeric import force
 from fmucorrect.discovery.afresh import Asked
 from fmucorrect.discovery.candidates import Curve
 from fmucorrect.discovery.evidence import Nuisances, independent
-from fmucorrect.discovery.fit import Fitted, Setting, fit, judge_at
+from fmucorrect.discovery.fit import fit
+from fmucorrect.discovery.fitted import Fitted, Setting, judge_at
 from fmucorrect.discovery.marks import Marks
 from fmucorrect.discovery.motion import Series, in_a_row
 from fmucorrect.discovery.problem import Problem

@@ -12,17 +12,9 @@ from typing import TypeVar
 import numpy as np
 
 from fmucorrect.discovery.candidates import adjustables
-from fmucorrect.discovery.fit import (
-    FARTHEST,
-    Fitted,
-    Setting,
-    covariance,
-    fit,
-    joint_covariance,
-    judge,
-    price,
-    put_back,
-)
+from fmucorrect.discovery.fit import fit
+from fmucorrect.discovery.fitted import Fitted, Setting, judge, price
+from fmucorrect.discovery.form import FARTHEST, covariance, joint_covariance, put_back
 from fmucorrect.discovery.offsets import free, with_whole_offsets
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.terms import OffsetTerm, Term

@@ -12,20 +12,9 @@ import numpy as np
 from jaxtyping import Float64, Int
 
 from fmucorrect.discovery.candidates import Curve
-from fmucorrect.discovery.fit import (
-    FARTHEST,
-    FINEST,
-    PROBE,
-    Fitted,
-    Setting,
-    both_sides,
-    fit,
-    judge_at,
-    normal,
-    price,
-    put_back,
-    stepped,
-)
+from fmucorrect.discovery.fit import FINEST, PROBE, both_sides, fit
+from fmucorrect.discovery.fitted import Fitted, Setting, judge_at, price
+from fmucorrect.discovery.form import FARTHEST, normal, put_back, stepped
 from fmucorrect.discovery.problem import Model, Problem
 from fmucorrect.discovery.sets import LONG
 from fmucorrect.discovery.terms import ForceTerm, SignalTerm, Term, coordinates, linear, proportional

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.stats import chi2
 
-from fmucorrect.discovery.fit import Fitted, Setting
+from fmucorrect.discovery.fitted import Fitted, Setting
 from fmucorrect.discovery.terms import ForceTerm, coordinates
 
 VARIES = 0.15

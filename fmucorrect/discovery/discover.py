@@ -19,7 +19,7 @@ from fmucorrect.discovery.confirm import Gap, carries_over, gaps, sensor_errors
 from fmucorrect.discovery.constancy import TOO_MUCH, varying
 from fmucorrect.discovery.decide import CLOSE, Decision, decide
 from fmucorrect.discovery.elsewhere import library, quietly
-from fmucorrect.discovery.fit import Setting
+from fmucorrect.discovery.fitted import Setting
 from fmucorrect.discovery.kept import Kept
 from fmucorrect.discovery.located import located
 from fmucorrect.discovery.naming import Naming, name

@@ -9,16 +9,8 @@ import numpy as np
 
 from fmucorrect.discovery.calibration import whole
 from fmucorrect.discovery.errorbars import spread
-from fmucorrect.discovery.fit import (
-    Fitted,
-    Setting,
-    begin_as,
-    fit,
-    judge,
-    judge_at,
-    sharpened,
-    with_sensors,
-)
+from fmucorrect.discovery.fit import fit, sharpened
+from fmucorrect.discovery.fitted import Fitted, Setting, begin_as, judge, judge_at, with_sensors
 from fmucorrect.discovery.problem import Model, Problem
 from fmucorrect.discovery.sets import LONG
 from fmucorrect.discovery.terms import ForceTerm, Term

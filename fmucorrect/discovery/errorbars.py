@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float64
 
-from fmucorrect.discovery.fit import Fitted, Setting, joint_covariance
+from fmucorrect.discovery.fitted import Fitted, Setting
+from fmucorrect.discovery.form import joint_covariance
 from fmucorrect.discovery.problem import Problem
 
 

@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float64
 
-from fmucorrect.discovery.evidence import Nuisances
+from fmucorrect.discovery.fitted import Fitted, Setting, judge, judge_at
+from fmucorrect.discovery.form import FARTHEST, covariance, normal, step, stepped
 from fmucorrect.discovery.kept import remembered
-from fmucorrect.discovery.nuisances import GAIN, PERTURBED, sensitivities
-from fmucorrect.discovery.nuisances import sensors as sensors_of
+from fmucorrect.discovery.nuisances import PERTURBED, sensitivities
 from fmucorrect.discovery.offsets import with_whole_offsets
 from fmucorrect.discovery.problem import Model, Problem
-from fmucorrect.discovery.terms import coordinates, moved, room
 
 PROBE, FINEST = 0.02, 1e-3
 """By how much a coordinate is moved for its sensitivity, at most and at least: as far as it is uncertain in between."""
-LONGEST = 0.8
-"""Longest step of a logarithm at once; of any other coordinate, and of a base parameter in tolerances, twice that."""
-FARTHEST = 6.0
-"""Tolerances that a base parameter may be away from its start value."""
 STALE = 1.0
 """Tolerances that a base parameter may move before the sensitivities are taken anew."""
 HOPE, HOPELESS = 8.0, 60.0
@@ -32,100 +27,6 @@ LAST = 6
 SLOW, HOLDS = 3.0, 0.3
 """Where a step lowers the surprise by less, and a sensitivity to a base parameter is off by a larger share, they are taken
 anew."""
-
-
-@dataclass(frozen=True)
-class Setting:
-    """What all fits of a problem share. measured: (n,). sensors: what may be off at them. share: of independent rows.
-    floor: least variance of the error, in units of the noise. base: (n, A) one tolerance of each base parameter.
-    volume: eigenvalues of N'N, of all that is not known exactly, the same for all fits, so that they can be compared.
-    candidates: how many effects at places are tried."""
-
-    measured: Float64[np.ndarray, " n"]
-    sensors: Nuisances
-    base: Float64[np.ndarray, "n A"]
-    volume: Float64[np.ndarray, " m"]
-    share: float
-    floor: float = 1.0
-    candidates: int = 1
-
-
-@dataclass(frozen=True)
-class Fitted:
-    """A set of effects in the loop. model: the FMU with it. at: (n,) its evidence. residual: measured less that. s2: the
-    error's variance, in units of the noise. surprise: -2 log p, with what the members cost. base: (n, A) sensitivities to
-    the base parameters, near the model. slopes: (n, p) those to the members' coordinates. covariance: (p, p) of these, all
-    that is not known exactly integrated out."""
-
-    model: Model
-    at: Float64[np.ndarray, " n"]
-    residual: Float64[np.ndarray, " n"]
-    s2: float
-    surprise: float
-    base: Float64[np.ndarray, "n A"]
-    around: tuple[float, ...]
-    slopes: Float64[np.ndarray, "_ p"] = field(default_factory=lambda: np.zeros((0, 0)))
-    covariance: Float64[np.ndarray, "_ _"] = field(default_factory=lambda: np.zeros((0, 0)))
-
-    @property
-    def linear(self) -> Float64[np.ndarray, " n"]:
-        """The residual with the base parameters' part put back, as if they had stayed at their start values."""
-        return self.residual + self.base @ np.asarray(self.model.base)
-
-    def std(self) -> list[dict[str, float]]:
-        """Standard deviation of every estimated number, a member each."""
-        found: list[dict[str, float]] = []
-        k = 0
-        for term in self.model.terms:
-            row: dict[str, float] = {}
-            for name, scale in zip(term.estimated, coordinates(term), strict=True):
-                size = abs(term.values[name]) if scale == 0.0 else scale
-                row[name] = size * float(np.sqrt(max(self.covariance[k, k], 0.0)))
-                k += 1
-            found.append(row)
-        return found
-
-
-def begin(problem: Problem) -> tuple[Setting, np.ndarray, list[np.ndarray]]:
-    """What all fits share, around the FMU as it is; its evidence and responses."""
-    start = problem.responses(problem.nominal)
-    at = problem.stack(start)
-    sensors = Nuisances(sensors_of(problem, start))
-    own = sensitivities(problem, problem.nominal, at)
-    volume = Nuisances(np.concatenate([own, sensors.columns], axis=1)).values
-    setting = Setting(problem.measured, sensors, own, volume, 1.0)
-    return setting, at, start
-
-
-def begin_as(problem: Problem, before: Setting, model: Model) -> Setting:
-    """What fits to other records share: share, floor and candidates as they were, sensors beside a model."""
-    setting, _, _ = begin(problem)
-    setting = replace(setting, share=before.share, floor=before.floor, candidates=before.candidates)
-    return with_sensors(problem, setting, model)
-
-
-def with_sensors(problem: Problem, setting: Setting, model: Model, gain: float = GAIN) -> Setting:
-    """The setting with sensors that take their part of a model's response. gain: standard deviation of theirs."""
-    return replace(setting, sensors=Nuisances(sensors_of(problem, problem.responses(model), gain)))
-
-
-def price(setting: Setting, numbers: int) -> float:
-    """What a member costs in -2 log p: its name among all candidates, and its numbers (Schwarz 1978)."""
-    count = setting.share * len(setting.measured)
-    return 2.0 * float(np.log(max(setting.candidates, 2))) + numbers * float(np.log(max(count, 2.0)))
-
-
-def judge(setting: Setting, fitted: Fitted) -> Fitted:
-    """The same model's surprise and s2 under a setting; nothing is simulated."""
-    belief = setting.sensors.believe(fitted.residual, setting.share, setting.floor, setting.volume)
-    far = float(np.sum(np.square(fitted.model.base)))
-    prices = sum(price(setting, len(term.estimated)) for term in fitted.model.terms)
-    return replace(fitted, s2=belief.s2, surprise=belief.surprise + far + prices)
-
-
-def judge_at(setting: Setting, state: Fitted, model: Model, at: Float64[np.ndarray, " n"]) -> Fitted:
-    """What was fitted, with another model in its place, whose evidence is `at`."""
-    return judge(setting, replace(state, model=model, at=at, residual=setting.measured - at))
 
 
 @remembered
@@ -266,92 +167,3 @@ def _slopes(problem: Problem, state: Fitted, far: Float64[np.ndarray, " p"]) -> 
             (y,) = problem.many([stepped(model, -np.diag(far)[k])])
             columns[k] = column if y is None else (at - y) / far[k]
     return np.stack(columns, axis=1) if columns else np.zeros((len(at), 0))
-
-
-def stepped(model: Model, steps: Float64[np.ndarray, " p"]) -> Model:
-    """The model after its members' coordinates went `steps`."""
-    rest = iter(float(x) for x in steps)
-    terms = [moved(term, coordinates(term), tuple(next(rest) for _ in term.estimated)) for term in model.terms]
-    return replace(model, terms=tuple(terms))
-
-
-def normal(
-    setting: Setting, state: Fitted, slopes: Float64[np.ndarray, "n p"]
-) -> tuple[Float64[np.ndarray, "q q"], Float64[np.ndarray, " q"]]:
-    """J' K^-1 J and J' K^-1 r of members and base parameters together, sensors in K, the base parameters' prior added."""
-    jacobian = np.concatenate([slopes, state.base], axis=1)
-    level = state.s2 / setting.share
-    sensors = setting.sensors
-    along, rest = sensors.rotated @ jacobian, sensors.rotated @ state.residual
-    inverse = 1.0 / (sensors.values + level)
-    H = (jacobian.T @ jacobian - (along.T * inverse) @ along) / level
-    g = (jacobian.T @ state.residual - (along.T * inverse) @ rest) / level
-    own = slice(slopes.shape[1], None)
-    H[own, own] += np.eye(state.base.shape[1])
-    g[own] -= np.asarray(state.model.base)
-    return H, g
-
-
-def step(
-    setting: Setting,
-    state: Fitted,
-    slopes: Float64[np.ndarray, "n p"],
-    reach: Float64[np.ndarray, "A 2"],
-    damping: float,
-) -> Model:
-    """The model one step on."""
-    H, g = normal(setting, state, slopes)
-    if not len(g):
-        return state.model
-    count = slopes.shape[1]
-    base = np.asarray(state.model.base)
-    scales = [coordinates(term) for term in state.model.terms]
-    longest = [LONGEST if scale == 0.0 else 2.0 * LONGEST for row in scales for scale in row]
-    longest = np.array([*longest, *(2.0 * LONGEST for _ in base)])
-    rooms = [ends for t, row in zip(state.model.terms, scales, strict=True) for ends in room(t, row)]
-    low, high = np.array([*rooms, *((a - z, b - z) for (a, b), z in zip(reach, base, strict=True))]).T
-    damped = H + np.diag(damping * np.diag(H) + 1e-12 * max(float(np.trace(H)), 1e-300))
-    steps = _within(damped, g, np.maximum(low, -longest), np.minimum(high, longest))
-    return replace(stepped(state.model, steps[:count]), base=tuple(float(x) for x in base + steps[count:]))
-
-
-def _within(
-    H: Float64[np.ndarray, "q q"],
-    g: Float64[np.ndarray, " q"],
-    low: Float64[np.ndarray, " q"],
-    high: Float64[np.ndarray, " q"],
-) -> Float64[np.ndarray, " q"]:
-    """H x = g, where a number that would leave its bounds stays at the bound and the others make the best of that."""
-    x, free = np.zeros_like(g), np.ones(len(g), dtype=bool)
-    while free.any():
-        own = np.ix_(free, free)
-        x[free] = np.linalg.solve(H[own], g[free] - H[np.ix_(free, ~free)] @ x[~free])
-        out = free & ((x < low) | (x > high))
-        if not out.any():
-            break
-        x[out] = np.clip(x[out], low[out], high[out])
-        free &= ~out
-    return x
-
-
-def covariance(setting: Setting, state: Fitted) -> Float64[np.ndarray, "p p"]:
-    """Of the members' coordinates, base parameters and sensors integrated out."""
-    count = state.slopes.shape[1]
-    return joint_covariance(setting, state)[:count, :count]
-
-
-def joint_covariance(setting: Setting, state: Fitted) -> Float64[np.ndarray, "q q"]:
-    """Of the members' coordinates and the base parameters, sensors integrated out."""
-    H, _ = normal(setting, state, state.slopes)
-    return np.linalg.pinv(H, hermitian=True)
-
-
-def put_back(
-    C: Float64[np.ndarray, "q q"], out: list[int], x: Float64[np.ndarray, " m"]
-) -> tuple[float, Float64[np.ndarray, " q"]]:
-    """What it costs in -2 log p to put back some coordinates that are x away from nothing, and by how much all move for it.
-
-    With C the covariance of everything at the optimum that is x_E' C_EE^-1 x_E, and -C_.E C_EE^-1 x_E. x: of these at least.
-    """
-    pull = np.linalg.pinv(C[np.ix_(out, out)], hermitian=True) @ x[out]
-    return float(x[out] @ pull), -C[:, out] @ pull

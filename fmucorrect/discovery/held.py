@@ -10,7 +10,8 @@ from jaxtyping import Float64
 
 from fmucorrect.catalogue import CATALOGUE
 from fmucorrect.discovery.candidates import may_act
-from fmucorrect.discovery.fit import Fitted, Setting, fit, judge_at
+from fmucorrect.discovery.fit import fit
+from fmucorrect.discovery.fitted import Fitted, Setting, judge_at
 from fmucorrect.discovery.motion import along, peak
 from fmucorrect.discovery.problem import Model, Problem
 from fmucorrect.discovery.terms import ForceTerm, linear

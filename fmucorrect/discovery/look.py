@@ -9,7 +9,8 @@ import numpy as np
 
 from fmucorrect.discovery.candidates import Curve, may_act, parts, places
 from fmucorrect.discovery.evidence import Nuisances
-from fmucorrect.discovery.fit import Fitted, Setting, fit, judge_at, price
+from fmucorrect.discovery.fit import fit
+from fmucorrect.discovery.fitted import Fitted, Setting, judge_at, price
 from fmucorrect.discovery.marks import PROMISING, Marks, Target, marks
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.search import Search

@@ -15,7 +15,8 @@ from fmucorrect.discovery.calibration import calibrated, whole
 from fmucorrect.discovery.candidates import Curve, candidates, places, signals
 from fmucorrect.discovery.condensing import condensed
 from fmucorrect.discovery.ending import ended, needed
-from fmucorrect.discovery.fit import Fitted, Setting, begin, begin_as, fit, price
+from fmucorrect.discovery.fit import fit
+from fmucorrect.discovery.fitted import Fitted, Setting, begin, begin_as, price
 from fmucorrect.discovery.held import held
 from fmucorrect.discovery.lines import line, stands
 from fmucorrect.discovery.look import EXPLAINED, at_other_places, look, regrouped, rivals

@@ -18,7 +18,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64
 
-from fmucorrect.discovery.fit import LONGEST, PROBE, Fitted, Setting, stepped
+from fmucorrect.discovery.fit import PROBE
+from fmucorrect.discovery.fitted import Fitted, Setting
+from fmucorrect.discovery.form import LONGEST, stepped
 from fmucorrect.discovery.kept import remembered
 from fmucorrect.discovery.nuisances import PERTURBED, sensors
 from fmucorrect.discovery.problem import Model, Problem, simulate

@@ -10,7 +10,9 @@ import numpy as np
 from fmucorrect.catalogue import CATALOGUE
 from fmucorrect.discovery.candidates import may_act
 from fmucorrect.discovery.evidence import independent
-from fmucorrect.discovery.fit import FARTHEST, HOPELESS, Fitted, Setting, fit, judge, price, with_sensors
+from fmucorrect.discovery.fit import HOPELESS, fit
+from fmucorrect.discovery.fitted import Fitted, Setting, judge, price, with_sensors
+from fmucorrect.discovery.form import FARTHEST
 from fmucorrect.discovery.problem import Model, Problem
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, SignalTerm, Term, linear, moved
 from fmucorrect.discovery.worth import admissible, first_of, names

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fmucorrect.discovery.fit import Fitted, Setting, price
+from fmucorrect.discovery.fitted import Fitted, Setting, price
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, linear
 
 WORTH = 0.04

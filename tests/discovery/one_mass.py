@@ -8,7 +8,8 @@ import numpy as np
 from fmucorrect import experiment
 from fmucorrect.catalogue import find
 from fmucorrect.discovery.candidates import places
-from fmucorrect.discovery.fit import Fitted, Setting, begin, fit
+from fmucorrect.discovery.fit import fit
+from fmucorrect.discovery.fitted import Fitted, Setting, begin
 from fmucorrect.discovery.problem import Model, Problem, load, runner, simulate
 from fmucorrect.discovery.terms import ForceTerm
 from fmucorrect.signals import Condition

@@ -10,7 +10,8 @@ from test_nexttest import CONDITIONS, problem_of, setting_of, term
 
 from fmucorrect.discovery.afresh import asked, is_far, starts
 from fmucorrect.discovery.candidates import candidates
-from fmucorrect.discovery.fit import FARTHEST, _within, fit
+from fmucorrect.discovery.fit import _within, fit
+from fmucorrect.discovery.form import FARTHEST
 from fmucorrect.discovery.motion import motions
 from fmucorrect.discovery.sets import extended
 from fmucorrect.discovery.terms import coordinates, moved, room

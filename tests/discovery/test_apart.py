@@ -11,7 +11,8 @@ from one_mass import JOINT, MASS, NOISE, SWEEP, T, shown, silent, term_at, write
 from fmucorrect.discovery.afresh import Asked, asked
 from fmucorrect.discovery.apart import apart, laws_of
 from fmucorrect.discovery.candidates import candidates
-from fmucorrect.discovery.fit import begin, fit
+from fmucorrect.discovery.fit import fit
+from fmucorrect.discovery.fitted import begin
 from fmucorrect.discovery.motion import motions
 from fmucorrect.discovery.problem import Model, load
 from fmucorrect.discovery.terms import ForceTerm

@@ -7,7 +7,8 @@ from one_mass import JOINT, MASS, NOISE, SWEEP, T, shown, sweep, term_at, write
 from fmucorrect.catalogue import find
 from fmucorrect.discovery.candidates import adjustables, candidates
 from fmucorrect.discovery.condensing import condensed
-from fmucorrect.discovery.fit import begin, fit
+from fmucorrect.discovery.fit import fit
+from fmucorrect.discovery.fitted import begin
 from fmucorrect.discovery.marks import with_marks
 from fmucorrect.discovery.motion import motions
 from fmucorrect.discovery.problem import Model, load

@@ -8,7 +8,7 @@ from fmucorrect.discovery.constancy import TOO_MUCH, VARIES, varying
 from fmucorrect.discovery.decide import Decision
 from fmucorrect.discovery.discover import confirmed, sentence
 from fmucorrect.discovery.evidence import Nuisances
-from fmucorrect.discovery.fit import Fitted, Setting
+from fmucorrect.discovery.fitted import Fitted, Setting
 from fmucorrect.discovery.problem import Model
 from fmucorrect.discovery.terms import ForceTerm
 

@@ -13,7 +13,8 @@ from one_mass import APART, JOINT, MASS, NOISE, STEP, shown, term_at, write
 
 from fmucorrect.discovery.candidates import adjustables
 from fmucorrect.discovery.ending import ended, needed
-from fmucorrect.discovery.fit import begin, fit, with_sensors
+from fmucorrect.discovery.fit import fit
+from fmucorrect.discovery.fitted import begin, with_sensors
 from fmucorrect.discovery.problem import Model, load
 from fmucorrect.study import load_study
 

@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 from fmucorrect.discovery.errorbars import spread
 from fmucorrect.discovery.evidence import Nuisances
-from fmucorrect.discovery.fit import Fitted, begin
+from fmucorrect.discovery.fitted import Fitted, begin
 from fmucorrect.discovery.problem import Model
 
 TIMES = 300

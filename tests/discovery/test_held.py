@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from one_mass import JOINT, MASS, NOISE, SWEEP, T, shown, sweep, term_at, write
 
-from fmucorrect.discovery.fit import begin, fit
+from fmucorrect.discovery.fit import fit
+from fmucorrect.discovery.fitted import begin
 from fmucorrect.discovery.held import KNOWN, held
 from fmucorrect.discovery.problem import Model, load
 from fmucorrect.study import load_study

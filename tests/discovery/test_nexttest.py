@@ -11,7 +11,8 @@ pytest.importorskip("sympy")
 
 from one_mass import JOINT, MASS, NOISE, SECONDS, STEP, T, shown, term_at, write
 
-from fmucorrect.discovery.fit import Setting, begin, fit
+from fmucorrect.discovery.fit import fit
+from fmucorrect.discovery.fitted import Setting, begin
 from fmucorrect.discovery.nexttest import SPLIT, exciting, next_test, repeats
 from fmucorrect.discovery.problem import Model, load
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm

@@ -6,7 +6,7 @@ import pytest
 from fmucorrect.discovery.decide import Decision
 from fmucorrect.discovery.discover import rest
 from fmucorrect.discovery.evidence import Nuisances
-from fmucorrect.discovery.fit import Fitted, Setting
+from fmucorrect.discovery.fitted import Fitted, Setting
 from fmucorrect.discovery.problem import Model
 
 ROWS = 5000

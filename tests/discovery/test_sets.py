@@ -13,7 +13,8 @@ from one_mass import TOGETHER, begun, problem_of
 from fmucorrect.catalogue import find
 from fmucorrect.catalogue.signal import SIGNALS
 from fmucorrect.discovery.candidates import adjustables, parts
-from fmucorrect.discovery.fit import FINEST, PROBE, Fitted, fit, probes
+from fmucorrect.discovery.fit import FINEST, PROBE, fit, probes
+from fmucorrect.discovery.fitted import Fitted
 from fmucorrect.discovery.look import at_other_places
 from fmucorrect.discovery.problem import Model, overrides
 from fmucorrect.discovery.sets import ALIKE, distinct, has_room, pared

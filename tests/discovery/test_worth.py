@@ -7,7 +7,7 @@ pytest.importorskip("sympy")
 
 from fmucorrect.catalogue import find
 from fmucorrect.discovery.evidence import Nuisances
-from fmucorrect.discovery.fit import Fitted, Setting
+from fmucorrect.discovery.fitted import Fitted, Setting
 from fmucorrect.discovery.problem import Model
 from fmucorrect.discovery.terms import ForceTerm
 from fmucorrect.discovery.worth import admissible, complete, credible, first_of, names

@@ -1,0 +1,108 @@
+"""What a fit is of and what it comes to: a set of effects in the loop, and how likely it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from jaxtyping import Float64
+
+from fmucorrect.discovery.evidence import Nuisances
+from fmucorrect.discovery.nuisances import GAIN, sensitivities
+from fmucorrect.discovery.nuisances import sensors as sensors_of
+from fmucorrect.discovery.problem import Model, Problem
+from fmucorrect.discovery.terms import coordinates
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What all fits of a problem share. measured: (n,). sensors: what may be off at them. share: of independent rows.
+    floor: least variance of the error, in units of the noise. base: (n, A) one tolerance of each base parameter.
+    volume: eigenvalues of N'N, of all that is not known exactly, the same for all fits, so that they can be compared.
+    candidates: how many effects at places are tried."""
+
+    measured: Float64[np.ndarray, " n"]
+    sensors: Nuisances
+    base: Float64[np.ndarray, "n A"]
+    volume: Float64[np.ndarray, " m"]
+    share: float
+    floor: float = 1.0
+    candidates: int = 1
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A set of effects in the loop. model: the FMU with it. at: (n,) its evidence. residual: measured less that. s2: the
+    error's variance, in units of the noise. surprise: -2 log p, with what the members cost. base: (n, A) sensitivities to
+    the base parameters, near the model. slopes: (n, p) those to the members' coordinates. covariance: (p, p) of these, all
+    that is not known exactly integrated out."""
+
+    model: Model
+    at: Float64[np.ndarray, " n"]
+    residual: Float64[np.ndarray, " n"]
+    s2: float
+    surprise: float
+    base: Float64[np.ndarray, "n A"]
+    around: tuple[float, ...]
+    slopes: Float64[np.ndarray, "_ p"] = field(default_factory=lambda: np.zeros((0, 0)))
+    covariance: Float64[np.ndarray, "_ _"] = field(default_factory=lambda: np.zeros((0, 0)))
+
+    @property
+    def linear(self) -> Float64[np.ndarray, " n"]:
+        """The residual with the base parameters' part put back, as if they had stayed at their start values."""
+        return self.residual + self.base @ np.asarray(self.model.base)
+
+    def std(self) -> list[dict[str, float]]:
+        """Standard deviation of every estimated number, a member each."""
+        found: list[dict[str, float]] = []
+        k = 0
+        for term in self.model.terms:
+            row: dict[str, float] = {}
+            for name, scale in zip(term.estimated, coordinates(term), strict=True):
+                size = abs(term.values[name]) if scale == 0.0 else scale
+                row[name] = size * float(np.sqrt(max(self.covariance[k, k], 0.0)))
+                k += 1
+            found.append(row)
+        return found
+
+
+def begin(problem: Problem) -> tuple[Setting, np.ndarray, list[np.ndarray]]:
+    """What all fits share, around the FMU as it is; its evidence and responses."""
+    start = problem.responses(problem.nominal)
+    at = problem.stack(start)
+    sensors = Nuisances(sensors_of(problem, start))
+    own = sensitivities(problem, problem.nominal, at)
+    volume = Nuisances(np.concatenate([own, sensors.columns], axis=1)).values
+    setting = Setting(problem.measured, sensors, own, volume, 1.0)
+    return setting, at, start
+
+
+def begin_as(problem: Problem, before: Setting, model: Model) -> Setting:
+    """What fits to other records share: share, floor and candidates as they were, sensors beside a model."""
+    setting, _, _ = begin(problem)
+    setting = replace(setting, share=before.share, floor=before.floor, candidates=before.candidates)
+    return with_sensors(problem, setting, model)
+
+
+def with_sensors(problem: Problem, setting: Setting, model: Model, gain: float = GAIN) -> Setting:
+    """The setting with sensors that take their part of a model's response. gain: standard deviation of theirs."""
+    return replace(setting, sensors=Nuisances(sensors_of(problem, problem.responses(model), gain)))
+
+
+def price(setting: Setting, numbers: int) -> float:
+    """What a member costs in -2 log p: its name among all candidates, and its numbers (Schwarz 1978)."""
+    count = setting.share * len(setting.measured)
+    return 2.0 * float(np.log(max(setting.candidates, 2))) + numbers * float(np.log(max(count, 2.0)))
+
+
+def judge(setting: Setting, fitted: Fitted) -> Fitted:
+    """The same model's surprise and s2 under a setting; nothing is simulated."""
+    belief = setting.sensors.believe(fitted.residual, setting.share, setting.floor, setting.volume)
+    far = float(np.sum(np.square(fitted.model.base)))
+    prices = sum(price(setting, len(term.estimated)) for term in fitted.model.terms)
+    return replace(fitted, s2=belief.s2, surprise=belief.surprise + far + prices)
+
+
+def judge_at(setting: Setting, state: Fitted, model: Model, at: Float64[np.ndarray, " n"]) -> Fitted:
+    """What was fitted, with another model in its place, whose evidence is `at`."""
+    return judge(setting, replace(state, model=model, at=at, residual=setting.measured - at))

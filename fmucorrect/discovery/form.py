@@ -1,0 +1,106 @@
+"""The quadratic form that a fit stands on: of a set's numbers and the base parameters, sensors integrated out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float64
+
+from fmucorrect.discovery.fitted import Fitted, Setting
+from fmucorrect.discovery.problem import Model
+from fmucorrect.discovery.terms import coordinates, moved, room
+
+LONGEST = 0.8
+"""Longest step of a logarithm at once; of any other coordinate, and of a base parameter in tolerances, twice that."""
+FARTHEST = 6.0
+"""Tolerances that a base parameter may be away from its start value."""
+
+
+def stepped(model: Model, steps: Float64[np.ndarray, " p"]) -> Model:
+    """The model after its members' coordinates went `steps`."""
+    rest = iter(float(x) for x in steps)
+    terms = [moved(term, coordinates(term), tuple(next(rest) for _ in term.estimated)) for term in model.terms]
+    return replace(model, terms=tuple(terms))
+
+
+def normal(
+    setting: Setting, state: Fitted, slopes: Float64[np.ndarray, "n p"]
+) -> tuple[Float64[np.ndarray, "q q"], Float64[np.ndarray, " q"]]:
+    """J' K^-1 J and J' K^-1 r of members and base parameters together, sensors in K, the base parameters' prior added."""
+    jacobian = np.concatenate([slopes, state.base], axis=1)
+    level = state.s2 / setting.share
+    sensors = setting.sensors
+    along, rest = sensors.rotated @ jacobian, sensors.rotated @ state.residual
+    inverse = 1.0 / (sensors.values + level)
+    H = (jacobian.T @ jacobian - (along.T * inverse) @ along) / level
+    g = (jacobian.T @ state.residual - (along.T * inverse) @ rest) / level
+    own = slice(slopes.shape[1], None)
+    H[own, own] += np.eye(state.base.shape[1])
+    g[own] -= np.asarray(state.model.base)
+    return H, g
+
+
+def step(
+    setting: Setting,
+    state: Fitted,
+    slopes: Float64[np.ndarray, "n p"],
+    reach: Float64[np.ndarray, "A 2"],
+    damping: float,
+) -> Model:
+    """The model one step on."""
+    H, g = normal(setting, state, slopes)
+    if not len(g):
+        return state.model
+    count = slopes.shape[1]
+    base = np.asarray(state.model.base)
+    scales = [coordinates(term) for term in state.model.terms]
+    longest = [LONGEST if scale == 0.0 else 2.0 * LONGEST for row in scales for scale in row]
+    longest = np.array([*longest, *(2.0 * LONGEST for _ in base)])
+    rooms = [ends for t, row in zip(state.model.terms, scales, strict=True) for ends in room(t, row)]
+    low, high = np.array([*rooms, *((a - z, b - z) for (a, b), z in zip(reach, base, strict=True))]).T
+    damped = H + np.diag(damping * np.diag(H) + 1e-12 * max(float(np.trace(H)), 1e-300))
+    steps = _within(damped, g, np.maximum(low, -longest), np.minimum(high, longest))
+    return replace(stepped(state.model, steps[:count]), base=tuple(float(x) for x in base + steps[count:]))
+
+
+def _within(
+    H: Float64[np.ndarray, "q q"],
+    g: Float64[np.ndarray, " q"],
+    low: Float64[np.ndarray, " q"],
+    high: Float64[np.ndarray, " q"],
+) -> Float64[np.ndarray, " q"]:
+    """H x = g, where a number that would leave its bounds stays at the bound and the others make the best of that."""
+    x, free = np.zeros_like(g), np.ones(len(g), dtype=bool)
+    while free.any():
+        own = np.ix_(free, free)
+        x[free] = np.linalg.solve(H[own], g[free] - H[np.ix_(free, ~free)] @ x[~free])
+        out = free & ((x < low) | (x > high))
+        if not out.any():
+            break
+        x[out] = np.clip(x[out], low[out], high[out])
+        free &= ~out
+    return x
+
+
+def covariance(setting: Setting, state: Fitted) -> Float64[np.ndarray, "p p"]:
+    """Of the members' coordinates, base parameters and sensors integrated out."""
+    count = state.slopes.shape[1]
+    return joint_covariance(setting, state)[:count, :count]
+
+
+def joint_covariance(setting: Setting, state: Fitted) -> Float64[np.ndarray, "q q"]:
+    """Of the members' coordinates and the base parameters, sensors integrated out."""
+    H, _ = normal(setting, state, state.slopes)
+    return np.linalg.pinv(H, hermitian=True)
+
+
+def put_back(
+    C: Float64[np.ndarray, "q q"], out: list[int], x: Float64[np.ndarray, " m"]
+) -> tuple[float, Float64[np.ndarray, " q"]]:
+    """What it costs in -2 log p to put back some coordinates that are x away from nothing, and by how much all move for it.
+
+    With C the covariance of everything at the optimum that is x_E' C_EE^-1 x_E, and -C_.E C_EE^-1 x_E. x: of these at least.
+    """
+    pull = np.linalg.pinv(C[np.ix_(out, out)], hermitian=True) @ x[out]
+    return float(x[out] @ pull), -C[:, out] @ pull
