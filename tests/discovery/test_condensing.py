@@ -1,18 +1,25 @@
 """An end of a chain whose springs and dampers are weaker is a heavier one: effects that are one are named as one."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from one_mass import JOINT, MASS, NOISE, SWEEP, T, shown, sweep, term_at, write
+from one_mass import begun as begun_with_one
+from one_mass import problem_of as problem_of_one
 
 from fmucorrect.catalogue import find
+from fmucorrect.catalogue.signal import SIGNALS
 from fmucorrect.discovery.candidates import adjustables, candidates
 from fmucorrect.discovery.condensing import condensed
 from fmucorrect.discovery.fit import fit
-from fmucorrect.discovery.fitted import begin
+from fmucorrect.discovery.fitted import begin, price
 from fmucorrect.discovery.marks import with_marks
 from fmucorrect.discovery.motion import motions
-from fmucorrect.discovery.problem import Model, load
-from fmucorrect.discovery.terms import ForceTerm, linear, proportional
+from fmucorrect.discovery.offsets import free, with_whole_offsets
+from fmucorrect.discovery.problem import Model, load, overrides
+from fmucorrect.discovery.terms import ForceTerm, SignalTerm, linear, proportional
+from fmucorrect.discovery.worth import first_of
 from fmucorrect.study import load_study
 
 M2, K2, C2 = 0.5, 400.0, 4.0
@@ -29,6 +36,7 @@ acceleration = "mass2.a"
 name = "both"
 joints = ["joint 1", "joint 2"]
 """
+GAIN = ("excitation_gain", "excitation")
 MASS_2 = ("added_mass", "joint 2")
 APART = "".join(
     f'[[adjustable]]\nparameter = "{name}"\nminimum = {0.1 * at}\nmaximum = {10.0 * at}\ntolerance = 0.02\n'
@@ -119,3 +127,74 @@ def test_which_laws_are_linear_and_which_are_in_their_number(effect, values, is_
     term = ForceTerm(law, "joint 2", (), law.complete(values))
     assert linear(term) is is_linear
     assert proportional(term) is is_proportional
+
+
+def weaker(by):
+    """What a mass that is pushed `by` times as hard as was recorded looks like: all its parameters smaller."""
+    return {name: at / by for name, at in (("m1", 1.0), ("k1", 1000.0), ("c1", 10.0))}
+
+
+def gain_at(problem, start):
+    return [curve for curve in candidates(problem, {}, start) if curve.key == GAIN]
+
+
+def test_parameters_that_are_all_too_large_are_one_gain_of_what_excites(library, tmp_path):
+    with problem_of_one(tmp_path, library, **weaker(1.3)) as problem:
+        setting, _ = begun_with_one(problem)
+        three = fit(problem, setting, replace(problem.nominal, terms=tuple(adjustables(problem))), 30)
+        assert three.s2 < 1.1
+        best = first_of(condensed(problem, setting, three, gain_at(problem, problem.responses(three.model))))
+    (only,) = best.model.terms
+    assert only.key == GAIN
+    assert only.values["gain"] == pytest.approx(1.3, rel=0.01)
+    assert best.surprise < three.surprise
+    assert best.s2 == pytest.approx(three.s2, rel=0.02)
+
+
+def test_tolerances_that_all_had_to_move_are_one_gain_of_what_excites(library, tmp_path):
+    with problem_of_one(tmp_path, library, **weaker(1.08)) as problem:
+        setting, base = begun_with_one(problem)
+        assert base.s2 < 1.1  # nothing is left: the parameters have moved for it
+        assert all(z < -3.0 for z in base.model.base)
+        best = first_of(condensed(problem, setting, base, gain_at(problem, problem.responses(base.model))))
+    (only,) = best.model.terms
+    assert only.values["gain"] == pytest.approx(1.08, rel=0.01)
+    assert best.model.base == pytest.approx((0.0, 0.0, 0.0), abs=0.3)
+    assert best.surprise < base.surprise - price(setting, 1) / 2
+
+
+def test_tolerances_that_moved_a_little_are_not_condensed(library, tmp_path):
+    with problem_of_one(tmp_path, library, **weaker(1.02)) as problem:
+        setting, base = begun_with_one(problem)
+        assert condensed(problem, setting, base, gain_at(problem, problem.responses(base.model))) == []
+
+
+@pytest.mark.parametrize("begun_at", [(1.0, -4.0), (1.08, 0.0), (1.04, 2.0)])
+def test_along_a_valley_a_fit_ends_where_it_is_deepest(library, tmp_path, begun_at):
+    gain, z = begun_at
+    with problem_of_one(tmp_path, library, **weaker(1.08)) as problem:
+        setting, _ = begun_with_one(problem)
+        (law,) = SIGNALS["excitation_gain"]
+        model = Model((SignalTerm(law, "excitation", (), {"gain": gain}),), (z, z, z))
+        found = fit(problem, setting, model, 20)
+    assert found.model.terms[0].values["gain"] == pytest.approx(1.08, rel=0.005)
+    assert found.model.base == pytest.approx((0.0, 0.0, 0.0), abs=0.15)
+
+
+def said(problem, model):
+    """The start values that the FMU gets."""
+    return overrides(problem.study, problem.fmu, problem.trials[0].condition, model, problem.tolerated)
+
+
+def test_an_offset_has_all_of_its_parameters_move(library, tmp_path):
+    with problem_of_one(tmp_path, library, **weaker(1.0)) as problem:
+        offset = next(term for term in adjustables(problem) if term.where == "k1")
+        model = Model((replace(offset, values={"value": 50.0}),), (0.5, 0.0, 1.5))
+        whole = with_whole_offsets(problem, model)
+        before, after = (said(problem, one) for one in (model, whole))
+        assert list(free(problem, whole)) == [a.parameters != ("k1",) for a in problem.tolerated]
+        full = Model((replace(offset, values={"value": offset.high}),), (0.5, 0.0, 1.5))
+        assert with_whole_offsets(problem, full) == full  # no further than it may be
+    assert before == pytest.approx(after)
+    assert whole.terms[0].values["value"] == pytest.approx(50.0 + 0.5 * 0.02 * 1000.0)
+    assert whole.base == (0.0, 0.0, 1.5)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from fmucorrect.discovery.decide import Decision
-from fmucorrect.discovery.discover import rest
+from fmucorrect.discovery.decide import Decision, left
+from fmucorrect.discovery.discover import rest, sentence
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fitted import Fitted, Setting
 from fmucorrect.discovery.problem import Model
@@ -32,3 +32,30 @@ def test_chance_is_not():
 
 def test_what_is_unexplained_says_so_itself():
     assert rest(SETTING, decision("unexplained", 30.0, 0.5)) == []
+
+
+def moved(s2: float, residual: float, z: float) -> Fitted:
+    """A model whose base parameter of one column, 3 units of noise a tolerance, has moved by z."""
+    column = np.full((ROWS, 1), 3.0)
+    nothing = np.zeros(ROWS)
+    return Fitted(Model((), (z,)), nothing, np.full(ROWS, residual), s2, 0.0, column, (z,))
+
+
+def test_what_is_left_is_a_share_of_what_the_parameters_do_not_take():
+    assert left(moved(6.0, 0.0, 0.0), moved(100.0, 11.0, 1.0), 1.0) == pytest.approx(5.0 / 120.0)
+
+
+def test_where_they_take_it_all_it_is_a_share_of_what_they_took():
+    assert left(moved(1.03, 0.0, 0.0), moved(1.03, 1.0, -4.0), 1.0) == pytest.approx(0.03 / (11.0**2 - 1.0), rel=1e-6)
+    assert left(moved(1.0, 0.0, 0.0), moved(1.0, 1.0, 0.0), 1.0) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("lag_by", "said"), [(-5.3, "the lag of x1 by 5.3 standard deviations"), (1.0, "(m1): nothing")]
+)
+def test_agreement_by_a_sensor_that_is_far_off_is_said(lag_by, said):
+    sensors = [{"channel": "x1", "gain_by": 0.4, "lag_by": lag_by}, {"channel": "x2", "gain_by": 0.1, "lag_by": 0.0}]
+    report = {"verdict": "none", "adjusted_by": {"k1": 0.3, "m1": -2.4}, "sensors": sensors}
+    text = sentence(report, [])
+    assert said in text
+    assert "2.4 of their tolerances (m1)" in text
