@@ -12,7 +12,7 @@ from fmucorrect.catalogue.motion import Motion
 from fmucorrect.discovery.afresh import Asked, asked, is_far, starts
 from fmucorrect.discovery.apart import apart
 from fmucorrect.discovery.calibration import calibrated, whole
-from fmucorrect.discovery.candidates import Curve, candidates, places, signals
+from fmucorrect.discovery.candidates import Curve, candidates, places
 from fmucorrect.discovery.condensing import condensed
 from fmucorrect.discovery.ending import ended, needed
 from fmucorrect.discovery.fit import fit
@@ -23,6 +23,7 @@ from fmucorrect.discovery.look import EXPLAINED, at_other_places, look, regroupe
 from fmucorrect.discovery.marks import Marks, with_marks
 from fmucorrect.discovery.motion import motions
 from fmucorrect.discovery.problem import Problem
+from fmucorrect.discovery.remaining import sensors, turning
 from fmucorrect.discovery.sets import (
     LONG,
     Progress,
@@ -36,7 +37,7 @@ from fmucorrect.discovery.sets import (
     settled,
     share_of,
 )
-from fmucorrect.discovery.terms import EXCITATION, OffsetTerm, Term
+from fmucorrect.discovery.terms import OffsetTerm, Term
 from fmucorrect.discovery.worth import LITTLE, admissible, complete, credible, first_of, names
 
 LISTED = (7, 5, 3)
@@ -145,24 +146,13 @@ def _on_all(problem: Problem, found_by_few: Naming, progress: Progress) -> Namin
         found += [] if fitted is None else [fitted]
     setting, base, found = settled(problem, setting, base, found)
     base, found = pared(problem, setting, base, found)
-    setting, base, found = settled(problem, setting, base, [*found, *_sensors(problem, setting, base, found, progress)])
+    found += sensors(problem, setting, base, found, progress)
+    setting, base, found = settled(problem, setting, base, found)
+    found += turning(problem, setting, base, found, progress)
+    setting, base, found = settled(problem, setting, base, found)
     kept = _believed(Naming(base, tuple(found), setting)).sets
     setting, base, found = settled(problem, setting, base, list(kept))
     return _believed(Naming(base, tuple(found), setting))
-
-
-def _sensors(problem: Problem, setting: Setting, base: Fitted, found: list[Fitted], progress: Progress) -> list[Fitted]:
-    """The best set with errors of sensors beside it: all conditions show what a few did not, and to look for these nothing is
-    simulated."""
-    fits: list[Fitted] = []
-    done: list[frozenset[tuple[str, str]]] = []
-    while True:
-        best = first_of(admissible(setting, base, [*found, *fits]))
-        if names(best) in done or not has_room(best):
-            return fits
-        done.append(names(best))
-        curves = [curve for curve in signals(problem, problem.responses(best.model)) if curve.where != EXCITATION]
-        fits += look(problem, replace(setting, base=best.base), best, curves, (1,), progress)[1]
 
 
 @dataclass(frozen=True)
@@ -213,6 +203,8 @@ def _name(problem: Problem, progress: Progress) -> Naming:
     raw = float(np.mean((setting.measured - at) ** 2))
     parent = found[0] if found and found[0].s2 < CALIBRATED * raw else base
     begun = _begun(around, setting, base) if parent is base and moves and is_far(problem, base) else []
+    if len(parent.model.terms) > 1 and parent.s2 < EXPLAINED * setting.floor:  # perhaps one effect does what these do
+        found += look(problem, replace(setting, base=base.base), base, curves, LISTED[:1], progress)[1]
     curves = curves if parent is base else around.curves(parent)
     first, more = look(problem, replace(setting, base=parent.base), parent, curves, LISTED, progress, begun)
     setting, base, found = settled(problem, setting, base, merged([*found, *more]))

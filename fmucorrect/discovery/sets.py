@@ -183,22 +183,26 @@ def _containing(term: Term) -> Iterator[ForceTerm]:
 def finer(
     problem: Problem, setting: Setting, base: Fitted, found: list[Fitted], progress: Progress
 ) -> tuple[Setting, list[Fitted]]:
-    """Where the best set's response hangs on the coupling step, the likely sets fitted again with a finer one; what error is
-    left becomes part of the least error."""
+    """Where the best set's response hangs on the coupling step, or the best one with forces may be behind for that alone, the
+    likely sets fitted again with a finer one; what error of the best is left becomes part of the least error."""
     best = first_of([base, *found])
-    if not any(isinstance(term, ForceTerm) for term in best.model.terms):
+    others = [fitted for fitted in found if not names(best) < names(fitted)]
+    forced = [fitted for fitted in others if any(isinstance(term, ForceTerm) for term in fitted.model.terms)]
+    if not forced:
         return setting, found
-    error = _coupling(problem, best)
-    if error > COARSE:
+    one = first_of(forced)
+    error = _coupling(problem, one)
+    costs = setting.share * len(setting.measured) * error**2
+    if error > COARSE if one is best else one.surprise - best.surprise < costs:
         problem.couple(problem.substeps * FINER)
         again: list[Fitted] = []
-        for i, old in enumerate(found[:REFITTED]):
-            progress("finer coupling", i, REFITTED)
+        likely = [one, *(fitted for fitted in found if fitted is not one)][:REFITTED]
+        for i, old in enumerate(likely):
+            progress("finer coupling", i, len(likely))
             new = fit(problem, replace(setting, base=old.base), old.model, 5)
             again += [] if new is None else [new]
-        if again:
-            found = merged(again)
-            error = _coupling(problem, found[0])
+        found = merged(again) or found
+    error = _coupling(problem, first_of([base, *found]))
     return replace(setting, floor=setting.floor + error**2), found
 
 

@@ -19,10 +19,11 @@ from fmucorrect.study import load_study
 PEAKS = (0.3, 0.4, 0.5, 0.6, 0.7)  # N
 OFFSET = 0.75  # of the sensor, in units of its noise
 FRICTION = 0.0012  # N
+HUM, HERTZ = 0.01, 11.3  # N
 
 
-def problem_of(folder, library, friction=0.0, offset=0.0):
-    """Five sweeps of a mass on a hardening spring, with friction, N, and a sensor's offset in units of its noise."""
+def problem_of(folder, library, friction=0.0, offset=0.0, hum=0.0):
+    """Five sweeps of a mass on a hardening spring, with friction and a hum, N, and a sensor's offset in units of its noise."""
     text = MASS + JOINT + APART
     rng = np.random.default_rng(5)
     for k, peak in enumerate(PEAKS):
@@ -31,7 +32,8 @@ def problem_of(folder, library, friction=0.0, offset=0.0):
         text += SWEEP.replace("sweep", str(k)).replace("force", str(k)).replace("measured.csv", f"measured_{k}.csv")
     (folder / "study.toml").write_text(text, encoding="utf-8")
     study = load_study(folder / "study.toml")
-    forces = Model((spring_of(study), friction_of(study, friction))) if friction else Model((spring_of(study),))
+    further = [friction_of(study, friction)] if friction else [hum_of(study, hum)] if hum else []
+    forces = Model((spring_of(study), *further))
     for k, condition in enumerate(study.conditions):
         y = shown(study, condition, library, forces, len(T))[:, 0]
         write(folder / f"measured_{k}.csv", "x1 [mm]", y + NOISE * (offset + rng.normal(size=len(T))))
@@ -44,6 +46,10 @@ def spring_of(study):
 
 def friction_of(study, force):
     return term_at(study, "coulomb_friction", "joint 1", friction_force=force)
+
+
+def hum_of(study, force):
+    return term_at(study, "periodic_force", "joint 1", amplitude=force, frequency=HERTZ, phase=0.4)
 
 
 def by_few(problem, *sets):
@@ -69,3 +75,12 @@ def test_a_sensor_that_few_conditions_do_not_show_is_found_in_all(library, tmp_p
         by_all = naming._on_all(problem, by_few(problem, (spring,)), lambda stage, done, total: None)
     assert {term.key for term in by_all.best.model.terms} == {spring.key, ("sensor_offset", "x1")}
     assert by_all.best.model.terms[1].values["offset"] == pytest.approx(OFFSET * NOISE, rel=0.1)
+
+
+def test_a_hum_that_few_conditions_do_not_show_is_found_in_all(library, tmp_path):
+    with problem_of(tmp_path, library, hum=HUM) as problem:
+        spring = spring_of(problem.study)
+        by_all = naming._on_all(problem, by_few(problem, (spring,)), lambda stage, done, total: None)
+    assert {term.key for term in by_all.best.model.terms} == {spring.key, ("periodic_force", "joint 1")}
+    assert by_all.best.model.terms[1].values["amplitude"] == pytest.approx(HUM, rel=0.1)
+    assert by_all.best.model.terms[1].values["frequency"] == pytest.approx(HERTZ, rel=1e-3)

@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("ziglang")
 pytest.importorskip("sympy")
 
-from one_mass import TOGETHER, begun, problem_of
+from one_mass import APART, JOINT, TOGETHER, begun, problem_of, silent, term_at
 
 from fmucorrect.catalogue import find
 from fmucorrect.catalogue.signal import SIGNALS
@@ -17,9 +17,11 @@ from fmucorrect.discovery.fit import FINEST, PROBE, fit, probes
 from fmucorrect.discovery.fitted import Fitted
 from fmucorrect.discovery.look import at_other_places
 from fmucorrect.discovery.problem import Model, overrides
-from fmucorrect.discovery.sets import ALIKE, distinct, has_room, pared
+from fmucorrect.discovery.sets import ALIKE, FINER, distinct, finer, has_room, pared
 from fmucorrect.discovery.terms import ForceTerm, SignalTerm
 from fmucorrect.discovery.worth import admissible, first_of, names
+
+MAIN = {"viscous_damping": "damping", "cubic_stiffness": "cubic_stiffness"}
 
 
 def fitted(problem, setting, *wanted, iterations=30):
@@ -123,3 +125,19 @@ def test_the_same_effect_at_a_place_that_is_about_as_likely_is_no_other_set():
 
     left, right, other = at("left", 100.4), at("right", 100.6 + 0.5 * ALIKE), at("other", 101.0 + ALIKE)
     assert distinct([left, right, other]) == [left, other]
+
+
+@pytest.mark.parametrize(
+    ("effect", "number", "finer_one"), [("viscous_damping", 7.0, True), ("cubic_stiffness", 1e6, False)]
+)
+def test_a_force_that_is_behind_for_its_coupling_alone_gets_a_finer_one(library, tmp_path, effect, number, finer_one):
+    with problem_of(tmp_path, library, JOINT + APART, c1=17.0) as problem:
+        setting, base = begun(problem)
+        offset = fitted(problem, setting, "c1")
+        force = term_at(problem.study, effect, "joint 1", **{MAIN[effect]: number})
+        other = fit(problem, setting, Model((force,), problem.nominal.base), 20)
+        assert other.surprise > offset.surprise
+        _, found = finer(problem, setting, base, [offset, other], silent)
+        assert problem.substeps == (FINER if finer_one else 1)
+    again = next(one for one in found if names(one) == names(other))
+    assert (again.surprise < other.surprise) == finer_one
