@@ -13,19 +13,19 @@ from jaxtyping import Float64, Int
 
 from fmucorrect.discovery.candidates import Curve
 from fmucorrect.discovery.fit import FINEST, PROBE, both_sides, fit
-from fmucorrect.discovery.fitted import Fitted, Setting, judge_at, price
+from fmucorrect.discovery.fitted import Fitted, Setting, explains, judge_at, price
 from fmucorrect.discovery.form import FARTHEST, normal, put_back, stepped
 from fmucorrect.discovery.problem import Model, Problem
 from fmucorrect.discovery.sets import LONG
-from fmucorrect.discovery.terms import ForceTerm, SignalTerm, Term, coordinates, linear, proportional
+from fmucorrect.discovery.terms import SignalTerm, Term, coordinates, linear, proportional
 from fmucorrect.discovery.worth import names
 
 MEMBERS, LEFT = 6, 2
 """Members of which all parts are tried; of more of them those that leave so many at most."""
 WIDE = 100.0
 """Standard deviation of a member's coordinate, in its own units, that is taken for no knowledge of it."""
-EXPLAINED = 0.4
-"""Share of what leaving members out costs that may stay when one other comes in, to first order."""
+STAYS, STAYS_NEAR = 0.1, 0.4
+"""Share of what leaving members out costs that may stay when one other comes in, to first order; where all is explained."""
 SHOWN, FITTED = 24, 4
 """Condensed sets that are simulated as the form has them, and those of them that are fitted."""
 
@@ -36,29 +36,30 @@ def condensed(problem: Problem, setting: Setting, best: Fitted, curves: Sequence
     back what base parameters had to move for it. Looked for on the fit's quadratic form, and fitted from there. Far from the
     fit the form may be wrong, so that what it lists is simulated first."""
     ends = np.cumsum([0, *(len(term.estimated) for term in best.model.terms)])
-    own = [t for t, term in enumerate(best.model.terms) if proportional(term) or _from_nothing(term)]
+    near = explains(setting, best)  # only there a gain or a tolerance tells what it stands for
+    own = [t for t, term in enumerate(best.model.terms) if proportional(term) or (near and _from_nothing(term))]
     far = float(np.sum(np.square(best.model.base)))
     least = max(2, len(own) - LEFT) if len(own) > MEMBERS else 2
     parts = [[int(ends[t]) for t in part] for n in range(least, len(own) + 1) for part in combinations(own, n)]
-    if not parts and far <= price(setting, 1):
+    if not (parts or far > price(setting, 1)) or not (near or 2 <= len(own) <= MEMBERS):
         return []
-    best = _both_sided(problem, best, int(ends[-1]))
+    best = _both_sided(problem, best, int(ends[-1])) if near else best
     x = np.zeros(int(ends[-1]))
     for t in own:
         x[ends[t]] = _size(best.model.terms[t])
     alone, _ = _form(setting, best)
-    costs = [put_back(alone, part, x)[0] for part in parts]
+    costs, most = [put_back(alone, part, x)[0] for part in parts], STAYS_NEAR if near else STAYS
     listed: list[tuple[float, Model]] = []
-    for curve, column in _columns(problem, best, curves):
+    for curve, column in _columns(problem, best, curves, near):
         more = replace(best, slopes=np.concatenate([best.slopes, column[:, None]], axis=1))
         C, change = _form(setting, more)
         gain = float(change @ np.linalg.solve(C, change))
-        if gain > price(setting, 1) and (new := _grown(curve, float(change[ends[-1]]))) is not None:
+        if near and gain > price(setting, 1) and (new := _grown(curve, float(change[ends[-1]]))) is not None:
             listed.append((1.0 - gain / far, _beside(best.model, ends, change, new)))
         for part, alone_cost in zip(parts, costs, strict=True):
             cost, change = put_back(C, part, x)
             share = cost / max(alone_cost, 1e-300)
-            new = _grown(curve, float(change[ends[-1]])) if share < EXPLAINED else None
+            new = _grown(curve, float(change[ends[-1]])) if share < most else None
             if new is not None:
                 listed.append((share, _with(best.model, part, ends, change, new)))
     listed.sort(key=lambda item: item[0])
@@ -90,15 +91,15 @@ def _both_sided(problem: Problem, best: Fitted, count: int) -> Fitted:
 
 
 def _columns(
-    problem: Problem, best: Fitted, curves: Sequence[Curve]
+    problem: Problem, best: Fitted, curves: Sequence[Curve], errors: bool
 ) -> Iterator[tuple[Curve, Float64[np.ndarray, " n"]]]:
     """Candidates of one number that are not in the set, forces if they are linear, and what one of each changes, by a small
-    one."""
+    one. errors: of sensors and of what excites, too."""
     have = names(best)
     free = [curve for curve in curves if curve.key not in have and curve.numbers == 1]
     small = [(curve, curve.term(PROBE * curve.size)) for curve in free]
     small = [(curve, term) for curve, term in small if term is not None]
-    small = [(curve, term) for curve, term in small if linear(term) or not isinstance(term, ForceTerm)]
+    small = [(curve, term) for curve, term in small if linear(term) or (errors and isinstance(term, SignalTerm))]
     models = [replace(best.model, terms=(*best.model.terms, term)) for _, term in small]
     for (curve, _), y in zip(small, problem.many(models), strict=True):
         if y is not None:

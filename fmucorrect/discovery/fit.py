@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float64
 
-from fmucorrect.discovery.fitted import Fitted, Setting, judge, judge_at
+from fmucorrect.discovery.fitted import Fitted, Setting, explains, judge, judge_at
 from fmucorrect.discovery.form import FARTHEST, covariance, normal, step, stepped
 from fmucorrect.discovery.kept import remembered
 from fmucorrect.discovery.nuisances import PERTURBED, sensitivities
@@ -48,7 +48,6 @@ def fit(
     if at is None:
         return None
     state = judge(setting, Fitted(model, at, setting.measured - at, 1.0, 0.0, setting.base, model.base))
-    state = _whole(problem, setting, state)
     numbers = sum(len(term.estimated) for term in model.terms)
     damping, reach = 1e-2, np.clip(problem.reach, -FARTHEST, FARTHEST)
     slopes = _slopes(problem, state, np.full(numbers, PROBE))
@@ -59,7 +58,7 @@ def fit(
             tried = better(problem, setting, state, step(setting, state, slopes, reach, damping))
             if tried is not None:
                 gained = state.surprise - tried.surprise
-                state, damping = _whole(problem, setting, tried), max(damping / 6.0, 1e-6)
+                state, damping = tried, max(damping / 6.0, 1e-6)
                 break
             damping = max(damping, 1e-3) * 10.0
         anew = False
@@ -74,7 +73,9 @@ def fit(
             base = sensitivities(problem, state.model, state.at)
             state, damping = replace(state, base=base, around=state.model.base), min(damping, 1e-2)
         slopes = _slopes(problem, state, probes(setting, state, slopes)) if gained > 0.0 else slopes
-    state = sharpened(problem, setting, replace(state, slopes=slopes), rival, min(iterations, LAST))
+    state = replace(state, slopes=slopes)
+    if explains(setting, state):
+        state = sharpened(problem, setting, _whole(problem, setting, state), rival, min(iterations, LAST))
     return replace(state, covariance=covariance(setting, state))
 
 

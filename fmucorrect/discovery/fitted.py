@@ -13,6 +13,9 @@ from fmucorrect.discovery.nuisances import sensors as sensors_of
 from fmucorrect.discovery.problem import Model, Problem
 from fmucorrect.discovery.terms import coordinates
 
+EXPLAINED = 1.3
+"""A variance of the error, over its least, at which a set explains what was measured."""
+
 
 @dataclass(frozen=True)
 class Setting:
@@ -106,3 +109,8 @@ def judge(setting: Setting, fitted: Fitted) -> Fitted:
 def judge_at(setting: Setting, state: Fitted, model: Model, at: Float64[np.ndarray, " n"]) -> Fitted:
     """What was fitted, with another model in its place, whose evidence is `at`."""
     return judge(setting, replace(state, model=model, at=at, residual=setting.measured - at))
+
+
+def explains(setting: Setting, fitted: Fitted) -> bool:
+    """Whether a set explains what was measured."""
+    return fitted.s2 < EXPLAINED * setting.floor

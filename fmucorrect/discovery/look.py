@@ -10,7 +10,7 @@ import numpy as np
 from fmucorrect.discovery.candidates import Curve, may_act, parts, places
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fit import fit
-from fmucorrect.discovery.fitted import Fitted, Setting, judge_at, price
+from fmucorrect.discovery.fitted import EXPLAINED, Fitted, Setting, judge_at, price
 from fmucorrect.discovery.marks import PROMISING, Marks, Target, marks
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.search import Search
@@ -18,8 +18,6 @@ from fmucorrect.discovery.sets import LONG, Progress, extended, merged
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, Term, proportional
 from fmucorrect.discovery.worth import admissible, first_of, names
 
-EXPLAINED = 1.3
-"""A variance of the error, over its least, at which no larger set is looked for at once."""
 APART = 40.0
 """How far behind the same law at another place may be for its numbers to be fitted there."""
 SHAPES = 3

@@ -16,10 +16,10 @@ from fmucorrect.discovery.candidates import Curve, candidates, places
 from fmucorrect.discovery.condensing import condensed
 from fmucorrect.discovery.ending import ended, needed
 from fmucorrect.discovery.fit import fit
-from fmucorrect.discovery.fitted import Fitted, Setting, begin, begin_as, price
+from fmucorrect.discovery.fitted import EXPLAINED, Fitted, Setting, begin, begin_as, explains, price
 from fmucorrect.discovery.held import held
 from fmucorrect.discovery.lines import line, stands
-from fmucorrect.discovery.look import EXPLAINED, at_other_places, look, regrouped, rivals
+from fmucorrect.discovery.look import at_other_places, look, regrouped, rivals
 from fmucorrect.discovery.marks import Marks, with_marks
 from fmucorrect.discovery.motion import motions
 from fmucorrect.discovery.problem import Problem
@@ -198,12 +198,13 @@ def _name(problem: Problem, progress: Progress) -> Naming:
     setting = replace(setting, candidates=len(curves))
     progress("calibration", 0, 1)
     moved = calibrated(problem, setting, base) or base
-    found = [*([] if moved is base else [moved]), *condensed(problem, setting, moved, curves)]
+    found = [] if moved is base else [moved]
+    found += condensed(problem, setting, moved, curves) if explains(setting, moved) else []
     setting, base, found = settled(problem, setting, base, merged(found))
     raw = float(np.mean((setting.measured - at) ** 2))
     parent = found[0] if found and found[0].s2 < CALIBRATED * raw else base
     begun = _begun(around, setting, base) if parent is base and moves and is_far(problem, base) else []
-    if len(parent.model.terms) > 1 and parent.s2 < EXPLAINED * setting.floor:  # perhaps one effect does what these do
+    if len(parent.model.terms) > 1 and explains(setting, parent):  # perhaps one effect does what these do
         found += look(problem, replace(setting, base=base.base), base, curves, LISTED[:1], progress)[1]
     curves = curves if parent is base else around.curves(parent)
     first, more = look(problem, replace(setting, base=parent.base), parent, curves, LISTED, progress, begun)
