@@ -55,7 +55,7 @@ def condensed(problem: Problem, setting: Setting, best: Fitted, curves: Sequence
         C, change = _form(setting, more)
         gain = float(change @ np.linalg.solve(C, change))
         if near and gain > price(setting, 1) and (new := _grown(curve, float(change[ends[-1]]))) is not None:
-            listed.append((1.0 - gain / far, _beside(best.model, ends, change, new)))
+            listed.append((1.0 - gain / max(far, gain), _beside(best.model, ends, change, new)))
         for part, alone_cost in zip(parts, costs, strict=True):
             cost, change = put_back(C, part, x)
             share = cost / max(alone_cost, 1e-300)
