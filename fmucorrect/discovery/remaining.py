@@ -12,7 +12,7 @@ from fmucorrect.discovery.look import look
 from fmucorrect.discovery.marks import with_marks
 from fmucorrect.discovery.motion import motions
 from fmucorrect.discovery.problem import Problem
-from fmucorrect.discovery.sets import Progress, has_room
+from fmucorrect.discovery.sets import MOST, Progress, has_room
 from fmucorrect.discovery.terms import EXCITATION, ForceTerm
 from fmucorrect.discovery.worth import admissible, complete, first_of, names
 
@@ -44,7 +44,8 @@ def turning(
     done: list[frozenset[tuple[str, str]]] = []
     while True:
         best = first_of(admissible(setting, base, [*found, *fits]))
-        if names(best) in done or not has_room(best) or complete(setting, base, [*found, *fits], best):
+        forces = sum(isinstance(term, ForceTerm) for term in best.model.terms)
+        if names(best) in done or forces == MOST or complete(setting, base, [*found, *fits], best):
             return fits
         done.append(names(best))
         curves = _periodic(problem, best)
