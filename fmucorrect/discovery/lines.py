@@ -60,12 +60,12 @@ def stands(
     frequencies: Sequence[float],
 ) -> bool:
     """Whether the residual has a line at a frequency (Hz) of its own in each condition: an order of a rotation. Beyond half
-    the rate of the blocks it shows in them too, folded back."""
+    the rate of the blocks it shows in them too, folded back; conditions whose blocks do not show it do not count."""
     scores: list[float] = []
     for trial, values, frequency in zip(trials, blocks, frequencies, strict=True):
         rate = 1.0 / (step * trial.block)
         if not 0.0 < frequency < FOLDED * rate:
-            return False
+            continue
         window = np.hanning(len(values))[:, None]
         t = np.arange(len(values)) / rate
         size = (values - values.mean(0)) * window
@@ -73,7 +73,7 @@ def stands(
         offsets = [0.0, *(k * apart for k in range(3, 9)), *(-k * apart for k in range(3, 9))]
         power = [float((np.abs(np.exp(-2j * np.pi * (frequency + f) * t) @ size) ** 2).sum()) for f in offsets]
         scores.append(power[0] / max(float(np.median(power[1:])), 1e-300))
-    return float(np.median(scores)) > ORDER
+    return bool(scores) and float(np.median(scores)) > ORDER
 
 
 def _about(power: Float64[np.ndarray, " F"], width: int) -> Float64[np.ndarray, " F"]:

@@ -30,3 +30,9 @@ def test_what_the_means_of_blocks_do_not_show_is_not_asked_for():
     made, rows = trial(66.5, 2.0)
     assert not stands([made], [rows], STEP, [66.5])
     assert not stands([made], [rows], STEP, [0.0])
+
+
+def test_a_condition_that_does_not_show_a_line_does_not_hide_it_in_the_others():
+    made, rows = trial(38.7, 2.0)
+    assert stands([made, made], [rows, rows], STEP, [38.7, 66.5])
+    assert not stands([made, made], [rows, rows], STEP, [46.5, 66.5])
