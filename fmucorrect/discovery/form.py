@@ -60,11 +60,11 @@ def step(
     rooms = [ends for t, row in zip(state.model.terms, scales, strict=True) for ends in room(t, row)]
     low, high = np.array([*rooms, *((a - z, b - z) for (a, b), z in zip(reach, base, strict=True))]).T
     damped = H + np.diag(damping * np.diag(H) + 1e-12 * max(float(np.trace(H)), 1e-300))
-    steps = _within(damped, g, np.maximum(low, -longest), np.minimum(high, longest))
+    steps = within_bounds(damped, g, np.maximum(low, -longest), np.minimum(high, longest))
     return replace(stepped(state.model, steps[:count]), base=tuple(float(x) for x in base + steps[count:]))
 
 
-def _within(
+def within_bounds(
     H: Float64[np.ndarray, "q q"],
     g: Float64[np.ndarray, " q"],
     low: Float64[np.ndarray, " q"],

@@ -10,8 +10,8 @@ from test_nexttest import CONDITIONS, problem_of, setting_of, term
 
 from fmucorrect.discovery.afresh import asked, is_far, starts
 from fmucorrect.discovery.candidates import candidates
-from fmucorrect.discovery.fit import _within, fit
-from fmucorrect.discovery.form import FARTHEST
+from fmucorrect.discovery.fit import fit
+from fmucorrect.discovery.form import FARTHEST, within_bounds
 from fmucorrect.discovery.motion import motions
 from fmucorrect.discovery.sets import extended
 from fmucorrect.discovery.terms import coordinates, moved, room
@@ -116,9 +116,11 @@ def test_a_step_stays_within_its_bounds_and_the_free_numbers_make_the_best_of_it
     root = rng.normal(size=(count, count + 2))
     H, g = root @ root.T, rng.normal(size=count)
     low, high = -rng.uniform(0.0, 1.0, count), rng.uniform(0.0, 1.0, count)
-    x = _within(H, g, low, high)
+    x = within_bounds(H, g, low, high)
     assert (low <= x).all()
     assert (x <= high).all()
     free = (low < x) & (x < high)
     np.testing.assert_allclose((H @ x - g)[free], 0.0, atol=1e-8)
-    np.testing.assert_allclose(_within(H, g, low - np.inf, high + np.inf), np.linalg.solve(H, g), rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(
+        within_bounds(H, g, low - np.inf, high + np.inf), np.linalg.solve(H, g), rtol=1e-6, atol=1e-9
+    )
