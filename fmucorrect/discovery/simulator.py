@@ -76,6 +76,7 @@ class _Road(Structure):
         ("reads", c_void_p),
         ("out", c_void_p),
         ("force_references", POINTER(c_uint)),
+        ("force_columns", POINTER(c_long)),
         ("n_forces", c_long),
         ("force_values", c_void_p),
     ]
@@ -230,6 +231,7 @@ class Simulator:
         reads = list(self._responses)
         forces: list[int] = []
         placed, kept = self._placed(laws, reads, forces)
+        own = self._input_references[: given.shape[1]]
         steps, count = len(given) - 1, len(self._responses)
         values, out, pushed = np.zeros(len(reads)), np.zeros((steps + 1, count)), np.zeros(max(len(forces), 1))
         road = _Road(
@@ -246,6 +248,7 @@ class Simulator:
             values.ctypes.data,
             out.ctypes.data,
             self._references(forces),
+            (c_long * max(len(forces), 1))(*(own.index(force) if force in own else -1 for force in forces)),
             len(forces),
             pushed.ctypes.data,
         )

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from one_mass import JOINT, MASS, SWEEP, T, sweep, write
+from one_mass import JOINT, MASS, SWEEP, T, shown, sweep, term_at, write
 
 pytest.importorskip("ziglang")
 pytest.importorskip("sympy")
@@ -13,6 +13,7 @@ pytest.importorskip("sympy")
 from fmucorrect import experiment
 from fmucorrect.catalogue import find
 from fmucorrect.discovery.motion import motions
+from fmucorrect.discovery.problem import Model
 from fmucorrect.discovery.simulator import LawAt, Simulator
 from fmucorrect.effects import Effects, ForceEffect
 from fmucorrect.effects import write as write_effects
@@ -87,6 +88,20 @@ def test_with_laws_it_is_the_wrapped_fmu(substeps, study, library, tmp_path):
     simulator.close()
     np.testing.assert_allclose(ours, wrapped.values, rtol=0.0, atol=1e-9 * np.abs(ours).max())
     assert np.abs(ours - bare).max() > 0.03 * np.abs(bare).max()
+
+
+def test_a_law_pushes_on_top_of_what_the_study_gives_at_its_force_input(library, tmp_path):
+    """Pushing the joint is pushing the mass the other way, with a law there too."""
+    found = []
+    for name, peak in (("mass1.f", 2.0), ("joint1.f", -2.0)):
+        write(tmp_path / "force.csv", f"{name} [N]", sweep(peak))
+        write(tmp_path / "measured.csv", "x1 [mm]", 0.0 * T)
+        (tmp_path / "study.toml").write_text(MASS + JOINT + SWEEP, encoding="utf-8")
+        study = load_study(tmp_path / "study.toml")
+        law = Model((term_at(study, "cubic_stiffness", "joint 1", cubic_stiffness=4e6),))
+        found.append(shown(study, study.conditions[0], library, law, len(T)))
+    assert np.ptp(found[0]) > 5.0
+    np.testing.assert_allclose(found[0], found[1], atol=1e-9)
 
 
 def test_sub_steps_bring_it_nearer_to_the_truth(library):

@@ -30,7 +30,8 @@ typedef struct {
 
 /* Where and what is stepped: `steps` steps of `size` s from `start`, each in `parts` sub-steps. inputs: (steps + 1,
  * n_inputs) rows. reads: references of what is read after every sub-step, responses first; out: (steps + 1,
- * n_responses). forces: references of the force inputs. */
+ * n_responses). forces: references of the force inputs, and where the same input is among those of the row: laws push
+ * on top of what is given there; -1 where it is not. */
 typedef struct {
     double start, size;
     long steps, parts;
@@ -41,6 +42,7 @@ typedef struct {
     long n_reads, n_responses;
     double *reads, *out;
     const unsigned *force_references;
+    const long *force_columns;
     long n_forces;
     double *force_values;
 } Road;
@@ -87,11 +89,11 @@ static void look(Placed *law, const double reads[], double h, double port[4])
     law->seen += law->seen < 2;
 }
 
-/* One sub-step of h s from t; the joints have been read. Whether the solver went along. */
-static bool advance(const Solver *s, const Road *road, Placed laws[], long n_laws, double t, double h)
+/* One sub-step of h s from t, with the inputs of `row`; the joints have been read. Whether the solver went along. */
+static bool advance(const Solver *s, const Road *road, const double row[], Placed laws[], long n_laws, double t, double h)
 {
     for (long f = 0; f < road->n_forces; f++)
-        road->force_values[f] = 0.0;
+        road->force_values[f] = road->force_columns[f] < 0 ? 0.0 : row[road->force_columns[f]];
     for (long i = 0; i < n_laws; i++) {
         Placed *law = &laws[i];
         double port[4];
@@ -121,7 +123,7 @@ __attribute__((visibility("default"))) long march(const Solver *s, const Road *r
         for (long part = 0; part < road->parts; part++) {
             if (part && get(s, road->read_references, (size_t)road->n_reads, road->reads) > 1)
                 return k;
-            if (!advance(s, road, laws, n_laws, t + (double)part * h, h))
+            if (!advance(s, road, row, laws, n_laws, t + (double)part * h, h))
                 return k;
         }
     }
