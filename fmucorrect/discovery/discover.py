@@ -19,6 +19,7 @@ from fmucorrect.discovery.confirm import Gap, carries_over, gaps, sensor_errors
 from fmucorrect.discovery.constancy import TOO_MUCH, varying
 from fmucorrect.discovery.decide import CLOSE, Decision, decide
 from fmucorrect.discovery.elsewhere import library, quietly
+from fmucorrect.discovery.evenness import TOO_UNEVEN, uneven
 from fmucorrect.discovery.fitted import Setting
 from fmucorrect.discovery.kept import Kept
 from fmucorrect.discovery.located import located
@@ -30,16 +31,11 @@ from fmucorrect.discovery.problem import Problem, load
 from fmucorrect.discovery.sets import Progress
 from fmucorrect.discovery.terms import ForceTerm, SignalTerm
 from fmucorrect.discovery.where import Residual, where
-from fmucorrect.discovery.worth import SMALL, WORTH
+from fmucorrect.discovery.wording import rest, sentence
 from fmucorrect.errors import StudyError
 from fmucorrect.inspection import study_problems
 from fmucorrect.study import Study, load_study
 from fmucorrect.units import parse
-
-TELLING = 2.5
-"""Standard deviations of a sensor's gain or lag from which on the sentence tells it."""
-SURE = 5.0
-"""Standard deviations of an error's variance by which it must lie above the noise for something to be left."""
 
 
 def discover(
@@ -128,15 +124,16 @@ def _report(
     sensors = sensor_errors(told, len(study.channels), len(problem.trials))
     progress("confirm", 0, len(study.conditions))
     checked = gaps(study, problem.library, study.conditions, best.model, problem.tolerated, sensors, problem.substeps)
-    shares = varying(problem.rows, naming.setting, best)
-    verdict = confirmed(decision, checked, shares)
+    shares, pieces = varying(problem.rows, naming.setting, best), uneven(problem, naming.setting, best)
+    verdict = confirmed(decision, checked, shares, [0.0 if piece is None else piece.share for piece in pieces])
     lap("confirm")
     std = best.std()
     rows = [
         output.effect_row(problem, term, std[i], decision.probability[i], decision.classes[i])
         for i, term in enumerate(best.model.terms)
     ]
-    for term, row, share in zip(best.model.terms, rows, shares, strict=True):
+    for term, row, share, piece in zip(best.model.terms, rows, shares, pieces, strict=True):
+        row["uneven"] = output.uneven_row(problem, term, piece) if piece and isinstance(term, ForceTerm) else None
         row["varies"] = {"parameter": term.main, "share": share} if share and isinstance(term, ForceTerm) else None
     _pictures(problem, decision, rows)
     named = verdict in ("named", "ambiguous")
@@ -199,59 +196,16 @@ def _next(problem: Problem, naming: Naming, decision: Decision) -> dict[str, Any
     return next_test(problem, naming.setting, decision.best, close, True)
 
 
-def confirmed(decision: Decision, checked: Sequence[Gap], shares: Sequence[float]) -> str:
-    """The verdict once the evaluation conditions have spoken: what does not carry over, to them or from one development
-    condition to the next, is unexplained. shares: by which each member's number would have to differ between these."""
+def confirmed(
+    decision: Decision, checked: Sequence[Gap], shares: Sequence[float] = (), uneven: Sequence[float] = ()
+) -> str:
+    """The verdict once the evaluation conditions have spoken: what does not carry over, to them, from one development
+    condition to the next or along a joint's own motion, is unexplained. shares: by which each member's number would have to
+    differ between conditions. uneven: by which its force would have to differ from place to place, or with its speed."""
     held = [gap for gap in checked if gap.condition.role == "evaluation"]
-    kept = max(shares, default=0.0) < TOO_MUCH and (not held or carries_over(held))
+    even = max(shares, default=0.0) < TOO_MUCH and max(uneven, default=0.0) < TOO_UNEVEN
+    kept = even and (not held or carries_over(held))
     return decision.verdict if kept or decision.verdict == "none" else "unexplained"
-
-
-def sentence(report: dict[str, Any], checked: Sequence[Gap]) -> str:
-    """The verdict for an engineer."""
-    if report["verdict"] == "none":
-        by = report["adjusted_by"]
-        most = max(by, key=lambda name: abs(by[name]), default="")
-        moved = f" after its parameters moved by at most {abs(by[most]):.2g} of their tolerances ({most})" if by else ""
-        far, which = max(_sensed(report), default=(0.0, ""))
-        if far >= TELLING:
-            moved += f"{' and' if by else ' after'} the {which} by {far:.2g} standard deviations"
-        return f"Simulation and measurement agree to the sensors' noise{moved}: nothing is missing that these data can show."
-    if report["verdict"] == "unexplained":
-        left = f"{100 * report['unexplained']:.3g} % of the residual's energy stays"
-        nearest = max(report["suspects"], key=_share, default=None)
-        if nearest is not None and _share(nearest) >= TOO_MUCH:
-            number = f"{nearest['varies']['parameter'].replace('_', ' ')} would have to differ by {100 * _share(nearest):.0f} %"
-            left = f"nearest comes {_called(nearest)}, whose {number} between conditions"
-        return f"Simulation and measurement disagree, and nothing in the catalogue explains it: {left}."
-    held = [gap for gap in checked if gap.condition.role == "evaluation"] or list(checked)
-    worst = max(held, key=lambda gap: gap.nrmse_before)
-    error = (
-        f"the error at {worst.condition.name} falls from {worst.nrmse_before:.3g} to {worst.nrmse_after:.3g} %"
-        f" (sensor noise {worst.noise_floor:.2g} %)"
-    )
-    names = [_called(row) for row in report["effects"]]
-    what = names[0] if len(names) == 1 else f"{len(names)} effects: {'; '.join(names)}"
-    after = f"; with it {error}." if len(names) == 1 else f". With them {error}."
-    if report["verdict"] == "named":
-        return f"The model lacks {what}{after}"
-    others = sorted({_called(other) for row in report["effects"] for other in row["indistinguishable_from"]})
-    return f"The model lacks {what}, or what these data cannot tell from that ({'; '.join(others)}){after}"
-
-
-def _sensed(report: dict[str, Any]) -> list[tuple[float, str]]:
-    """By how many of the standard deviations that are expected of it each sensor's gain and lag are off, and what that is."""
-    return [(abs(row[f"{of}_by"]), f"{of} of {row['channel']}") for row in report["sensors"] for of in ("gain", "lag")]
-
-
-def _share(row: dict[str, Any]) -> float:
-    """By which the effect's number would have to differ between conditions."""
-    return row["varies"]["share"] if row["varies"] else 0.0
-
-
-def _called(row: dict[str, Any]) -> str:
-    """Effect and place."""
-    return f"{row['effect'].replace('_', ' ')} at {row['joint']}"
 
 
 def _in_words(problem: Problem, verdict: str, residuals: Sequence[Residual]) -> list[str]:
@@ -289,16 +243,3 @@ def _notes(study: Study, problem: Problem, setting: Setting, decision: Decision)
     if not study.evaluation:
         notes.append("No evaluation condition: nothing was held out.")
     return notes + rest(setting, decision)
-
-
-def rest(setting: Setting, decision: Decision) -> list[str]:
-    """What is said where more is left than the sensors' noise, and no effect of it is named."""
-    left, chance = decision.best.s2 / setting.floor - 1.0, np.sqrt(2.0 / (setting.share * len(setting.measured)))
-    if decision.verdict == "unexplained" or left < SURE * chance:
-        return []
-    amplitude, worth, small = 100.0 * np.sqrt(decision.unexplained), 100.0 * WORTH, 100.0 * SMALL
-    return [
-        f"Something is left: the error has {1.0 + left:.3g} times the variance of the noise, {amplitude:.2g} % of the amplitude"
-        f" of what was to be explained. Further effects are named from {worth:g} % on, or from {small:g} % where one is nearly"
-        " all that is left."
-    ]

@@ -13,6 +13,8 @@ from fmucorrect.discovery.nuisances import sensors as sensors_of
 from fmucorrect.discovery.problem import Model, Problem
 from fmucorrect.discovery.terms import coordinates
 
+SURE = 5.0
+"""Standard deviations of an error's variance by which it must lie above the noise for something to be left."""
 EXPLAINED = 1.3
 """A variance of the error, over its least, at which a set explains what was measured."""
 
@@ -114,3 +116,9 @@ def judge_at(setting: Setting, state: Fitted, model: Model, at: Float64[np.ndarr
 def explains(setting: Setting, fitted: Fitted) -> bool:
     """Whether a set explains what was measured."""
     return fitted.s2 < EXPLAINED * setting.floor
+
+
+def stands_out(setting: Setting, fitted: Fitted) -> bool:
+    """Whether more is left than noise leaves by chance."""
+    chance = float(np.sqrt(2.0 / (setting.share * len(setting.measured))))
+    return fitted.s2 / setting.floor - 1.0 >= SURE * chance

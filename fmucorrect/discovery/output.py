@@ -15,6 +15,7 @@ from fmucorrect.catalogue.signal import unit as signal_unit
 from fmucorrect.catalogue.text import latex, modelica
 from fmucorrect.discovery.confirm import Gap
 from fmucorrect.discovery.decide import Decision, Rival, held_out
+from fmucorrect.discovery.evenness import Uneven
 from fmucorrect.discovery.naming import Naming
 from fmucorrect.discovery.nuisances import GAIN, LAG
 from fmucorrect.discovery.pictures import units_at
@@ -67,6 +68,18 @@ def effect_row(
     else:
         row |= {"description": f"The FMU's parameter {term.where} is off by more than its tolerance."}
     return row
+
+
+def uneven_row(problem: Problem, term: ForceTerm, piece: Uneven) -> dict[str, Any]:
+    """`uneven` of an effect: how its force would have to differ."""
+    _, length = units_at(problem, term.joints[0])
+    return {
+        "over": piece.over,
+        "share": piece.share,
+        "unit": length if piece.over == "displacement" else f"{length}/s",
+        "places": [float(f"{x:.4g}") for x in piece.places],
+        "factors": [float(f"{x:.4g}") for x in piece.factors],
+    }
 
 
 def equation(term: Term) -> str:

@@ -155,6 +155,8 @@ def _effect(page: DiscoveryPage, effect: Mapping[str, Any], verdict: str) -> Non
             f" {percent(item['share'])} of it (standard deviation). The law comes near; the"
             " true one depends on something else too."
         )
+    if effect.get("uneven"):
+        page.caution(_differs(mapping(effect["uneven"])))
     if effect.get("equation"):
         page.equation(str(effect["equation"]))
     parameters = {str(name): mapping(item) for name, item in mapping(effect.get("parameters")).items()}
@@ -174,6 +176,17 @@ def _effect(page: DiscoveryPage, effect: Mapping[str, Any], verdict: str) -> Non
     facts += [("letters", letters)] if letters else []
     page.facts(facts)
     page.end()
+
+
+def _differs(item: Mapping[str, Any]) -> str:
+    pieces = list(zip(drawn.numbers(item.get("factors")), drawn.numbers(item.get("places")), strict=True))
+    over, unit = plain(item.get("over")), str(item.get("unit") or "")
+    ends = [(f"{factor:.2g}", quantity(place, None, unit)) for factor, place in (min(pieces), max(pieces))]
+    sizes = " and ".join(f"{factor} times what the law gives at a {over} of {place}" for factor, place in ends)
+    return (
+        f"Its force would have to differ by {percent(item['share'])} with the {over} (standard deviation): to be about {sizes}."
+        " The law comes near; the true one depends on that too."
+    )
 
 
 def _letters(equation: str) -> str:

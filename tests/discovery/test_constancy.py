@@ -6,11 +6,13 @@ import pytest
 from fmucorrect.catalogue import CATALOGUE
 from fmucorrect.discovery.constancy import TOO_MUCH, VARIES, varying
 from fmucorrect.discovery.decide import Decision
-from fmucorrect.discovery.discover import confirmed, sentence
+from fmucorrect.discovery.discover import confirmed
+from fmucorrect.discovery.evenness import TOO_UNEVEN
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fitted import Fitted, Setting
 from fmucorrect.discovery.problem import Model
 from fmucorrect.discovery.terms import ForceTerm
+from fmucorrect.discovery.wording import sentence
 
 CONDITIONS, ROWS = 4, 1000
 (LAW,) = CATALOGUE["cubic_stiffness"]
@@ -59,9 +61,11 @@ def test_a_single_condition_says_nothing():
 
 
 @pytest.mark.parametrize("verdict", ["named", "ambiguous", "none", "unexplained"])
-def test_a_law_that_does_not_carry_over_between_conditions_is_no_finding(verdict):
+def test_a_law_that_does_not_carry_over_between_conditions_or_places_is_no_finding(verdict):
     decision = Decision(verdict, fitted([0.0] * CONDITIONS)[1], (1.0,), ((),), (), 0.01)
     assert confirmed(decision, [], ()) == confirmed(decision, [], (0.0, VARIES)) == verdict
+    assert confirmed(decision, [], (0.0,), (0.9 * TOO_UNEVEN,)) == verdict
+    assert confirmed(decision, [], (0.0,), (TOO_UNEVEN,)) == ("none" if verdict == "none" else "unexplained")
     assert confirmed(decision, [], (0.0, TOO_MUCH)) == ("none" if verdict == "none" else "unexplained")
 
 
@@ -69,8 +73,10 @@ def test_a_law_that_does_not_carry_over_between_conditions_is_no_finding(verdict
     ("share", "said"), [(0.414, "friction force would have to differ by 41 % between"), (0.2, "5 % of")]
 )
 def test_and_the_sentence_says_so(share, said):
-    close = {"effect": "coulomb_friction", "joint": "damper", "varies": {"parameter": "friction_force", "share": share}}
-    other = {"effect": "added_mass", "joint": "frame", "varies": None}
+    close = {"effect": "coulomb_friction", "joint": "damper", "uneven": None} | {
+        "varies": {"parameter": "friction_force", "share": share}
+    }
+    other = {"effect": "added_mass", "joint": "frame", "varies": None, "uneven": None}
     report = {"verdict": "unexplained", "effects": [], "suspects": [other, close], "unexplained": 0.05}
     text = sentence(report, [])
     assert said in text

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from fmucorrect.discovery.decide import Decision, left
-from fmucorrect.discovery.discover import rest, sentence
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fitted import Fitted, Setting
 from fmucorrect.discovery.problem import Model
+from fmucorrect.discovery.wording import rest, sentence
 
 ROWS = 5000
 SETTING = Setting(np.zeros(ROWS), Nuisances(np.zeros((ROWS, 0))), np.zeros((ROWS, 0)), np.zeros(0), 1.0)

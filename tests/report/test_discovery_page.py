@@ -141,6 +141,22 @@ def test_a_number_that_differs_between_conditions_is_said() -> None:
     assert "another friction force: they differ by 31 %" in words(report | {"effects": [effect]}).replace("\u00a0", " ")
 
 
+def test_a_force_that_differs_from_place_to_place_is_said() -> None:
+    report = example.report("named")
+    pieces = {
+        "over": "displacement",
+        "share": 0.12,
+        "unit": "m",
+        "places": [-0.01, 0.0, 0.01],
+        "factors": [0.8, 1.3, 0.9],
+    }
+    text = words(report | {"effects": [report["effects"][0] | {"uneven": pieces}]}).replace("\u00a0", " ")
+    assert "would have to differ by 12 % with the displacement (standard deviation)" in text
+    assert "about 0.8 times what the law gives at a displacement of -10.0 mm and 1.3 times" in text.replace(
+        "\u2212", "-"
+    )
+
+
 def test_unexplained_says_where_and_names_nothing() -> None:
     text = words(ALL["unexplained"])
     assert "Something is missing that no effect of the catalogue explains" in text

@@ -1,0 +1,168 @@
+"""Evenness: has a law's force the right size wherever the joint is, and however fast it moves?
+
+A law of the wrong form comes near: friction that depends on the place looks like friction. Its force is cut into pieces
+by place or by speed, and the measurement says by how much each of them would have to be larger or smaller.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from jaxtyping import Float64
+
+from fmucorrect.discovery.fitted import Fitted, Setting, stands_out
+from fmucorrect.discovery.located import Pushed
+from fmucorrect.discovery.motion import Series, along, halfway, law_along
+from fmucorrect.discovery.problem import Problem
+from fmucorrect.discovery.terms import ForceTerm
+from fmucorrect.discovery.trials import Trial
+from fmucorrect.errors import FmuError
+from fmucorrect.study import Joint
+
+OVER = ("displacement", "velocity")
+"""What a force's size is looked at over."""
+TOO_UNEVEN = 0.2
+"""Standard deviation of the size, the law's own being 1, from which the law is not the one that acts."""
+TOLD = 0.1
+"""The same, from which it is told."""
+WORTH = 0.2
+"""Share of what is left that pieces of different size have to explain: else it is something else that is left."""
+PIECES = 12
+"""Into how many pieces of equal energy the force is cut."""
+PUSH = 0.05
+"""By what share a piece is made larger."""
+CHANCE = 14.0
+"""Twice the log likelihood that pieces of different size have to gain: noise alone does so once in ten thousand times (half a
+chi-squared of one degree of freedom)."""
+SIZES = np.logspace(-2.0, 0.5, 41)
+"""Standard deviations of the pieces' sizes that are tried."""
+
+
+@dataclass(frozen=True)
+class Uneven:
+    """How a law's force would have to differ. over: one of OVER. share: standard deviation of its size, 1 being the law's own.
+    explains: share of what is left that this explains.
+    places: (PIECES,) m, m/s, rad or rad/s, where the pieces lie. factors: (PIECES,) size of each, 1 on average."""
+
+    over: str
+    share: float
+    explains: float
+    places: tuple[float, ...]
+    factors: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class _Sizes:
+    """gained: in twice the log likelihood. share: standard deviation. explains: share of what is left. factors: (PIECES,)."""
+
+    gained: float
+    share: float
+    explains: float
+    factors: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class _Shown:
+    """What a joint goes through in one condition, (T,) in the middle of each step, and the law's force there."""
+
+    trial: Trial
+    joint: Joint
+    moved: Series
+    force: Float64[np.ndarray, " T"]
+
+
+def uneven(problem: Problem, setting: Setting, fitted: Fitted) -> tuple[Uneven | None, ...]:
+    """For each member what its force's size depends on most, in the eyes of the measurement; None where it is even, where
+    noise could do it, or for what is no force. Where a fit leaves nothing, nothing is simulated.
+
+    To first order around the fit: each piece pushes by PUSH more along the motion as it is, with all laws in the loop.
+    Sizes are Gaussian around one, of the standard deviation with the highest marginal likelihood (type II maximum likelihood;
+    Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, chapter 5), the members' numbers, base parameters
+    and sensors integrated out.
+    """
+    if problem.study.fmu is None or not stands_out(setting, fitted):
+        return (None,) * len(fitted.model.terms)
+    return tuple(
+        _most(problem, setting, fitted, term) if isinstance(term, ForceTerm) else None for term in fitted.model.terms
+    )
+
+
+def _most(problem: Problem, setting: Setting, fitted: Fitted, term: ForceTerm) -> Uneven | None:
+    size = problem.study.simulation.step_size
+    with ThreadPoolExecutor(problem.workers) as pool:
+
+        def show(task: tuple[Trial, Joint]) -> _Shown:
+            moved = along(problem, fitted.model, *task)
+            return _Shown(*task, moved, law_along(term, moved, size))
+
+        try:
+            shown = list(pool.map(show, product(problem.trials, term.joints)))
+            tried: list[Uneven] = []
+            for over in OVER:
+                middles = [halfway(item.moved[over]) for item in shown]
+                edges, places = _cut(np.concatenate(middles), np.concatenate([item.force for item in shown]))
+                pieces = [
+                    [item.force * (np.digitize(x, edges) == k) for k in range(PIECES)]
+                    for x, item in zip(middles, shown, strict=True)
+                ]
+                answers = list(pool.map(lambda item, parts: _answers(problem, fitted, item, parts), shown, pieces))
+                joints = len(term.joints)
+                each = [sum(answers[i + 1 : i + joints], answers[i]) for i in range(0, len(answers), joints)]
+                found = _sizes(setting, fitted, np.concatenate(each))
+                if found.gained > CHANCE and found.explains > WORTH and found.share > TOLD:
+                    tried.append(Uneven(over, found.share, found.explains, places, found.factors))
+        except FmuError:
+            return None
+    return max(tried, key=lambda item: item.explains, default=None)
+
+
+def _cut(
+    x: Float64[np.ndarray, " m"], force: Float64[np.ndarray, " m"]
+) -> tuple[Float64[np.ndarray, " e"], tuple[float, ...]]:
+    """Edges between pieces of equal energy of the force, and where each lies: the middle of its energy."""
+    order = np.argsort(x)
+    energy = np.cumsum(force[order] ** 2)
+    at = x[order][np.minimum(np.searchsorted(energy, energy[-1] * np.arange(1, 2 * PIECES) / (2 * PIECES)), len(x) - 1)]
+    return at[1::2], tuple(float(place) for place in at[::2])
+
+
+def _answers(
+    problem: Problem, fitted: Fitted, item: _Shown, pieces: Sequence[Float64[np.ndarray, " T"]]
+) -> Float64[np.ndarray, "n P"]:
+    """What each piece adds to the condition's evidence, a law's worth of it. Raises FmuError where the solver gives up."""
+    columns: list[np.ndarray] = []
+    with closing(Pushed(problem, item.trial, (item.joint,))) as pushed:
+        for push in (np.zeros_like(item.force), *(PUSH * piece for piece in pieces)):
+            pushed.push = (item.joint,), push
+            y = pushed.response(fitted.model)
+            if y is None:
+                raise FmuError("the solver gave up beside a force", where=f"condition {item.trial.condition.name!r}")
+            columns.append(item.trial.evidence(y[item.trial.rows]).ravel())
+    return np.stack([(column - columns[0]) / PUSH for column in columns[1:]], axis=1)
+
+
+def _sizes(setting: Setting, fitted: Fitted, pieces: Float64[np.ndarray, "n P"]) -> _Sizes:
+    """Of all pieces, one on average: how large they are together is the law's own number."""
+    pieces = pieces - pieces.mean(axis=1, keepdims=True)
+    level = max(fitted.s2, setting.floor) / setting.share
+    beside = np.concatenate([fitted.slopes, fitted.base, setting.sensors.columns], axis=1) / np.sqrt(level)
+    W, rest = pieces / np.sqrt(level), fitted.residual / np.sqrt(level)
+    prior = np.ones(beside.shape[1])
+    prior[: fitted.slopes.shape[1]] = 1e-6
+    own, both = beside.T @ beside + np.diag(prior), beside.T @ np.column_stack([W, rest])
+    taken = both.T @ np.linalg.solve(own, both)
+    A, b = W.T @ W - taken[:-1, :-1], W.T @ rest - taken[:-1, -1]
+    values, vectors = np.linalg.eigh(A)
+    values, directions = np.maximum(values, 0.0), vectors.T @ b
+    variance = SIZES[:, None] ** 2
+    gained = np.sum(variance * directions**2 / (1.0 + variance * values) - np.log1p(variance * values), axis=1)
+    k = int(np.argmax(gained))
+    moves = vectors @ (directions / (values + SIZES[k] ** -2.0))
+    left = float(rest @ rest - taken[-1, -1]) - len(rest) * setting.floor / level
+    explains = float(2.0 * moves @ b - moves @ A @ moves) / max(left, 1e-300)
+    return _Sizes(float(gained[k]), float(SIZES[k]), explains, tuple(float(1.0 + move) for move in moves))

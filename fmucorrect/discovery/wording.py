@@ -1,0 +1,93 @@
+"""A discovery's verdict in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from fmucorrect.discovery.confirm import Gap
+from fmucorrect.discovery.constancy import TOO_MUCH
+from fmucorrect.discovery.decide import Decision
+from fmucorrect.discovery.evenness import TOO_UNEVEN
+from fmucorrect.discovery.fitted import Setting, stands_out
+from fmucorrect.discovery.worth import SMALL, WORTH
+
+TELLING = 2.5
+"""Standard deviations of a sensor's gain or lag from which on the sentence tells it."""
+
+
+def sentence(report: dict[str, Any], checked: Sequence[Gap]) -> str:
+    """The verdict for an engineer."""
+    if report["verdict"] == "none":
+        by = report["adjusted_by"]
+        most = max(by, key=lambda name: abs(by[name]), default="")
+        moved = f" after its parameters moved by at most {abs(by[most]):.2g} of their tolerances ({most})" if by else ""
+        far, which = max(_sensed(report), default=(0.0, ""))
+        if far >= TELLING:
+            moved += f"{' and' if by else ' after'} the {which} by {far:.2g} standard deviations"
+        return f"Simulation and measurement agree to the sensors' noise{moved}: nothing is missing that these data can show."
+    if report["verdict"] == "unexplained":
+        left = _nearest(report["suspects"]) or f"{100 * report['unexplained']:.3g} % of the residual's energy stays"
+        return f"Simulation and measurement disagree, and nothing in the catalogue explains it: {left}."
+    held = [gap for gap in checked if gap.condition.role == "evaluation"] or list(checked)
+    worst = max(held, key=lambda gap: gap.nrmse_before)
+    error = (
+        f"the error at {worst.condition.name} falls from {worst.nrmse_before:.3g} to {worst.nrmse_after:.3g} %"
+        f" (sensor noise {worst.noise_floor:.2g} %)"
+    )
+    names = [_called(row) for row in report["effects"]]
+    what = names[0] if len(names) == 1 else f"{len(names)} effects: {'; '.join(names)}"
+    after = f"; with it {error}." if len(names) == 1 else f". With them {error}."
+    if report["verdict"] == "named":
+        return f"The model lacks {what}{after}"
+    others = sorted({_called(other) for row in report["effects"] for other in row["indistinguishable_from"]})
+    return f"The model lacks {what}, or what these data cannot tell from that ({'; '.join(others)}){after}"
+
+
+def _sensed(report: dict[str, Any]) -> list[tuple[float, str]]:
+    """By how many of the standard deviations that are expected of it each sensor's gain and lag are off, and what that is."""
+    return [(abs(row[f"{of}_by"]), f"{of} of {row['channel']}") for row in report["sensors"] for of in ("gain", "lag")]
+
+
+def _nearest(suspects: Sequence[dict[str, Any]]) -> str:
+    """What came near and is not it, because its force would have to be another one each time; nothing where none is so."""
+    by_place = max(suspects, key=_uneven, default=None)
+    if by_place is not None and _uneven(by_place) >= TOO_UNEVEN:
+        differs = (
+            f"force would have to differ by {100 * _uneven(by_place):.0f} % with the {by_place['uneven']['over']} there"
+        )
+        return f"nearest comes {_called(by_place)}, whose {differs}"
+    by_condition = max(suspects, key=_varies, default=None)
+    if by_condition is not None and _varies(by_condition) >= TOO_MUCH:
+        number, share = by_condition["varies"]["parameter"].replace("_", " "), 100 * _varies(by_condition)
+        return f"nearest comes {_called(by_condition)}, whose {number} would have to differ by {share:.0f} % between conditions"
+    return ""
+
+
+def _varies(row: dict[str, Any]) -> float:
+    """By which the effect's number would have to differ between conditions."""
+    return row["varies"]["share"] if row["varies"] else 0.0
+
+
+def _uneven(row: dict[str, Any]) -> float:
+    """By which its force would have to differ along the joint's own motion."""
+    return row["uneven"]["share"] if row["uneven"] else 0.0
+
+
+def _called(row: dict[str, Any]) -> str:
+    """Effect and place."""
+    return f"{row['effect'].replace('_', ' ')} at {row['joint']}"
+
+
+def rest(setting: Setting, decision: Decision) -> list[str]:
+    """What is said where more is left than the sensors' noise, and no effect of it is named."""
+    if decision.verdict == "unexplained" or not stands_out(setting, decision.best):
+        return []
+    amplitude, worth, small = 100.0 * np.sqrt(decision.unexplained), 100.0 * WORTH, 100.0 * SMALL
+    return [
+        f"Something is left: the error has {decision.best.s2 / setting.floor:.3g} times the variance of the noise,"
+        f" {amplitude:.2g} % of the amplitude of what was to be explained. Further effects are named from {worth:g} % on,"
+        f" or from {small:g} % where one is nearly all that is left."
+    ]
