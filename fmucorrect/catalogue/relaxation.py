@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 from fmucorrect.catalogue.law import Formula, Law, Parameter, State, Symbols, load_sympy
@@ -28,6 +29,40 @@ def _series_linear(s: Symbols) -> Formula:
 def _series_branch(s: Symbols) -> Formula:
     z = s.z[0]
     return Formula(z, (s["stiffness"] * s.v - z / s["relaxation_time"],))
+
+
+_FINE, _REACH = 2, 3
+"""Relaxing springs a decade, and decades to either side of the reference time."""
+
+
+def _fractional(s: Symbols) -> Formula:
+    """t^-alpha / Gamma(1 - alpha) as relaxing springs, r^alpha exp(-r t) sin(pi alpha) / pi over all log r (Yuan and Agrawal,
+    Journal of Vibration and Acoustics 124, 2002): evenly spaced ones, faster ones together a damper, slower ones a spring."""
+    sympy = load_sympy()
+    alpha, tau, (lasting, *relaxing) = s["fractional_order"], s["reference_time"], s.z
+    paces = [10.0 ** (i / _FINE - _REACH) for i in range(len(relaxing))]
+    further, apart = sympy.Float(paces[1] / paces[0]) ** alpha, math.log(paces[1] / paces[0])
+    slow, fast = paces[0] * math.exp(-0.5 * apart), paces[-1] * math.exp(0.5 * apart)
+    memory = relaxing[-1]
+    for z in reversed(relaxing[:-1]):
+        memory = z + further * memory
+    ends = slow**alpha / alpha * lasting + fast ** (alpha - 1) / (1 - alpha) * tau * s.v
+    shape = sympy.sin(sympy.pi * alpha) / sympy.pi
+    force = s["stiffness"] * shape * (paces[0] ** alpha * apart * memory + ends)
+    return Formula(force, (s.v, *(s.v - pace / tau * z for pace, z in zip(paces, relaxing, strict=True))))
+
+
+def _of_order(order: float) -> Guess:
+    """Halfway between spring and damper, or nearer to one of them."""
+
+    def guess(motion: Motion, force: float) -> Mapping[str, float]:
+        return {
+            "stiffness": force / motion.d,
+            "fractional_order": order,
+            "reference_time": motion.d / motion.v,
+        }
+
+    return guess
 
 
 def _guess_series(motion: Motion, share: float) -> Mapping[str, float] | None:
@@ -134,6 +169,43 @@ LAWS = (
         note=(
             "A Maxwell element k, c = k tau that the model lacks altogether. The form with damping is the same element in"
             " place of the damper c that the model has: this branch less c v."
+        ),
+    ),
+    Law(
+        name="fractional_damping",
+        special=("linear_stiffness", "viscous_damping"),
+        family="damper",
+        description="Between a spring and a damper, as rubber is: stiffer the faster it moves, over many decades of time.",
+        acts="any joint",
+        equation="F = k (tau D)^alpha d",
+        parameters=(
+            Parameter(
+                "stiffness", "k", "F/D", "dynamic stiffness at the angular frequency 1 / tau", minimum=0.0, neutral=0.0
+            ),
+            Parameter(
+                "fractional_order", "alpha", "1", "0 is a spring, 1 a damper", default=0.5, minimum=0.02, maximum=0.98
+            ),
+            Parameter(
+                *("reference_time", "tau", "s", "where k is told; a thousand times slower and faster are right too"),
+                default=0.1,
+                minimum=0.0,
+                above=True,
+            ),
+        ),
+        inputs=("velocity",),
+        write=_fractional,
+        guesses=tuple(map(_of_order, (0.5, 0.25, 0.75))),
+        main="stiffness",
+        estimated=("stiffness", "fractional_order"),
+        states=(
+            State("lasting", "z", "D"),
+            *(State(f"relaxing_{i + 1}", f"z_{i + 1}", "D") for i in range(2 * _FINE * _REACH + 1)),
+        ),
+        note=(
+            "D^alpha is Caputo's derivative from the start of the simulation, the joint at rest before: spring-pot, the"
+            " fractional element of Kelvin-Voigt models of rubber and air springs (Sjoeberg and Kari, Vehicle System"
+            " Dynamics 37, 2002), b = k tau^alpha. Its states z are the memory, right to 0.5 % from a hundredth to a"
+            " hundred times 1 / tau."
         ),
     ),
 )

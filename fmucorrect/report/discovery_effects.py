@@ -37,6 +37,7 @@ LETTERS = {
     "F0": "the force of the model's own element",
     "t": "time",
     "V": "the vehicle's speed",
+    "D": "rate of change; to a broken power Caputo's derivative",
 }
 
 

@@ -107,6 +107,10 @@ def rounded_deadzone(x, gap):
     return x - np.sqrt(1 + 0.01**2) * inside
 
 
+OPERATORS = {"fractional_damping"}
+"""Laws whose equation tells an operator on the motion, not the states that compute it: held against closed forms in
+test_fractional.py."""
+
 JOINT = Motion(d=1e-3, v=2e-2, a=0.4, f=1e3, stiffness=8e5, damping=2e4, mark=500.0, frequency=2.5, radius=0.43)
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from by_hand import BY_HAND, LAWS, RATES_BY_HAND, VALUES, complete, motion, states
+from by_hand import BY_HAND, LAWS, OPERATORS, RATES_BY_HAND, VALUES, complete, motion, states
 
 from fmucorrect import units
 from fmucorrect.catalogue import CATALOGUE, INPUTS, find, force, rates, step, unit
@@ -33,6 +33,8 @@ def test_a_law_says_what_it_depends_on(law):
     }
     inputs = {INPUTS[name] for name in law.inputs}
     assert used == inputs | {p.name for p in law.parameters} | {state.name for state in law.states}
+    if law.label in OPERATORS:
+        return
     letters = law.equation.replace("(", " ").replace(")", " ").replace("|", " ").replace("^", " ").replace(",", " ")
     for symbol in [*inputs, *(p.symbol for p in law.parameters), *(state.symbol for state in law.states)]:
         shown = symbol in letters.replace("-", " ").replace("/dt", " ").replace("dz", "z").split()
