@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 from bench import CHAINS, OSCILLATOR, Bench, bench
-from hidden import AT_DAMPERS, AT_JOINTS, KINDS, OUTSIDE
+from hidden import AT_DAMPERS, AT_JOINTS, KINDS, LATE, OUTSIDE
 from rig_cases import rig_cases
 from specs import Spec, Wanted
 
@@ -15,7 +15,7 @@ Place = tuple[str, str]
 """Bench and place."""
 _AT_GROUPS = ("linear_stiffness", "viscous_damping", "cubic_stiffness", "quadratic_damping", "coulomb_friction")
 _DAMPING = ("viscous_damping", "quadratic_damping", "coulomb_friction", "stribeck_friction")
-_UNNAMED = tuple(name for name in KINDS if name not in AT_JOINTS)
+_UNNAMED = tuple(name for name in KINDS if name not in (*AT_JOINTS, *LATE))
 QUICK = (
     *("single/coulomb_friction/0", "single/cubic_stiffness/1", "single/backlash/0", "single/sensor_lag/0"),
     *("single/bouc_wen_hysteresis/0", "single/quadratic_damping/1", "null/0", "null/1", "pair/0"),

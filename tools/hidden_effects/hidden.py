@@ -112,6 +112,17 @@ def _series(rng: Rng, m: Motion) -> Callable[[float], Numbers]:
     return at
 
 
+def _fractional(rng: Rng, m: Motion) -> Callable[[float], Numbers]:
+    order, tau = rng.uniform(0.3, 0.7), m.d / m.v
+
+    def at(s: float) -> Numbers:
+        stiffness = s * m.f / m.d
+        parameters = {"stiffness": stiffness, "fractional_order": order, "reference_time": tau}
+        return Numbers("fractional_damping", (stiffness * tau**order, order), parameters)
+
+    return at
+
+
 def _bouc_wen(rng: Rng, m: Motion) -> Callable[[float], Numbers]:
     give, alpha = rng.uniform(0.1, 0.35) * m.d, rng.uniform(0.0, 0.2)
     exponent, share = float(rng.choice([1.0, 1.5, 2.0])), rng.uniform(0.5, 0.9)
@@ -191,11 +202,14 @@ KINDS: Mapping[str, Kind] = {
     "sensor_saturation": Kind("limit", 0.85, _bare("limit", lambda s: 1.0 - s), 0.3),
     "sensor_rectification": Kind("", 1.0, _bare("", lambda s: s), 1.0),
     "parameter_offset": Kind("value", 0.6, _bare("value", lambda s: s, 0.5)),
+    "fractional_damping": Kind("fractional_order", 2.0, _fractional),
 }
 """Every effect of the contract. In `_bare` offset and limit are shares of the channel's rms and peak, value one of the
 FMU parameter; cases.py gives them their units."""
 
-AT_JOINTS = tuple(name for name in KINDS if not name.startswith(("sensor_", "excitation_", "parameter_")))
+LATE = ("fractional_damping",)
+"""Hidden alone only: with them among the others' partners all cases of before would be other ones."""
+AT_JOINTS = tuple(name for name in KINDS if not name.startswith(("sensor_", "excitation_", "parameter_", *LATE)))
 AT_DAMPERS = ("damper_asymmetry", "damper_saturation", "series_stiffness")
 
 
@@ -219,8 +233,8 @@ OUTSIDE: Mapping[str, Kind] = {
     "delayed_spring": Kind(
         "", 0.4, _of("delayed_spring", _with(lambda s, m, u: (s * m.f / m.d, u * m.d / m.v), u=(1.5, 3.0)))
     ),
-    "fractional_memory": Kind(
-        "", 1.0, _of("fractional_memory", _with(lambda s, m, u: (0.3 * s * m.f / m.d, u), u=(0.4, 0.6)))
+    "fading_damping": Kind(
+        "", 2.0, _of("fading_damping", _with(lambda s, m, u: (s * m.f / m.v, u * s * m.f * m.v), u=(1.0, 4.0)))
     ),
     "sawtooth_stiffness": Kind(
         "", 1.0, _of("sawtooth_stiffness", _with(lambda s, m, u: (s * m.f, u * m.d), u=(0.2, 0.4)))

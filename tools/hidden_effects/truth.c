@@ -23,14 +23,14 @@ typedef struct {
 } Fmu;
 
 enum { D, V, A, F0, OTHER, PORTS };
-enum { NUMBERS = 8, MEMORY = 16 };
+enum { NUMBERS = 8, SPRINGS = 46, MEMORY = SPRINGS + 1 };
 
 typedef enum {
     LINEAR_STIFFNESS, VISCOUS_DAMPING, ADDED_MASS, CUBIC_STIFFNESS, QUADRATIC_DAMPING, COULOMB_FRICTION,
     STRIBECK_FRICTION, BACKLASH, BUMP_STOP, BILINEAR_STIFFNESS, ASYMMETRY_BY_DIFFERENCE, ASYMMETRY_BY_RATIO,
     DAMPER_SATURATION, SERIES_STIFFNESS, BOUC_WEN, PRELOAD, PERIODIC_FORCE,
-    DELAYED_SPRING, FRACTIONAL_MEMORY, SAWTOOTH_STIFFNESS, POSITION_FRICTION, PARAMETRIC_STIFFNESS, DELAYED_RELAY,
-    CROSS_COUPLING, MAGNET, PULSES, SELF_EXCITATION
+    DELAYED_SPRING, FRACTIONAL_DAMPING, SAWTOOTH_STIFFNESS, POSITION_FRICTION, PARAMETRIC_STIFFNESS, DELAYED_RELAY,
+    CROSS_COUPLING, MAGNET, PULSES, SELF_EXCITATION, FADING_DAMPING
 } Law;
 
 /* One effect. port: places of d, v, a, F0 and another joint's d among the values read, -1 where there is none.
@@ -106,14 +106,18 @@ static double force_of(Effect *e, const double m[], double t, double h)
     case PRELOAD: return p[0];
     case PERIODIC_FORCE: return p[0] * sin(two_pi * p[1] * t + p[2]);
     case DELAYED_SPRING: return p[0] * delayed(e, d, p[1], h);
-    case FRACTIONAL_MEMORY: { /* p: N/m at 1 rad/s, order; relaxing springs, three a decade from 0.1 to 1000 1/s */
-        double sum = 0.0;
-        for (int i = 0; i < 13; i++) {
-            const double rate = 0.1 * pow(10.0, i / 3.0), decay = exp(-rate * h);
-            e->z[i] = e->z[i] * decay + v * (1.0 - decay) / rate;
-            sum += pow(rate, p[1]) * e->z[i];
+    case FRACTIONAL_DAMPING: { /* p: N/m at 1 rad/s, order; relaxing springs, five a decade, and what lies beyond them */
+        const double spacing = 0.2 * log(10.0), slow = 1e-4, fast = slow * exp(spacing * (SPRINGS - 1));
+        double sum = pow(slow * exp(-0.5 * spacing), p[1]) / p[1] * (e->z[SPRINGS] + 0.5 * h * v)
+                     + pow(fast * exp(0.5 * spacing), p[1] - 1.0) / (1.0 - p[1]) * v;
+        e->z[SPRINGS] += h * v;
+        for (int i = 0; i < SPRINGS; i++) {
+            const double rate = slow * exp(spacing * i), half = exp(-0.5 * rate * h), driven = v * (1.0 - half) / rate;
+            const double middle = e->z[i] * half + driven;
+            e->z[i] = middle * half + driven;
+            sum += spacing * pow(rate, p[1]) * middle;
         }
-        return p[0] * sum;
+        return p[0] * sin(0.5 * two_pi * p[1]) / (0.5 * two_pi) * sum;
     }
     case SAWTOOTH_STIFFNESS: { /* p: amplitude, pitch */
         const double turn = d / p[1];
@@ -139,6 +143,11 @@ static double force_of(Effect *e, const double m[], double t, double h)
     case SELF_EXCITATION: { /* p: damping, displacement at which it turns over */
         const double r = d / p[1];
         return p[0] * (r * r - 1.0) * v;
+    }
+    case FADING_DAMPING: { /* p: damping, energy that halves it: it has taken up z */
+        const double force = p[0] * v / (1.0 + e->z[0] / p[1]);
+        e->z[0] += force * v * h;
+        return force;
     }
     default: return 0.0;
     }

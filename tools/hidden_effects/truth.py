@@ -19,12 +19,12 @@ LAWS = (
     *("linear_stiffness", "viscous_damping", "added_mass", "cubic_stiffness", "quadratic_damping", "coulomb_friction"),
     *("stribeck_friction", "backlash", "bump_stop", "bilinear_stiffness", "asymmetry_by_difference"),
     *("asymmetry_by_ratio", "damper_saturation", "series_stiffness", "bouc_wen", "preload", "periodic_force"),
-    *("delayed_spring", "fractional_memory", "sawtooth_stiffness", "position_friction", "parametric_stiffness"),
-    *("delayed_relay", "cross_coupling", "magnet", "pulses", "self_excitation"),
+    *("delayed_spring", "fractional_damping", "sawtooth_stiffness", "position_friction", "parametric_stiffness"),
+    *("delayed_relay", "cross_coupling", "magnet", "pulses", "self_excitation", "fading_damping"),
 )
 """In the order of truth.c."""
 DELAYED = ("delayed_spring", "delayed_relay")
-_PORTS, _NUMBERS, _MEMORY = 5, 8, 16
+_PORTS, _NUMBERS, _MEMORY = 5, 8, 47
 
 
 class _Fmu(ctypes.Structure):
