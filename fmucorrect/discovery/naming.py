@@ -37,11 +37,13 @@ from fmucorrect.discovery.sets import (
     settled,
     share_of,
 )
-from fmucorrect.discovery.terms import OffsetTerm, Term
+from fmucorrect.discovery.terms import OFFSET, OffsetTerm, Term
 from fmucorrect.discovery.worth import LITTLE, admissible, complete, credible, first_of, names
 
 LISTED = (7, 5, 3)
 """Sets of one effect, two and three that are fitted in the loop."""
+INSTEAD = 10
+"""Single effects that are fitted in the loop in the place of moved parameters."""
 QUICK, PLACES = 45_000, 16
 """Steps of one model at all conditions, above which the candidates are looked at in fewer; less in proportion where there
 are more than so many joints and groups."""
@@ -204,8 +206,9 @@ def _name(problem: Problem, progress: Progress) -> Naming:
     raw = float(np.mean((setting.measured - at) ** 2))
     parent = found[0] if found and found[0].s2 < CALIBRATED * raw else base
     begun = _begun(around, setting, base) if parent is base and moves and is_far(problem, base) else []
-    if len(parent.model.terms) > 1 and explains(setting, parent):  # perhaps one effect does what these do
-        found += look(problem, replace(setting, base=base.base), base, curves, LISTED[:1], progress)[1]
+    if parent is not base and not (explains(setting, parent) and len(parent.model.terms) == 1):
+        single = [curve for curve in curves if curve.effect != OFFSET]  # perhaps one effect does what these do
+        found += look(problem, replace(setting, base=base.base), base, single, (INSTEAD,), progress)[1]
     curves = curves if parent is base else around.curves(parent)
     first, more = look(problem, replace(setting, base=parent.base), parent, curves, LISTED, progress, begun)
     setting, base, found = settled(problem, setting, base, merged([*found, *more]))

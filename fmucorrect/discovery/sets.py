@@ -24,6 +24,8 @@ FINER = 4
 """Couplings in a communication step, where one is too coarse."""
 COARSE = 0.3
 """An error of the coupling, in units of the noise, above which it is made finer."""
+SUSPECTED = 5
+"""Likely sets whose coupling is looked at."""
 REFITTED = 4
 """Sets that are fitted again with a finer coupling, or from what they hold."""
 
@@ -183,20 +185,16 @@ def _containing(term: Term) -> Iterator[ForceTerm]:
 def finer(
     problem: Problem, setting: Setting, base: Fitted, found: list[Fitted], progress: Progress
 ) -> tuple[Setting, list[Fitted]]:
-    """Where the best set's response hangs on the coupling step, or the best one with forces may be behind for that alone, the
+    """Where the best set's response hangs on the coupling step, or a likely one with forces may be behind for that alone, the
     likely sets fitted again with a finer one; what error of the best is left becomes part of the least error."""
     best = first_of([base, *found])
     others = [fitted for fitted in found if not names(best) < names(fitted)]
     forced = [fitted for fitted in others if any(isinstance(term, ForceTerm) for term in fitted.model.terms)]
-    if not forced:
-        return setting, found
-    one = first_of(forced)
-    error = _coupling(problem, one)
-    costs = setting.share * len(setting.measured) * error**2
-    if error > COARSE if one is best else one.surprise - best.surprise < costs:
+    hangs = next((fitted for fitted in merged(forced)[:SUSPECTED] if _hangs(problem, setting, fitted, best)), None)
+    if hangs is not None:
         problem.couple(problem.substeps * FINER)
         again: list[Fitted] = []
-        likely = [one, *(fitted for fitted in found if fitted is not one)][:REFITTED]
+        likely = [hangs, *(fitted for fitted in found if fitted is not hangs)][:REFITTED]
         for i, old in enumerate(likely):
             progress("finer coupling", i, len(likely))
             new = fit(problem, replace(setting, base=old.base), old.model, 5)
@@ -204,6 +202,14 @@ def finer(
         found = merged(again) or found
     error = _coupling(problem, first_of([base, *found]))
     return replace(setting, floor=setting.floor + error**2), found
+
+
+def _hangs(problem: Problem, setting: Setting, fitted: Fitted, best: Fitted) -> bool:
+    """Whether the best set's response hangs on the coupling step, or another one may be behind for that alone."""
+    error = _coupling(problem, fitted)
+    if fitted is best:
+        return error > COARSE
+    return fitted.surprise - best.surprise < setting.share * len(setting.measured) * error**2
 
 
 def _coupling(problem: Problem, fitted: Fitted) -> float:
