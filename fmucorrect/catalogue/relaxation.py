@@ -186,7 +186,7 @@ LAWS = (
                 "fractional_order", "alpha", "1", "0 is a spring, 1 a damper", default=0.5, minimum=0.02, maximum=0.98
             ),
             Parameter(
-                *("reference_time", "tau", "s", "where k is told; a thousand times slower and faster are right too"),
+                *("reference_time", "tau", "s", "where k is told; a hundred times slower and faster are right too"),
                 default=0.1,
                 minimum=0.0,
                 above=True,
