@@ -10,10 +10,10 @@ import numpy as np
 from fmucorrect.discovery.calibration import whole
 from fmucorrect.discovery.errorbars import spread
 from fmucorrect.discovery.fit import fit, sharpened
-from fmucorrect.discovery.fitted import Fitted, Setting, begin_as, judge, judge_at, with_sensors
+from fmucorrect.discovery.fitted import Fitted, Setting, begin_as, judge, judge_at, price, with_sensors
 from fmucorrect.discovery.problem import Model, Problem
-from fmucorrect.discovery.sets import LONG
-from fmucorrect.discovery.terms import ForceTerm, Term
+from fmucorrect.discovery.sets import LONG, share_of, without
+from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, Term
 from fmucorrect.discovery.worth import WORTH
 
 WHOLE = 60.0
@@ -44,19 +44,32 @@ def ended(problem: Problem, setting: Setting, base: Fitted, best: Fitted) -> Fit
 
 
 def needed(problem: Problem, setting: Setting, base: Fitted, best: Fitted) -> Fitted:
-    """An ended set without the members that can hardly be told from nothing: along a valley (masses, springs and gains that
-    grow together) a fit may have stopped with one of them off, and at its end that shows."""
+    """An ended set without the members that can hardly be told from nothing, or from what a study expects of a parameter: along
+    a valley (masses, springs and gains that grow together), or before a rounding was fitted too, a fit may have stopped with
+    one of them off, and at its end that shows."""
+    setting = replace(setting, share=share_of(problem, setting, best.residual))
     while len(best.model.terms) > 1:
-        kept = [t for t, std in zip(best.model.terms, best.std(), strict=True) if not _is_nothing(t, std)]
+        kept = [
+            t
+            for t, std in zip(best.model.terms, best.std(), strict=True)
+            if not (_is_nothing(t, std) or _is_expected(problem, setting, t))
+        ]
         gone = [t for t in best.model.terms if t not in kept][:1]
         if not gone:
             break
-        model = replace(best.model, terms=tuple(t for t in best.model.terms if t not in gone))
+        model = without(problem, best.model, tuple(t for t in best.model.terms if t not in gone))
         less = fit(problem, replace(setting, base=best.base), model, LONG)
         if less is None:
             break
         best = ended(problem, setting, base, less)
     return best
+
+
+def _is_expected(problem: Problem, setting: Setting, term: Term) -> bool:
+    """Whether the base model's own parameter would take an offset on for less than naming it costs."""
+    if not isinstance(term, OffsetTerm) or term.adjustable not in problem.tolerated:
+        return False
+    return (term.values["value"] / term.scale) ** 2 < price(setting, len(term.estimated))
 
 
 def _is_nothing(term: Term, std: Mapping[str, float]) -> bool:

@@ -25,7 +25,7 @@ FINER = 4
 COARSE = 0.3
 """An error of the coupling, in units of the noise, above which it is made finer."""
 SUSPECTED = 5
-"""Likely sets whose coupling is looked at."""
+"""Likely sets whose coupling is looked at, where the best one is linear."""
 REFITTED = 4
 """Sets that are fitted again with a finer coupling, or from what they hold."""
 
@@ -63,7 +63,7 @@ def pared(problem: Problem, setting: Setting, base: Fitted, found: Sequence[Fitt
             done.add(_forms(terms))
             if any(_at_least(setting, terms, fitted) > best.surprise + HOPELESS for fitted in tried):
                 continue
-            less = _without(problem, best.model, terms)
+            less = without(problem, best.model, terms)
             fitted = fit(problem, replace(setting, base=best.base), less, LONG, rival=best.surprise)
             fits += [] if fitted is None else [fitted]
         if not fits:
@@ -108,7 +108,7 @@ def _all_of(term: Term, z: Mapping[Adjustable, float]) -> Term:
     return moved(replace(term, values={"value": 0.0}), (term.scale,), (z.get(term.adjustable, 0.0),))
 
 
-def _without(problem: Problem, model: Model, terms: tuple[Term, ...]) -> Model:
+def without(problem: Problem, model: Model, terms: tuple[Term, ...]) -> Model:
     """A model of fewer members; of an offset that is gone the base parameter takes on what it may."""
     gone = {
         t.adjustable: t.values["value"] / t.scale for t in model.terms if isinstance(t, OffsetTerm) and t not in terms
@@ -185,12 +185,16 @@ def _containing(term: Term) -> Iterator[ForceTerm]:
 def finer(
     problem: Problem, setting: Setting, base: Fitted, found: list[Fitted], progress: Progress
 ) -> tuple[Setting, list[Fitted]]:
-    """Where the best set's response hangs on the coupling step, or a likely one with forces may be behind for that alone, the
-    likely sets fitted again with a finer one; what error of the best is left becomes part of the least error."""
+    """Where the best set's response hangs on the coupling step, or the likeliest with forces may be behind for that alone, or any
+    likely one where the best is linear, the likely sets fitted again with a finer one; what error of the best is left becomes
+    part of the least error."""
     best = first_of([base, *found])
     others = [fitted for fitted in found if not names(best) < names(fitted)]
     forced = [fitted for fitted in others if any(isinstance(term, ForceTerm) for term in fitted.model.terms)]
-    hangs = next((fitted for fitted in merged(forced)[:SUSPECTED] if _hangs(problem, setting, fitted, best)), None)
+    count = (
+        SUSPECTED if all(linear(term) for term in best.model.terms) else 1
+    )  # of parameters that stand in for a force
+    hangs = next((fitted for fitted in merged(forced)[:count] if _hangs(problem, setting, fitted, best)), None)
     if hangs is not None:
         problem.couple(problem.substeps * FINER)
         again: list[Fitted] = []

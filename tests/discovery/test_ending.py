@@ -149,3 +149,28 @@ def test_a_member_that_ends_as_nothing_is_dropped_and_what_is_something_stays(li
         assert [term.effect for term in less.model.terms] == ["coulomb_friction"]
         assert less.model.terms[0].values["friction_force"] == pytest.approx(0.1, rel=0.02)
         assert needed(problem, setting, base, less) is less
+
+
+def test_an_offset_that_the_study_expects_goes_back_to_its_parameter(library, tmp_path):
+    """Two and a half tolerances are no finding."""
+
+    def stiffer(study):
+        spring = term_at(study, "linear_stiffness", "joint 1", stiffness=60.0)
+        return Model((friction(study, stick_displacement=1e-4, stick_time=1e-3), spring))
+
+    with problem_of(tmp_path, library, stiffer) as problem:
+        (offset,) = (replace(term, values={"value": 60.0}) for term in adjustables(problem) if term.where == "k1")
+        assert 2.0 < 60.0 / offset.scale < 4.0
+        setting, at, _ = begin(problem)
+        setting = replace(setting, candidates=100)
+        base = fit(problem, setting, problem.nominal, 8, at)
+        both = replace(
+            problem.nominal, terms=(offset, friction(problem.study, stick_displacement=1e-4, stick_time=1e-3))
+        )
+        best = ended(problem, setting, base, fit(problem, setting, both, 20))
+        assert len(best.model.terms) == 2
+        less = needed(problem, setting, base, best)
+        assert [term.effect for term in less.model.terms] == ["coulomb_friction"]
+        moves = dict(zip((a.parameters[0] for a in problem.tolerated), less.model.base, strict=True))
+        assert moves["k1"] == pytest.approx(60.0 / offset.scale, rel=0.1)
+        assert less.surprise < best.surprise
