@@ -185,9 +185,9 @@ def _containing(term: Term) -> Iterator[ForceTerm]:
 def finer(
     problem: Problem, setting: Setting, base: Fitted, found: list[Fitted], progress: Progress
 ) -> tuple[Setting, list[Fitted]]:
-    """Where the best set's response hangs on the coupling step, or the likeliest with forces may be behind for that alone, or any
-    likely one where the best is linear, the likely sets fitted again with a finer one; what error of the best is left becomes
-    part of the least error."""
+    """Where the best set's response hangs on the coupling step, or the likeliest with forces may be behind for that alone, or
+    any likely one where the best is linear, the likely sets fitted again with a finer one; what error of the best is left
+    becomes part of the least error."""
     best = first_of([base, *found])
     others = [fitted for fitted in found if not names(best) < names(fitted)]
     forced = [fitted for fitted in others if any(isinstance(term, ForceTerm) for term in fitted.model.terms)]
