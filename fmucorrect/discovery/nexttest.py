@@ -28,6 +28,7 @@ from fmucorrect.discovery.simulator import Simulator
 from fmucorrect.discovery.terms import OffsetTerm, Term
 from fmucorrect.discovery.trials import Trial
 from fmucorrect.errors import FmuError
+from fmucorrect.report.discovery_text import plain
 from fmucorrect.signals import Condition
 from fmucorrect.study import Study
 
@@ -309,4 +310,4 @@ def _own(fitted: Fitted, other: Fitted) -> list[Term]:
 
 def _names(fitted: Fitted, other: Fitted) -> str:
     own = [("another value of" if isinstance(t, OffsetTerm) else f"{t.effect} at", t) for t in _own(fitted, other)]
-    return " and ".join(f"{what.replace('_', ' ')} {t.where}" for what, t in own) or "nothing more"
+    return " and ".join(f"{plain(what)} {t.where}" for what, t in own) or "nothing more"

@@ -13,6 +13,7 @@ from fmucorrect.discovery.decide import Decision
 from fmucorrect.discovery.evenness import TOO_UNEVEN
 from fmucorrect.discovery.fitted import Setting, stands_out
 from fmucorrect.discovery.worth import SMALL, WORTH
+from fmucorrect.report.discovery_text import plain
 
 TELLING = 2.5
 """Standard deviations of a sensor's gain or lag from which on the sentence tells it."""
@@ -61,7 +62,7 @@ def _nearest(suspects: Sequence[dict[str, Any]]) -> str:
         return f"nearest comes {_called(by_place)}, whose {differs}"
     by_condition = max(suspects, key=_varies, default=None)
     if by_condition is not None and _varies(by_condition) >= TOO_MUCH:
-        number, share = by_condition["varies"]["parameter"].replace("_", " "), 100 * _varies(by_condition)
+        number, share = plain(by_condition["varies"]["parameter"]), 100 * _varies(by_condition)
         return f"nearest comes {_called(by_condition)}, whose {number} would have to differ by {share:.0f} % between conditions"
     return ""
 
@@ -78,7 +79,7 @@ def _uneven(row: dict[str, Any]) -> float:
 
 def _called(row: dict[str, Any]) -> str:
     """Effect and place."""
-    return f"{row['effect'].replace('_', ' ')} at {row['joint']}"
+    return f"{plain(row['effect'])} at {row['joint']}"
 
 
 def rest(setting: Setting, decision: Decision) -> list[str]:

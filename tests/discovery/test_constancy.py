@@ -80,4 +80,4 @@ def test_and_the_sentence_says_so(share, said):
     report = {"verdict": "unexplained", "effects": [], "suspects": [other, close], "unexplained": 0.05}
     text = sentence(report, [])
     assert said in text
-    assert ("coulomb friction at damper" in text) == (share > TOO_MUCH)
+    assert ("Coulomb friction at damper" in text) == (share > TOO_MUCH)
