@@ -15,6 +15,8 @@ from fmucorrect.discovery.simulator import LawAt
 from fmucorrect.study import Adjustable, Joint
 
 OFFSET = "parameter_offset"
+OF_FACTOR = "change of the start values' common factor"
+"""What the number of several parameters that are scaled together means."""
 EXCITATION = "excitation"
 PLAIN = {"displacement", "velocity", "acceleration"}
 """What a linear law may read."""
@@ -127,7 +129,7 @@ class OffsetTerm(_Keyed):
 
     def parameter(self, name: str) -> Parameter:
         """What is known of its number."""
-        meaning = "added to the start value" if self.single else "change of the start values' common factor"
+        meaning = "added to the start value" if self.single else OF_FACTOR
         return Parameter(name, "Delta", self.unit, meaning, None, self.low, self.high, neutral=0.0)
 
     @property

@@ -12,8 +12,9 @@ from fmucorrect.discovery.constancy import TOO_MUCH
 from fmucorrect.discovery.decide import Decision
 from fmucorrect.discovery.evenness import TOO_UNEVEN
 from fmucorrect.discovery.fitted import Setting, stands_out
+from fmucorrect.discovery.terms import OF_FACTOR
 from fmucorrect.discovery.worth import SMALL, WORTH
-from fmucorrect.report.discovery_text import plain
+from fmucorrect.report.discovery_text import plain, quantity, short
 
 TELLING = 2.5
 """Standard deviations of a sensor's gain or lag from which on the sentence tells it."""
@@ -38,7 +39,7 @@ def sentence(report: dict[str, Any], checked: Sequence[Gap]) -> str:
         f"the error at {worst.condition.name} falls from {worst.nrmse_before:.3g} to {worst.nrmse_after:.3g} %"
         f" (sensor noise {worst.noise_floor:.2g} %)"
     )
-    names = [_called(row) for row in report["effects"]]
+    names = [_sized(row) for row in report["effects"]]
     what = names[0] if len(names) == 1 else f"{len(names)} effects: {'; '.join(names)}"
     after = f"; with it {error}." if len(names) == 1 else f". With them {error}."
     if report["verdict"] == "named":
@@ -75,6 +76,14 @@ def _varies(row: dict[str, Any]) -> float:
 def _uneven(row: dict[str, Any]) -> float:
     """By which its force would have to differ along the joint's own motion."""
     return row["uneven"]["share"] if row["uneven"] else 0.0
+
+
+def _sized(row: dict[str, Any]) -> str:
+    """Effect and place, and how large it is."""
+    name, main = next(iter(row["parameters"].items()))  # the first is the main one
+    by_factor = main["meaning"] == OF_FACTOR
+    size = f"{short(100.0 * main['value'])} %" if by_factor else quantity(main["value"], unit=main["unit"])
+    return f"{_called(row)} ({size if len(row['parameters']) == 1 else f'{plain(name)} {size}'})"
 
 
 def _called(row: dict[str, Any]) -> str:

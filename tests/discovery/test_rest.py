@@ -1,13 +1,18 @@
 """What is left above the noise is said, also where it is too little for a name."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
+from fmucorrect.discovery.confirm import Gap
 from fmucorrect.discovery.decide import Decision, left
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fitted import Fitted, Setting
 from fmucorrect.discovery.problem import Model
+from fmucorrect.discovery.terms import OF_FACTOR
 from fmucorrect.discovery.wording import rest, sentence
+from fmucorrect.signals import Condition
 
 ROWS = 5000
 SETTING = Setting(np.zeros(ROWS), Nuisances(np.zeros((ROWS, 0))), np.zeros((ROWS, 0)), np.zeros(0), 1.0)
@@ -48,6 +53,23 @@ def test_what_is_left_is_a_share_of_what_the_parameters_do_not_take():
 def test_where_they_take_it_all_it_is_a_share_of_what_they_took():
     assert left(moved(1.03, 0.0, 0.0), moved(1.03, 1.0, -4.0), 1.0) == pytest.approx(0.03 / (11.0**2 - 1.0), rel=1e-6)
     assert left(moved(1.0, 0.0, 0.0), moved(1.0, 1.0, 0.0), 1.0) == 0.0
+
+
+def told(effect: str, joint: str, **parameters: tuple[float, str, str]) -> dict[str, Any]:
+    """A named effect as the report has it."""
+    numbers = {n: {"value": x, "unit": unit, "meaning": meaning} for n, (x, unit, meaning) in parameters.items()}
+    return {"effect": effect, "joint": joint, "parameters": numbers, "indistinguishable_from": []}
+
+
+def test_what_is_named_is_told_with_its_size():
+    play = told("backlash", "mount", gap=(1.2e-4, "m", "free travel"), stiffness=(8.7e6, "N/m", "lost"))
+    weak = told("parameter_offset", "scale_left and scale_right", value=(-0.605, "1", OF_FACTOR))
+    soft = told("parameter_offset", "bush_kx", value=(-4.23e6, "N/m", "added to the start value"))
+    gap = Gap(Condition("385"), np.zeros(0), *[np.zeros((0, 1))] * 3, np.ones(1), 19.1, 0.42, 0.41, 0.1, 0.9)
+    text = sentence({"verdict": "named", "effects": [play, weak, soft]}, [gap])
+    assert "backlash at mount (gap 0.120 mm)" in text
+    assert "parameter offset at scale_left and scale_right (−60.5 %)" in text
+    assert "parameter offset at bush_kx (−4.23 MN/m)" in text
 
 
 @pytest.mark.parametrize(
