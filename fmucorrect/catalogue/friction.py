@@ -29,9 +29,10 @@ _STICK = Parameter(
     minimum=0.0,
     above=True,
 )
+_EASED = 1e-3
 _EASE = Parameter(
     *("stick_time", "T_s", "s", "damping while it sticks over its stiffness there"),
-    default=1e-3,
+    default=_EASED,
     minimum=0.0,
     above=True,
 )
@@ -129,6 +130,12 @@ def _grips_within(share: float) -> Guess:
     return guess
 
 
+def _sticking(values: Mapping[str, float]) -> Mapping[str, float]:
+    """As steep at rest as friction that only slides."""
+    same = {name: value for name, value in values.items() if name != "smoothing_velocity"}
+    return same | {"stick_displacement": _EASED * values["smoothing_velocity"], "stick_time": _EASED}
+
+
 def _half_of_it_play(values: Mapping[str, float]) -> Mapping[str, float]:
     """As far until it slides as friction that sticks, the first half of it without a force."""
     force, half = values["friction_force"], 0.5 * values["stick_displacement"]
@@ -181,6 +188,7 @@ LAWS = (
         estimated=("friction_force", "stick_displacement"),
         holds=_never_sliding,
         states=(_BRISTLE,),
+        extends=(("coulomb_friction", _sticking),),
         note=f"Dahl's friction with a damping of its own. {_HOLD}",
     ),
     Law(
@@ -226,7 +234,10 @@ LAWS = (
         states=(_BRISTLE,),
         note=f"LuGre's friction with a damping that keeps it passive. {_HOLD}",
         check=_falling,
-        extends=(("coulomb_friction_stick", _falling_from("stick_displacement", "stick_time")),),
+        extends=(
+            ("coulomb_friction_stick", _falling_from("stick_displacement", "stick_time")),
+            ("stribeck_friction", _sticking),
+        ),
     ),
     Law(
         name="friction_with_backlash",

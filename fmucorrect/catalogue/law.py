@@ -172,9 +172,9 @@ class Law:
     main: the parameter that says how strong it is. estimated: what data decide; the others stay as guessed, and are
     fitted to the best set alone. signed: whether it may act the other way round. special: simpler effects that it becomes
     with special numbers; it is named only where these do clearly worse. becomes: of those, by label, numbers from its own,
-    where the same names do not do. extends: laws by label that it contains, and its numbers from theirs. holds: its numbers
-    with which it holds a joint still that gives by a displacement (m or rad) under a force (N or N.m). reverse: how, where not
-    by the sign (or inverse) of `main`.
+    where the same names do not do. extends: laws by label that it contains, or another form of its own, and its numbers from
+    theirs. holds: its numbers with which it holds a joint still that gives by a displacement (m or rad) under a force (N or
+    N.m). reverse: how, where not by the sign (or inverse) of `main`.
     """
 
     name: str

@@ -1,12 +1,16 @@
 """Calibration: adjustable parameters moved as far as the data want, and of these moves the few that are worth a name.
 
 All of them are freed at once, which finds offsets far outside the tolerances even where the response hangs strongly on
-several together; then they are put back one by one, the cheapest first, on the fit's quadratic form.
+several together; then they are put back one by one, the cheapest first, on the fit's quadratic form, or all but one or two
+where these do for less: along a valley, where one heavier mass is all other masses, springs and dampers lighter, the
+cheapest first may leave all the others.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from itertools import combinations
 from typing import TypeVar
 
 import numpy as np
@@ -24,6 +28,8 @@ L = TypeVar("L", bound=Term)
 
 FREED, REFITTED = 20, 8
 """Steps of the fit with all offsets, and of those with fewer of them."""
+FEW = 2
+"""Offsets of which all sets are tried."""
 
 
 def calibrated(problem: Problem, setting: Setting, around: Fitted) -> Fitted | None:
@@ -83,14 +89,17 @@ def _put_back(
         if isinstance(term, OffsetTerm):
             at[term.key], x[k] = int(k), term.values["value"] / term.scale
 
+    def cost(out: Sequence[int]) -> float:
+        return put_back(C, list(out), x)[0] - price(setting, 1) * len(out)
+
     out: list[int] = []
-    spent = 0.0
     while len(out) < len(at):
-        costs = {k: put_back(C, [*out, k], x)[0] for k in at.values() if k not in out}
-        k = min(costs, key=lambda k: costs[k])
-        if costs[k] - spent > price(setting, 1) and len(out) >= least:
+        following = min(([*out, k] for k in at.values() if k not in out), key=cost)
+        if cost(following) > cost(out) and len(out) >= least:
             break
-        out, spent = [*out, k], costs[k]
+        out = following
+    few = [n for n in range(len(at) - FEW, len(at)) if n > max(least, len(out))]
+    out = min([out, *(list(part) for n in few for part in combinations(at.values(), n))], key=cost)
     _, change = put_back(C, out, x)
     kept = [term for term in fitted.model.terms if at.get(term.key, -1) not in out]
     base = np.clip(np.asarray(fitted.model.base) + change[ends[-1] :], -FARTHEST, FARTHEST)

@@ -39,9 +39,10 @@ def condensed(problem: Problem, setting: Setting, best: Fitted, curves: Sequence
     near = explains(setting, best)  # only there a gain or a tolerance tells what it stands for
     own = [t for t, term in enumerate(best.model.terms) if proportional(term) or (near and _from_nothing(term))]
     far = float(np.sum(np.square(best.model.base)))
+    is_far = far > price(setting, 1)
     least = max(2, len(own) - LEFT) if len(own) > MEMBERS else 2
     parts = [[int(ends[t]) for t in part] for n in range(least, len(own) + 1) for part in combinations(own, n)]
-    if not (parts or far > price(setting, 1)) or not (near or 2 <= len(own) <= MEMBERS):
+    if not (parts or is_far) or not (near or 2 <= len(own) <= MEMBERS):
         return []
     best = _both_sided(problem, best, int(ends[-1])) if near else best
     x = np.zeros(int(ends[-1]))
@@ -54,7 +55,7 @@ def condensed(problem: Problem, setting: Setting, best: Fitted, curves: Sequence
         more = replace(best, slopes=np.concatenate([best.slopes, column[:, None]], axis=1))
         C, change = _form(setting, more)
         gain = float(change @ np.linalg.solve(C, change))
-        if near and gain > price(setting, 1) and (new := _grown(curve, float(change[ends[-1]]))) is not None:
+        if near and is_far and gain > price(setting, 1) and (new := _grown(curve, float(change[ends[-1]]))) is not None:
             listed.append((1.0 - gain / max(far, gain), _beside(best.model, ends, change, new)))
         for part, alone_cost in zip(parts, costs, strict=True):
             cost, change = put_back(C, part, x)
