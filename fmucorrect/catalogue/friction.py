@@ -142,6 +142,11 @@ def _half_of_it_play(values: Mapping[str, float]) -> Mapping[str, float]:
     return {"friction_force": force, "gap": half, "stiffness": force / half}
 
 
+def _never_full(values: Mapping[str, float]) -> Mapping[str, float]:
+    """Friction that never comes to its full size is a damper."""
+    return {"damping": values["friction_force"] / values["smoothing_velocity"]}
+
+
 def _without_play(values: Mapping[str, float]) -> Mapping[str, float]:
     """Friction that sticks as far as it goes until it slides, the play in it."""
     force = values["friction_force"]
@@ -161,6 +166,8 @@ def _falling_from(pace: str, over: str = "") -> Extension:
 LAWS = (
     Law(
         name="coulomb_friction",
+        special=("viscous_damping",),
+        becomes=(("viscous_damping", _never_full),),
         family="friction",
         description="Dry friction of constant size against the direction of sliding.",
         acts=_ANYWHERE,

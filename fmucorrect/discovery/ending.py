@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -44,25 +44,27 @@ def ended(problem: Problem, setting: Setting, base: Fitted, best: Fitted) -> Fit
 
 
 def needed(problem: Problem, setting: Setting, base: Fitted, best: Fitted) -> Fitted:
-    """An ended set without the members that can hardly be told from nothing, or from what a study expects of a parameter: along
-    a valley (masses, springs and gains that grow together), or before a rounding was fitted too, a fit may have stopped with
-    one of them off, and at its end that shows."""
+    """An ended set without the members that can hardly be told from nothing, or from what a study expects of a parameter, if it
+    is no less likely for it: along a valley (masses, springs and gains that grow together), or before a rounding was fitted
+    too, a fit may have stopped with one of them off, and at its end that shows."""
     setting = replace(setting, share=share_of(problem, setting, best.residual))
     while len(best.model.terms) > 1:
-        kept = [
-            t
-            for t, std in zip(best.model.terms, best.std(), strict=True)
-            if not (_is_nothing(t, std) or _is_expected(problem, setting, t))
-        ]
-        gone = [t for t in best.model.terms if t not in kept][:1]
-        if not gone:
-            break
-        model = without(problem, best.model, tuple(t for t in best.model.terms if t not in gone))
-        less = fit(problem, replace(setting, base=best.base), model, LONG)
+        less = next(_less(problem, replace(setting, base=best.base), best), None)
         if less is None:
             break
         best = ended(problem, setting, base, less)
     return best
+
+
+def _less(problem: Problem, setting: Setting, best: Fitted) -> Iterator[Fitted]:
+    """The set without one such member, where that is likelier."""
+    likely = judge(setting, best).surprise
+    for term, std in zip(best.model.terms, best.std(), strict=True):
+        if _is_nothing(term, std) or _is_expected(problem, setting, term):
+            rest = tuple(t for t in best.model.terms if t is not term)
+            less = fit(problem, setting, without(problem, best.model, rest), LONG)
+            if less is not None and less.surprise < likely:
+                yield less
 
 
 def _is_expected(problem: Problem, setting: Setting, term: Term) -> bool:
