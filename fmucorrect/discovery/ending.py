@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -10,18 +10,16 @@ import numpy as np
 from fmucorrect.discovery.calibration import whole
 from fmucorrect.discovery.errorbars import spread
 from fmucorrect.discovery.fit import fit, sharpened
-from fmucorrect.discovery.fitted import Fitted, Setting, begin_as, judge, judge_at, price, with_sensors
+from fmucorrect.discovery.fitted import Fitted, Setting, begin_as, judge, judge_at, with_sensors
 from fmucorrect.discovery.problem import Model, Problem
-from fmucorrect.discovery.sets import LONG, share_of, without
-from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, Term
+from fmucorrect.discovery.sets import LONG, share_of, spare, without
+from fmucorrect.discovery.terms import ForceTerm, Term
 from fmucorrect.discovery.worth import WORTH
 
 WHOLE = 60.0
 """Seconds of a single tone that the numbers are fitted to at last: its end too, and how the model comes to rest behind it."""
 FEW = 0.3
 """Share of independent rows below which the fit is tried with all."""
-NOTHING = 2.0
-"""Standard deviations from nothing at which an effect is none: it explains less than any price of it."""
 ALIKE = 4.0
 """By how much less likely sensors whose gain is right may be, in -2 log p."""
 
@@ -59,25 +57,11 @@ def needed(problem: Problem, setting: Setting, base: Fitted, best: Fitted) -> Fi
 def _less(problem: Problem, setting: Setting, best: Fitted) -> Iterator[Fitted]:
     """The set without one such member, where that is likelier."""
     likely = judge(setting, best).surprise
-    for term, std in zip(best.model.terms, best.std(), strict=True):
-        if _is_nothing(term, std) or _is_expected(problem, setting, term):
-            rest = tuple(t for t in best.model.terms if t is not term)
-            less = fit(problem, setting, without(problem, best.model, rest), LONG)
-            if less is not None and less.surprise < likely:
-                yield less
-
-
-def _is_expected(problem: Problem, setting: Setting, term: Term) -> bool:
-    """Whether the base model's own parameter would take an offset on for less than naming it costs."""
-    if not isinstance(term, OffsetTerm) or term.adjustable not in problem.tolerated:
-        return False
-    return (term.values["value"] / term.scale) ** 2 < price(setting, len(term.estimated))
-
-
-def _is_nothing(term: Term, std: Mapping[str, float]) -> bool:
-    """Whether the main number is within twice its standard deviation of where the effect is none."""
-    neutral = term.parameter(term.main).neutral if term.main in std else None
-    return neutral is not None and abs(term.values[term.main] - neutral) < NOTHING * std[term.main]
+    for term in spare(problem, setting, best):
+        rest = tuple(t for t in best.model.terms if t is not term)
+        less = fit(problem, setting, without(problem, best.model, rest), LONG)
+        if less is not None and less.surprise < likely:
+            yield less
 
 
 def _refitted(problem: Problem, setting: Setting, best: Fitted, model: Model) -> Fitted:

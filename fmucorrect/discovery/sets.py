@@ -35,6 +35,10 @@ BEHIND = 4.0
 """By how much, in -2 log p, a larger set is less likely than it can be where it had been fitted badly."""
 EXTENDED = 6
 """Sets in which a member gives way to a law that contains it."""
+CLOSE = 3
+"""Sets close to the best one that are tried without what they can spare."""
+NOTHING = 2.0
+"""Standard deviations from nothing at which an effect is none: it explains less than any price of it."""
 LONG = 20
 """Iterations of a fit that begins far from its end."""
 
@@ -49,8 +53,9 @@ def _forms(terms: Sequence[Term]) -> frozenset[tuple[str, str]]:
 
 def pared(problem: Problem, setting: Setting, base: Fitted, found: Sequence[Fitted]) -> tuple[Fitted, list[Fitted]]:
     """The base and all sets, with those that are simpler than the best one by one step, and so on until the best one needs all
-    that it has. Each is fitted from where the larger set stands, whatever was reached from elsewhere. Of one effect alone that
-    is the base model once more, by another way. What was needed in a larger set is needed in a smaller one. What then is
+    that it has; and one without what it can spare, that is behind it by less than a member costs: it may be the best then.
+    Each is fitted from where the larger set stands, whatever was reached from elsewhere. Of one effect alone that is the
+    base model once more, by another way. What was needed in a larger set is needed in a smaller one. What then is
     behind the best one although it holds it had been fitted badly, and is fitted again from there."""
     found = [*found, *_linear_part(problem, setting, base, found)]
     tried: list[Fitted] = []
@@ -59,12 +64,18 @@ def pared(problem: Problem, setting: Setting, base: Fitted, found: Sequence[Fitt
     while True:
         best = first_of(admissible(setting, base, found))
         fits: list[Fitted] = []
-        for terms in (terms for terms in _with_less(best.model.terms) if _forms(terms) not in done):
+        simpler = [(best, terms) for terms in _with_less(best.model.terms)]
+        for close in [f for f in merged(found) if 0.0 < f.surprise - best.surprise < price(setting, 1)][:CLOSE]:
+            idle = spare(problem, setting, close)
+            simpler += [(close, tuple(t for t in close.model.terms if t is not term)) for term in idle]
+        for one, terms in simpler:
+            if _forms(terms) in done:
+                continue
             done.add(_forms(terms))
             if any(_at_least(setting, terms, fitted) > best.surprise + HOPELESS for fitted in tried):
                 continue
-            less = without(problem, best.model, terms)
-            fitted = fit(problem, replace(setting, base=best.base), less, LONG, rival=best.surprise)
+            less = without(problem, one.model, terms)
+            fitted = fit(problem, replace(setting, base=one.base), less, LONG, rival=best.surprise)
             fits += [] if fitted is None else [fitted]
         if not fits:
             fits = _caught_up(problem, setting, best, found, caught)
@@ -138,6 +149,28 @@ def _at_least(setting: Setting, terms: Sequence[Term], larger: Fitted) -> float:
     return larger.surprise - sum(price(setting, len(term.estimated)) for term in more)
 
 
+def spare(problem: Problem, setting: Setting, fitted: Fitted) -> list[Term]:
+    """The members that can hardly be told from nothing, or from what a study expects of a parameter."""
+    return [
+        term
+        for term, std in zip(fitted.model.terms, fitted.std(), strict=True)
+        if _is_nothing(term, std) or _is_expected(problem, setting, term)
+    ]
+
+
+def _is_expected(problem: Problem, setting: Setting, term: Term) -> bool:
+    """Whether the base model's own parameter would take an offset on for less than naming it costs."""
+    if not isinstance(term, OffsetTerm) or term.adjustable not in problem.tolerated:
+        return False
+    return (term.values["value"] / term.scale) ** 2 < price(setting, len(term.estimated))
+
+
+def _is_nothing(term: Term, std: Mapping[str, float]) -> bool:
+    """Whether the main number is within twice its standard deviation of where the effect is none."""
+    neutral = term.parameter(term.main).neutral if term.main in std else None
+    return neutral is not None and abs(term.values[term.main] - neutral) < NOTHING * std[term.main]
+
+
 def _with_less(terms: Sequence[Term]) -> Iterator[tuple[Term, ...]]:
     """Without one of the effects; or with a law in its place that is a special case of its own, begun with numbers that do
     about the same."""
@@ -186,15 +219,15 @@ def finer(
     problem: Problem, setting: Setting, base: Fitted, found: list[Fitted], progress: Progress
 ) -> tuple[Setting, list[Fitted]]:
     """Where the best set's response hangs on the coupling step, or the likeliest with forces may be behind for that alone, or
-    any likely one where the best is linear, the likely sets fitted again with a finer one; what error of the best is left
-    becomes part of the least error."""
+    any likely one where the best has linear forces at most (of parameters that stand in for another one) or the other one
+    reads an acceleration (which is a step old), the likely sets fitted again with a finer one; what error of the best is
+    left becomes part of the least error."""
     best = first_of([base, *found])
     others = [fitted for fitted in found if not names(best) < names(fitted)]
     forced = [fitted for fitted in others if any(isinstance(term, ForceTerm) for term in fitted.model.terms)]
-    count = (
-        SUSPECTED if all(linear(term) for term in best.model.terms) else 1
-    )  # of parameters that stand in for a force
-    hangs = next((fitted for fitted in merged(forced)[:count] if _hangs(problem, setting, fitted, best)), None)
+    plain = all(linear(term) for term in best.model.terms if not isinstance(term, SignalTerm))
+    suspects = [f for i, f in enumerate(merged(forced)[:SUSPECTED]) if i == 0 or plain or _is_late(f)]
+    hangs = next((fitted for fitted in suspects if _hangs(problem, setting, fitted, best)), None)
     if hangs is not None:
         problem.couple(problem.substeps * FINER)
         again: list[Fitted] = []
@@ -206,6 +239,11 @@ def finer(
         found = merged(again) or found
     error = _coupling(problem, first_of([base, *found]))
     return replace(setting, floor=setting.floor + error**2), found
+
+
+def _is_late(fitted: Fitted) -> bool:
+    """Whether one of its forces reads an acceleration."""
+    return any(isinstance(term, ForceTerm) and "acceleration" in term.law.inputs for term in fitted.model.terms)
 
 
 def _hangs(problem: Problem, setting: Setting, fitted: Fitted, best: Fitted) -> bool:
