@@ -22,6 +22,7 @@ from fmucorrect.discovery.lines import line, stands
 from fmucorrect.discovery.look import at_other_places, look, regrouped, rivals
 from fmucorrect.discovery.marks import Marks, with_marks
 from fmucorrect.discovery.motion import motions
+from fmucorrect.discovery.paring import pared
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.remaining import sensors, turning
 from fmucorrect.discovery.sets import (
@@ -33,7 +34,6 @@ from fmucorrect.discovery.sets import (
     finer,
     has_room,
     merged,
-    pared,
     settled,
     share_of,
 )

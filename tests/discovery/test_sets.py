@@ -16,8 +16,9 @@ from fmucorrect.discovery.candidates import adjustables, parts
 from fmucorrect.discovery.fit import FINEST, PROBE, fit, probes
 from fmucorrect.discovery.fitted import Fitted
 from fmucorrect.discovery.look import at_other_places
+from fmucorrect.discovery.paring import pared
 from fmucorrect.discovery.problem import Model, overrides
-from fmucorrect.discovery.sets import ALIKE, FINER, distinct, finer, has_room, pared
+from fmucorrect.discovery.sets import ALIKE, FINER, distinct, finer, has_room
 from fmucorrect.discovery.terms import ForceTerm, SignalTerm
 from fmucorrect.discovery.worth import admissible, first_of, names
 
