@@ -65,6 +65,21 @@ def _of_order(order: float) -> Guess:
     return guess
 
 
+def _all_gone(values: Mapping[str, float]) -> Mapping[str, float]:
+    """On nothing but air the model's own damper does nothing."""
+    return {"damping": -values["damping"]}
+
+
+def _never_stretched(values: Mapping[str, float]) -> Mapping[str, float]:
+    """A branch that relaxes at once is its damper."""
+    return {"damping": values["stiffness"] * values["relaxation_time"]}
+
+
+def _of_first_order(values: Mapping[str, float]) -> Mapping[str, float]:
+    """The same force where the stiffness is told, as a damper."""
+    return {"damping": values["stiffness"] * values["reference_time"]}
+
+
 def _guess_series(motion: Motion, share: float) -> Mapping[str, float] | None:
     """The spring takes about this share of the motion."""
     return {"stiffness": motion.f / motion.d * (1.0 / share - 1.0)} if motion.f > 0.0 else None
@@ -122,6 +137,7 @@ LAWS = (
     Law(
         name="series_stiffness",
         special=("linear_stiffness", "viscous_damping"),
+        becomes=(("viscous_damping", _all_gone),),
         form="damping",
         family="damper",
         description="The joint's own linear damper sits on something soft, its mount or its oil, and so relaxes.",
@@ -144,6 +160,7 @@ LAWS = (
     Law(
         name="series_stiffness",
         special=("linear_stiffness", "viscous_damping"),
+        becomes=(("viscous_damping", _never_stretched),),
         form="branch",
         family="damper",
         description="Beside the joint's element a spring acts through a damper and so relaxes, as the air in an air spring.",
@@ -174,6 +191,7 @@ LAWS = (
     Law(
         name="fractional_damping",
         special=("linear_stiffness", "viscous_damping"),
+        becomes=(("viscous_damping", _of_first_order),),
         family="damper",
         description="Between a spring and a damper, as rubber is: stiffer the faster it moves, over many decades of time.",
         acts="any joint",

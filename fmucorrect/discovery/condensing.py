@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
-from itertools import combinations
+from dataclasses import dataclass, replace
+from itertools import combinations, groupby
 
 import numpy as np
 from jaxtyping import Float64, Int
@@ -30,6 +30,20 @@ SHOWN, FITTED = 24, 4
 """Condensed sets that are simulated as the form has them, and those of them that are fitted."""
 
 
+@dataclass(frozen=True)
+class _Listed:
+    """A set as the form has it. share: of the cost, what stays. new: what came in. out: coordinates that left."""
+
+    share: float
+    new: tuple[object, ...]
+    out: frozenset[int]
+    model: Model
+
+    def goes_further(self, other: _Listed) -> bool:
+        """Whether for the same new member more can leave, at no larger a share."""
+        return self.new == other.new and self.out > other.out and self.share <= other.share
+
+
 def condensed(problem: Problem, setting: Setting, best: Fitted, curves: Sequence[Curve]) -> list[Fitted]:
     """The set with two or more of its members of one number (offsets of parameters, forces with a factor, a gain or a lag) in
     the place of which there is one other that is linear, or an error of a sensor or of what excites; or with one that takes
@@ -50,21 +64,24 @@ def condensed(problem: Problem, setting: Setting, best: Fitted, curves: Sequence
         x[ends[t]] = _size(best.model.terms[t])
     alone, _ = _form(setting, best)
     costs, most = [put_back(alone, part, x)[0] for part in parts], STAYS_NEAR if near else STAYS
-    listed: list[tuple[float, Model]] = []
+    listed: list[_Listed] = []
     for curve, column in _columns(problem, best, curves, near):
         more = replace(best, slopes=np.concatenate([best.slopes, column[:, None]], axis=1))
         C, change = _form(setting, more)
         gain = float(change @ np.linalg.solve(C, change))
         if near and is_far and gain > price(setting, 1) and (new := _grown(curve, float(change[ends[-1]]))) is not None:
-            listed.append((1.0 - gain / max(far, gain), _beside(best.model, ends, change, new)))
+            beside = _beside(best.model, ends, change, new)
+            listed.append(_Listed(1.0 - gain / max(far, gain), curve.identity, frozenset(), beside))
         for part, alone_cost in zip(parts, costs, strict=True):
             cost, change = put_back(C, part, x)
             share = cost / max(alone_cost, 1e-300)
             new = _grown(curve, float(change[ends[-1]])) if share < most else None
             if new is not None:
-                listed.append((share, _with(best.model, part, ends, change, new)))
-    listed.sort(key=lambda item: item[0])
-    models = [model for _, model in listed[:SHOWN]]
+                model = _with(best.model, part, ends, change, new)
+                listed.append(_Listed(share, curve.identity, frozenset(part), model))
+    listed = [one for one in listed if not any(other.goes_further(one) for other in listed)]
+    listed.sort(key=lambda one: one.share)
+    models = [one.model for one in listed[:SHOWN]]
     shown = [
         (judge_at(setting, best, model, y).surprise, model, y)
         for model, y in zip(models, problem.many(models), strict=True)
@@ -95,16 +112,21 @@ def _columns(
     problem: Problem, best: Fitted, curves: Sequence[Curve], errors: bool
 ) -> Iterator[tuple[Curve, Float64[np.ndarray, " n"]]]:
     """Candidates of one number that are not in the set, forces if they are linear, and what one of each changes, by a small
-    one. errors: of sensors and of what excites, too."""
+    one. errors: of sensors and of what excites, too, and to the noise."""
     have = names(best)
     free = [curve for curve in curves if curve.key not in have and curve.numbers == 1]
-    small = [(curve, curve.term(PROBE * curve.size)) for curve in free]
-    small = [(curve, term) for curve, term in small if term is not None]
-    small = [(curve, term) for curve, term in small if linear(term) or (errors and isinstance(term, SignalTerm))]
-    models = [replace(best.model, terms=(*best.model.terms, term)) for _, term in small]
-    for (curve, _), y in zip(small, problem.many(models), strict=True):
-        if y is not None:
-            yield curve, (y - best.at) / PROBE
+    # what stands in for others to the noise shows from both sides alone: what is curved in a one-sided change would not
+    sides = [(curve, side) for curve in free for side in (1.0, -1.0) if side > 0.0 or (errors and curve.signed)]
+    small: list[tuple[Curve, float, Model]] = []
+    for curve, side in sides:
+        term = curve.term(side * PROBE * curve.size)
+        if term is not None and (linear(term) or (errors and isinstance(term, SignalTerm))):
+            small.append((curve, side, replace(best.model, terms=(*best.model.terms, term))))
+    found = zip(small, problem.many([model for _, _, model in small]), strict=True)
+    changes = ((curve, side * (y - best.at) / PROBE) for (curve, side, _), y in found if y is not None)
+    for _, both in groupby(changes, key=lambda item: item[0].identity):
+        alike = list(both)
+        yield alike[0][0], np.mean([change for _, change in alike], axis=0)
 
 
 def _grown(curve: Curve, share: float) -> Term | None:

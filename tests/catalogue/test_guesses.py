@@ -81,6 +81,13 @@ def test_what_a_law_says_of_itself_fits_together(law):
     assert law.description.endswith(".")
 
 
+DAMPERS = {
+    "coulomb_friction": ("smoothing_velocity", 100.0),  # more than the joint's velocity
+    "series_stiffness_damping": ("stiffness", 0.01),
+    "series_stiffness_branch": ("relaxation_time", 0.01),
+    "fractional_damping": ("fractional_order", 0.98),
+}
+"""What is to be multiplied, and by how much, for a law to do what a damper does."""
 CONTAINED = [(law, label, new) for law in LAWS.values() for label, new in law.becomes]
 CONTAINED += [(LAWS[label], law.label, new) for law in LAWS.values() for label, new in law.extends]
 
@@ -95,7 +102,9 @@ def test_where_a_law_gives_way_to_another_that_does_about_the_same(law, label, n
             name: 0.0 if name == "alpha" else x for name, x in values.items()
         }  # a spring beside has no place there
         if label == "viscous_damping":
-            values["smoothing_velocity"] *= 100.0  # more than the joint's velocity
+            name, by = DAMPERS[law.label]
+            values = law.complete(values)
+            values = {**values, name: by if name == "fractional_order" else by * values[name]}
         old = forces(law, inputs, values)
         other = forces(LAWS[label], inputs, LAWS[label].complete(new(values)))
         assert np.linalg.norm(other - old) < 0.5 * np.linalg.norm(old)

@@ -38,17 +38,21 @@ joints = ["joint 1", "joint 2"]
 """
 GAIN = ("excitation_gain", "excitation")
 MASS_2 = ("added_mass", "joint 2")
-APART = "".join(
-    f'[[adjustable]]\nparameter = "{name}"\nminimum = {0.1 * at}\nmaximum = {10.0 * at}\ntolerance = 0.02\n'
-    for name, at in {"k2": K2, "c2": C2}.items()
-)
 
 
-def problem_of(folder, library, truth):
+def apart(**values):
+    """Each parameter adjustable by itself."""
+    return "".join(
+        f'[[adjustable]]\nparameter = "{name}"\nminimum = {0.1 * at}\nmaximum = {10.0 * at}\ntolerance = 0.02\n'
+        for name, at in values.items()
+    )
+
+
+def problem_of(folder, library, truth, adjustable):
     """The chain, measured with what `truth` makes of its study."""
     write(folder / "force.csv", "mass1.f [N]", sweep(0.5))
     write(folder / "measured.csv", "x1 [mm],x2 [mm]", np.zeros((len(T), 2)))
-    (folder / "study.toml").write_text(CHAIN + JOINTS + APART + SWEEP, encoding="utf-8")
+    (folder / "study.toml").write_text(CHAIN + JOINTS + adjustable + SWEEP, encoding="utf-8")
     study = load_study(folder / "study.toml")
     y = shown(study, study.conditions[0], library, truth(study), len(T))
     write(folder / "measured.csv", "x1 [mm],x2 [mm]", y + NOISE * np.random.default_rng(2).normal(size=y.shape))
@@ -76,7 +80,7 @@ def test_two_offsets_that_are_one_mass_become_one(library, tmp_path):
     def truth(study):
         return Model((term_at(study, *MASS_2, mass=0.25 * M2),), ())
 
-    with problem_of(tmp_path, library, truth) as problem:
+    with problem_of(tmp_path, library, truth, apart(k2=K2, c2=C2)) as problem:
         two, best = condensed_from(problem, tuple(adjustables(problem)))
     (only,) = best.model.terms
     assert only.key == MASS_2
@@ -88,13 +92,25 @@ def test_two_offsets_that_are_one_mass_become_one(library, tmp_path):
     assert best.surprise < two.surprise
 
 
+def test_two_springs_that_are_off_alike_are_one_stiffness_of_their_group(library, tmp_path):
+    def truth(study):
+        return Model((term_at(study, "linear_stiffness", "both", stiffness=100.0),), ())
+
+    with problem_of(tmp_path, library, truth, apart(k1=1000.0, k2=K2)) as problem:
+        two, best = condensed_from(problem, tuple(adjustables(problem)))
+    (only,) = best.model.terms
+    assert only.key == ("linear_stiffness", "both")
+    assert only.values["stiffness"] == pytest.approx(100.0, rel=0.1)
+    assert best.surprise < two.surprise - 4.0
+
+
 def test_with_weaker_springs_and_dampers_a_law_that_is_not_linear_gives_way_too(library, tmp_path):
     drag = {"quadratic_damping": 30.0}
 
     def truth(study):
         return Model((term_at(study, "quadratic_damping", "both", **drag), term_at(study, *MASS_2, mass=0.25 * M2)), ())
 
-    with problem_of(tmp_path, library, truth) as problem:
+    with problem_of(tmp_path, library, truth, apart(k2=K2, c2=C2)) as problem:
         less = term_at(problem.study, "quadratic_damping", "joint 2", quadratic_damping=-5.0)
         both = term_at(problem.study, "quadratic_damping", "both", **drag)
         four, best = condensed_from(problem, (*adjustables(problem), both, less))
@@ -103,7 +119,7 @@ def test_with_weaker_springs_and_dampers_a_law_that_is_not_linear_gives_way_too(
 
 
 def test_one_member_is_not_condensed(library, tmp_path):
-    with problem_of(tmp_path, library, lambda study: Model((), ())) as problem:
+    with problem_of(tmp_path, library, lambda study: Model((), ()), apart(k2=K2, c2=C2)) as problem:
         setting, _, _ = begin(problem)
         one = fit(problem, setting, Model(tuple(adjustables(problem))[:1], problem.nominal.base), 20)
         assert condensed(problem, setting, one, []) == []
