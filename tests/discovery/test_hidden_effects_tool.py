@@ -135,6 +135,14 @@ def test_a_name_is_a_seed(written):
     assert json.dumps(make(replace(made.spec, name="osc_other")).label) != json.dumps(made.label)
 
 
+def test_a_parameter_that_the_study_leaves_out_is_right():
+    wanted = (Wanted("added_mass", "joint 2", 0.2),)
+    spec = Spec("osc_made", "two_on_base", "single", 0.01, True, wanted)
+    every, less = (make(one).parameters for one in (spec, replace(spec, without=("m2",))))
+    assert "m2" in every
+    assert less == {name: value for name, value in every.items() if name != "m2"}
+
+
 def test_effects_at_sensors_and_excitation_do_what_they_say():
     t = np.arange(4000) * 1e-3
     y = np.sin(2.0 * np.pi * 5.0 * t)

@@ -42,7 +42,7 @@ def make(spec: Spec) -> Made:
     """All numbers of a case. Raises ArithmeticError where no severity is stable."""
     on = bench(spec.bench)
     rng = np.random.default_rng(seed_of(spec.name))
-    wrong = base_errors(on, rng) if spec.base_error else {}
+    wrong = base_errors(on, spec, rng) if spec.base_error else {}
     asked = list(spec.effects)
     for _ in range(4):
         placed, label = place_all(on, replace(spec, effects=tuple(asked)), wrong)
@@ -72,12 +72,12 @@ def place_all(on: Bench, spec: Spec, wrong: dict[str, float]) -> tuple[list[Plac
     return placed, label_of(on, spec, wrong, placed, noise_of(on, spec, whole), whole)
 
 
-def base_errors(on: Bench, rng: np.random.Generator) -> dict[str, float]:
-    """Every adjustable wrong by a normal number of its tolerance."""
-    found = {}
+def base_errors(on: Bench, spec: Spec, rng: np.random.Generator) -> dict[str, float]:
+    """Every adjustable that the study lists wrong by a normal number of its tolerance; what it leaves out is right."""
+    found, told = {}, listed(on, spec)
     for row in on.adjustable:
         factor = 1.0 + row["tolerance"] * float(np.clip(rng.standard_normal(), -2.5, 2.5))
-        found |= {name: on.value(name, {}) * factor for name in parameters_of(row)}
+        found |= {name: on.value(name, {}) * factor for name in parameters_of(row)} if row in told else {}
     return found
 
 
