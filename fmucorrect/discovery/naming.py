@@ -18,6 +18,7 @@ from fmucorrect.discovery.ending import ended, needed
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.fitted import EXPLAINED, Fitted, Setting, begin, begin_as, explains, price
 from fmucorrect.discovery.held import held
+from fmucorrect.discovery.joined import joined
 from fmucorrect.discovery.lines import line, stands
 from fmucorrect.discovery.look import at_other_places, look, regrouped, rivals
 from fmucorrect.discovery.marks import Marks, with_marks
@@ -271,7 +272,9 @@ def _deepened(
             moved = calibrated(problem, replace(setting, base=best.base), best)
             found = merged([*found, *([] if moved is None else [moved]), *extended(problem, setting, likely[:BESIDE])])
         if names(best) not in done:
-            found = merged([*found, *regrouped(problem, setting, best), *condensed(problem, setting, best, curves)])
+            more = joined(problem, setting, best, around.moves, around.start)
+            more += [*regrouped(problem, setting, best), *condensed(problem, setting, best, curves)]
+            found = merged([*found, *more])
         base, found = pared(problem, setting, base, found)
         kept = _ranked(setting, base, found)
         looked = [fitted for fitted in kept if names(fitted) in done]
