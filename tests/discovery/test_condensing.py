@@ -48,7 +48,10 @@ def apart(**values):
     )
 
 
-def problem_of(folder, library, truth, adjustable):
+TWO = apart(k2=K2, c2=C2)
+
+
+def problem_of(folder, library, truth, adjustable=TWO):
     """The chain, measured with what `truth` makes of its study."""
     write(folder / "force.csv", "mass1.f [N]", sweep(0.5))
     write(folder / "measured.csv", "x1 [mm],x2 [mm]", np.zeros((len(T), 2)))
@@ -80,7 +83,7 @@ def test_two_offsets_that_are_one_mass_become_one(library, tmp_path):
     def truth(study):
         return Model((term_at(study, *MASS_2, mass=0.25 * M2),), ())
 
-    with problem_of(tmp_path, library, truth, apart(k2=K2, c2=C2)) as problem:
+    with problem_of(tmp_path, library, truth) as problem:
         two, best = condensed_from(problem, tuple(adjustables(problem)))
     (only,) = best.model.terms
     assert only.key == MASS_2
@@ -110,7 +113,7 @@ def test_with_weaker_springs_and_dampers_a_law_that_is_not_linear_gives_way_too(
     def truth(study):
         return Model((term_at(study, "quadratic_damping", "both", **drag), term_at(study, *MASS_2, mass=0.25 * M2)), ())
 
-    with problem_of(tmp_path, library, truth, apart(k2=K2, c2=C2)) as problem:
+    with problem_of(tmp_path, library, truth) as problem:
         less = term_at(problem.study, "quadratic_damping", "joint 2", quadratic_damping=-5.0)
         both = term_at(problem.study, "quadratic_damping", "both", **drag)
         four, best = condensed_from(problem, (*adjustables(problem), both, less))
@@ -119,7 +122,7 @@ def test_with_weaker_springs_and_dampers_a_law_that_is_not_linear_gives_way_too(
 
 
 def test_one_member_is_not_condensed(library, tmp_path):
-    with problem_of(tmp_path, library, lambda study: Model((), ()), apart(k2=K2, c2=C2)) as problem:
+    with problem_of(tmp_path, library, lambda study: Model((), ())) as problem:
         setting, _, _ = begin(problem)
         one = fit(problem, setting, Model(tuple(adjustables(problem))[:1], problem.nominal.base), 20)
         assert condensed(problem, setting, one, []) == []
