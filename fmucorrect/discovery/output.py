@@ -48,7 +48,7 @@ def effect_row(
                 "symbol": term.parameter(name).symbol,
                 "meaning": term.parameter(name).meaning,
             }
-            for name in dict.fromkeys([term.main, *term.estimated, *term.values])
+            for name in sorted(dict.fromkeys([*term.estimated, *term.values]), key=lambda name: name != term.main)
         },
         "equation": equation(term),
         "probability": probability,

@@ -39,7 +39,7 @@ def sentence(report: dict[str, Any], checked: Sequence[Gap]) -> str:
         f"the error at {worst.condition.name} falls from {worst.nrmse_before:.3g} to {worst.nrmse_after:.3g} %"
         f" (sensor noise {worst.noise_floor:.2g} %)"
     )
-    names = [_sized(row) for row in report["effects"]]
+    names = [sized(row) for row in report["effects"]]
     what = names[0] if len(names) == 1 else f"{len(names)} effects: {'; '.join(names)}"
     after = f"; with it {error}." if len(names) == 1 else f". With them {error}."
     if report["verdict"] == "named":
@@ -78,8 +78,10 @@ def _uneven(row: dict[str, Any]) -> float:
     return row["uneven"]["share"] if row["uneven"] else 0.0
 
 
-def _sized(row: dict[str, Any]) -> str:
-    """Effect and place, and how large it is."""
+def sized(row: dict[str, Any]) -> str:
+    """Effect and place, and how large it is; a rectified signal has no size."""
+    if not row["parameters"]:
+        return _called(row)
     name, main = next(iter(row["parameters"].items()))  # the first is the main one
     by_factor = main["meaning"] == OF_FACTOR
     size = f"{short(100.0 * main['value'])} %" if by_factor else quantity(main["value"], unit=main["unit"])
