@@ -25,8 +25,8 @@ LAWS = (
         signed=True,
         note=(
             "a is positive in the direction in which d grows. Exact at a joint to the ground; between two bodies the"
-            " other one takes the reaction. In a loop that reads a from the last steps, m must be between the"
-            " mass that is there, with a minus sign, and half of it."
+            " other one takes the reaction. Solved together with the acceleration that it changes: m may be as large as one"
+            " likes, and as small as the mass that is there, with a minus sign."
         ),
     ),
 )

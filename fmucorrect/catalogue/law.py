@@ -206,6 +206,7 @@ class Law:
         wrong = [f"main names {self.main!r}"] if self.main not in known else []
         wrong += [f"estimated names {name!r}" for name in self.estimated if name not in known]
         wrong += [f"inputs names {name!r}" for name in self.inputs if name not in INPUTS]
+        wrong += ["states beside the acceleration"] if self.states and "acceleration" in self.inputs else []
         wrong += [f"family is {self.family!r}"] if self.family not in FAMILIES else []
         if wrong:
             lists = {"parameters of the law": known, "inputs": INPUTS, "a family": FAMILIES}

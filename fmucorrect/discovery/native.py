@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
+from ctypes import POINTER, Structure, c_double, c_int, c_long, c_uint, c_void_p
 from pathlib import Path
 
 from fmucorrect.catalogue import CATALOGUE, Law
@@ -11,13 +12,61 @@ from fmucorrect.wrapping import laws
 from fmucorrect.wrapping.compiler import compile_library, host
 
 _C = Path(__file__).parent / "c"
+_SHARED = Path(laws.__file__).parent / "c" / "together.h"
 LAWS: Sequence[Law] = tuple(law for forms in CATALOGUE.values() for law in forms if "speed" not in law.inputs)
 """The laws by their number in the library. One that follows a speed becomes one of fixed frequency in each condition."""
+
+
+class Solver(Structure):
+    """As march.c has it."""
+
+    _fields_ = [("component", c_void_p), ("step", c_void_p), ("get", c_void_p), ("set", c_void_p), ("fmi", c_int)]
+
+
+class Placed(Structure):
+    """As march.c has it."""
+
+    _fields_ = [
+        ("law", c_int),
+        ("port", c_int * 4),
+        ("force", c_int),
+        ("seen", c_int),
+        ("factor", c_double * 4),
+        ("force_factor", c_double),
+        ("last", c_double * 4),
+        ("p", POINTER(c_double)),
+        ("answer", POINTER(c_double)),
+        ("z", POINTER(c_double)),
+    ]
+
+
+class Road(Structure):
+    """As march.c has it."""
+
+    _fields_ = [
+        ("start", c_double),
+        ("size", c_double),
+        ("steps", c_long),
+        ("parts", c_long),
+        ("input_references", POINTER(c_uint)),
+        ("n_inputs", c_long),
+        ("inputs", c_void_p),
+        ("read_references", POINTER(c_uint)),
+        ("n_reads", c_long),
+        ("n_responses", c_long),
+        ("reads", c_void_p),
+        ("out", c_void_p),
+        ("force_references", POINTER(c_uint)),
+        ("force_columns", POINTER(c_long)),
+        ("n_forces", c_long),
+        ("force_values", c_void_p),
+    ]
 
 
 def build(folder: Path) -> Path:
     """The library in `folder`, compiled where it is not there yet. Raises WrapError, MissingExtra."""
     sources = {name: (_C / name).read_text(encoding="utf-8") for name in ("march.h", "march.c")}
+    sources[_SHARED.name] = _SHARED.read_text(encoding="utf-8")
     sources["laws.c"] = _laws()
     digest = hashlib.sha256("".join(sources.values()).encode()).hexdigest()[:16]
     target, _, suffix = host()

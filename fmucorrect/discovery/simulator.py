@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Mapping, Sequence
-from ctypes import POINTER, Structure, c_double, c_int, c_long, c_uint, c_void_p
+from ctypes import c_double, c_long, c_uint
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -14,9 +14,10 @@ from jaxtyping import Float64
 
 from fmucorrect import sources
 from fmucorrect.catalogue import CATALOGUE, Law
-from fmucorrect.discovery.native import LAWS
+from fmucorrect.discovery.native import LAWS, Placed, Road, Solver
 from fmucorrect.errors import FmuError
 from fmucorrect.fmu import FmuDescription, FmuStepper
+from fmucorrect.fmu.feedthrough import feedthrough
 from fmucorrect.signals import NANOSECONDS, Condition, join
 from fmucorrect.study import Joint, Study
 from fmucorrect.wrapping.generated import Place
@@ -41,45 +42,6 @@ class LawAt:
     law: Law
     joint: Joint
     values: Mapping[str, float]
-
-
-class _Solver(Structure):
-    _fields_ = [("component", c_void_p), ("step", c_void_p), ("get", c_void_p), ("set", c_void_p), ("fmi", c_int)]
-
-
-class _Placed(Structure):
-    _fields_ = [
-        ("law", c_int),
-        ("port", c_int * 4),
-        ("force", c_int),
-        ("seen", c_int),
-        ("factor", c_double * 4),
-        ("force_factor", c_double),
-        ("last", c_double * 4),
-        ("p", POINTER(c_double)),
-        ("z", POINTER(c_double)),
-    ]
-
-
-class _Road(Structure):
-    _fields_ = [
-        ("start", c_double),
-        ("size", c_double),
-        ("steps", c_long),
-        ("parts", c_long),
-        ("input_references", POINTER(c_uint)),
-        ("n_inputs", c_long),
-        ("inputs", c_void_p),
-        ("read_references", POINTER(c_uint)),
-        ("n_reads", c_long),
-        ("n_responses", c_long),
-        ("reads", c_void_p),
-        ("out", c_void_p),
-        ("force_references", POINTER(c_uint)),
-        ("force_columns", POINTER(c_long)),
-        ("n_forces", c_long),
-        ("force_values", c_void_p),
-    ]
 
 
 class Simulator:
@@ -119,6 +81,8 @@ class Simulator:
         self._speed = condition.speed / 3.6
         self._waits: bool | None = None
         self._settled: dict[Joint | None, bool] = {}
+        self._parameters = {**study.simulation.parameters, **condition.parameters}
+        self._answers: dict[tuple[str, str], float] = {}
         self._asked: tuple[list[LawAt], dict[str, float]] | None = None
         self._given = self._inputs
         self.nominal: Float64[np.ndarray, "T J"] | None = None
@@ -224,17 +188,17 @@ class Simulator:
     ) -> Float64[np.ndarray, "t J"]:
         """Simulated over the rows of `given`, of which the first is row `first` of the record. Raises FmuError."""
         begin = int(self._t_ns[0]) + first * self._step_ns
-        self._stepper.reset(condition)
-        self._stepper.step(begin, given[0])
-        native = self._stepper.native()
-        solver = _Solver(native.component, native.step, native.get, native.set, native.fmi)
         reads = list(self._responses)
         forces: list[int] = []
         placed, kept = self._placed(laws, reads, forces)
+        self._stepper.reset(condition)
+        self._stepper.step(begin, given[0])
+        native = self._stepper.native()
+        solver = Solver(native.component, native.step, native.get, native.set, native.fmi)
         own = self._input_references[: given.shape[1]]
         steps, count = len(given) - 1, len(self._responses)
         values, out, pushed = np.zeros(len(reads)), np.zeros((steps + 1, count)), np.zeros(max(len(forces), 1))
-        road = _Road(
+        road = Road(
             begin / NANOSECONDS,
             self._step_ns / NANOSECONDS,
             steps,
@@ -263,12 +227,13 @@ class Simulator:
 
     def _placed(
         self, laws: Sequence[LawAt], reads: list[int], forces: list[int]
-    ) -> tuple[ctypes.Array[_Placed], list[object]]:
+    ) -> tuple[ctypes.Array[Placed], list[object]]:
         """The laws for C; what they read is appended to `reads`, what they push to `forces`."""
-        rows = (_Placed * max(len(laws), 1))()
+        rows = (Placed * max(len(laws), 1))()
         kept: list[object] = []
-        for row, item in zip(rows, laws, strict=False):
-            place = place_of(self._description, item.joint)
+        found = [place_of(self._description, item.joint) for item in laws]
+        inputs = list(dict.fromkeys(place.force.name for place in found))
+        for row, item, place in zip(rows, laws, found, strict=False):
             for p, port in enumerate(place.ports):
                 row.port[p], row.factor[p] = -1, 1.0
                 if port is not None:
@@ -284,7 +249,29 @@ class Simulator:
             states = (c_double * max(len(law.states), 1))(*(state.start for state in law.states))
             row.p, row.z = numbers, states
             kept += [numbers, states]
+            if "acceleration" in law.inputs:
+                row.answer = (c_double * len(inputs))(*(self._answer(place, name) for name in inputs))
+                kept.append(row.answer)
         return rows, kept
+
+    def _answer(self, place: Place, force: str) -> float:
+        """How the acceleration of a joint answers to a force input at once, m/s2 a unit of the FMU; 0 where that cannot be
+        tried out."""
+        port = place.ports[2]
+        assert port is not None
+        key = port.variable.name, force
+        if key not in self._answers:
+            self._stepper.close()  # there may be an FMU of which a process can hold one
+            step_ns, held = (
+                round(self._step_ns / self._substeps),
+                dict(zip(self._names, self._inputs[0].tolist(), strict=True)),
+            )
+            try:
+                (row,) = feedthrough(self._description.path, [force], key[:1], step_ns, self._parameters, held)
+            except FmuError:
+                row = np.zeros(1)
+            self._answers[key] = float(row[0])
+        return port.factor * self._answers[key]
 
     def _at_this_speed(self, item: LawAt) -> tuple[Law, list[float]]:
         """A law that follows the speed, as one of fixed frequency."""

@@ -27,6 +27,7 @@ from fmucorrect.wrapping.wiring import MappingFile, Wiring, read_mapping, wire
 
 STEPS = ("generate", "compile", "prove", "check state", "write")
 _C = Path(__file__).parent / "c"
+_HEADERS = ("wrapper.h", "platform.h", "together.h")
 _ALWAYS = ("wrapper", "sampling", "coupling", "variables", "state", "platform")
 
 
@@ -116,8 +117,8 @@ def wrap(
         work = Path(folder)
         progress("generate")
         net = network.sources(parts.model.path) if parts.model else None
-        sources, outer, first = _generate(parts, net.files if net else {})
-        notes = [*first.left_out, *_step_notes(parts)]
+        sources, outer, first, untried = _generate(parts, net.files if net else {})
+        notes = [*first.left_out, *_step_notes(parts), *untried]
         (work / "sources").mkdir()
         for name, content in sources.items():
             (work / "sources" / name).write_bytes(content)
@@ -132,8 +133,8 @@ def wrap(
         progress("check state")
         trial = work / "trial.fmu"
         compiler.write_fmu(trial, files | _described(parts, outer, True, True))
-        state, untried = _check_state(trial, parts.step_ns)
-        notes += untried
+        state, unsure = _check_state(trial, parts.step_ns)
+        notes += unsure
         progress("write")
         files |= _described(parts, outer, state.copy, state.serialise)
         files[archive.FACTS] = json.dumps(_facts(parts, proved, state), indent=1).encode()
@@ -175,14 +176,14 @@ def _read(
     return _Parts(inner, solver.description(inner), model, found, wiring, step_ns, fmi or int(inner.fmi[0]), platforms)
 
 
-def _generate(parts: _Parts, net: Mapping[str, bytes]) -> tuple[dict[str, bytes], Outer, Description]:
-    """The C sources, and the model description that goes with them."""
+def _generate(parts: _Parts, net: Mapping[str, bytes]) -> tuple[dict[str, bytes], Outer, Description, list[str]]:
+    """The C sources, the model description that goes with them, and notes on what could not be tried for them."""
     found = laws.sources(parts.effects)
     version = int(parts.inner.fmi[0]) if parts.inner else 0
     names = [*_ALWAYS, f"inner_fmi{version}" if version else "inner_none", f"outer_fmi{parts.fmi}"]
     if parts.fmi == 3:
         names.append("outer_fmi3_variables")
-    sources = {name: (_C / name).read_bytes() for name in (*(f"{name}.c" for name in names), "wrapper.h", "platform.h")}
+    sources = {name: (_C / name).read_bytes() for name in (*(f"{name}.c" for name in names), *_HEADERS)}
     for needed in {version or parts.fmi, parts.fmi}:
         sources |= {path.name: path.read_bytes() for path in compiler.fmi_headers(needed)}
     sources |= {**net, **found.files}
@@ -199,6 +200,12 @@ def _generate(parts: _Parts, net: Mapping[str, bytes]) -> tuple[dict[str, bytes]
         first = describe(parts.xml, parts.added, outer)
     except WrapError as error:
         raise WrapError(str(error), where=str(parts.inner.path) if parts.inner else None) from error
+    coupling = parts.effects.coupling_step or 0.0
+    located, untried = (), list[str]()
+    if parts.inner:
+        located = places.places(parts.inner, found.wiring)
+        sub_ns = round(coupling * 1e9) or parts.step_ns
+        located, untried = places.with_answers(parts.inner, located, sub_ns, parts.starts)
     facts = Facts(
         inner=parts.inner,
         outer=parts.fmi,
@@ -209,8 +216,8 @@ def _generate(parts: _Parts, net: Mapping[str, bytes]) -> tuple[dict[str, bytes]
         wiring=parts.wiring,
         step_ns=parts.step_ns,
         variable_step=parts.inner is not None and "variable step size" in parts.inner.capabilities,
-        places=places.places(parts.inner, found.wiring) if parts.inner else (),
-        coupling=parts.effects.coupling_step or 0.0,
+        places=located,
+        coupling=coupling,
     )
     digest = hashlib.sha256(parts.inner.path.read_bytes() if parts.inner else b"")
     for name in sorted(sources):
@@ -221,7 +228,7 @@ def _generate(parts: _Parts, net: Mapping[str, bytes]) -> tuple[dict[str, bytes]
     facts, outer = replace(facts, token=token), replace(outer, token=token)
     sources["wrapped.h"] = generated.header(facts).encode()
     sources["wrapped.c"] = generated.tables(facts).encode()
-    return sources, outer, first
+    return sources, outer, first, untried
 
 
 def _described(parts: _Parts, outer: Outer, copy: bool, serialise: bool) -> dict[str, bytes]:

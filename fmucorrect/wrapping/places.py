@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from fmucorrect.effects import ParameterOffset
 from fmucorrect.errors import FmuError, SignalError, WrapError
 from fmucorrect.fmu import FmuDescription, Variable
+from fmucorrect.fmu.feedthrough import feedthrough
 from fmucorrect.fmu.startvalues import start_values
 from fmucorrect.units import conversion
 from fmucorrect.wrapping.generated import Place
@@ -33,6 +35,28 @@ def places(fmu: FmuDescription, wires: Sequence[Wire]) -> tuple[Place, ...]:
     if problems:
         raise WrapError("; ".join(dict.fromkeys(problems)), where=str(fmu.path))
     return tuple(found)
+
+
+def with_answers(
+    fmu: FmuDescription, found: Sequence[Place], step_ns: int, parameters: Mapping[str, float]
+) -> tuple[tuple[Place, ...], list[str]]:
+    """The places with what their accelerations answer to the forces at once, tried out with sub-steps of step_ns; and notes on
+    what could not be tried."""
+    forces = list(dict.fromkeys(place.force.name for place in found))
+    seen = [port.variable.name for place in found if (port := place.ports[2]) is not None]
+    if not seen:
+        return tuple(found), []
+    try:
+        answers = dict(zip(seen, feedthrough(fmu.path, forces, seen, step_ns, parameters), strict=True))
+    except FmuError as error:
+        return tuple(found), [
+            f"forces at an acceleration act on it a step late, since that could not be tried out: {error}"
+        ]
+    rows = [answers[port.variable.name] * port.factor if (port := place.ports[2]) else () for place in found]
+    return tuple(
+        replace(place, answers=dict(zip(forces, map(float, row), strict=False)))
+        for place, row in zip(found, rows, strict=True)
+    ), []
 
 
 def _source(fmu: FmuDescription, wire: Wire, kind: str, name: str, sign: int, problems: list[str]) -> Source | None:

@@ -31,11 +31,13 @@ MODEL = {"masses": 1.0, "m1": MASS, "k1": STIFFNESS, "c1": DAMPING, "k_end": 0.0
 DURATION = 0.5
 
 
-def augmented(folder: Path, *rows: ForceEffect | ParameterOffset, joint: Joint = JOINT, fmi: int = 2) -> Path:
-    """The oscillator with effects, coupled at whatever step the host takes (up to 20 ms)."""
+def augmented(
+    folder: Path, *rows: ForceEffect | ParameterOffset, joint: Joint = JOINT, fmi: int = 2, part: float = 0.02
+) -> Path:
+    """The oscillator with effects, coupled at whatever step the host takes (up to `part`, s)."""
     forces = tuple(row for row in rows if isinstance(row, ForceEffect))
     offsets = tuple(row for row in rows if isinstance(row, ParameterOffset))
-    write(Effects(forces, offsets, (joint,), coupling_step=0.02), folder / "effects.toml")
+    write(Effects(forces, offsets, (joint,), coupling_step=part), folder / "effects.toml")
     solver = OSCILLATOR / f"oscillator{'_fmi3' if fmi == 3 else ''}.fmu"
     out = folder / "augmented.fmu"
     wrap(solver, None, out, effects_file=folder / "effects.toml", platforms=["linux64"])
@@ -119,6 +121,47 @@ def test_the_coupling_error_falls_with_the_square_of_the_step(effect, least, clo
     assert errors[-1] < close, errors
     # without the effect the model is far from it: what is measured is the effect
     assert error(OSCILLATOR / "oscillator.fmu", 1_000_000, exact) > 0.05
+
+
+HEAVY = Joint("spring", "joint1.f", "joint1.d", "joint1.v", acceleration="mass1.a")
+BORN = ParameterOffset("m1", MASS - 1.0)
+"""The FMU as made is that of MODEL: how an acceleration answers to a force is tried out on it."""
+
+
+@pytest.mark.parametrize("added", [-5.0, 40.0])
+def test_an_added_mass_is_a_heavier_body(added, tmp_path):
+    """Also one of more than half the mass that is there, where an acceleration of the step before would lead astray."""
+    share = MASS / (MASS + added)
+    exact = free(STIFFNESS * share, DAMPING * share)
+    errors = []
+    for step in (2_000_000, 500_000):
+        fmu = augmented(
+            tmp_path, ForceEffect("added_mass", "spring", {"mass": added}), BORN, joint=HEAVY, part=step / 1e9
+        )
+        errors.append(error(fmu, step, exact))
+    assert errors[0] > 9.0 * errors[1], errors
+    assert errors[1] < 1e-4, errors
+    assert error(OSCILLATOR / "oscillator.fmu", 1_000_000, exact) > 0.2
+
+
+def test_a_mass_and_friction_at_one_joint_are_friction_on_a_heavier_body(tmp_path):
+    """Friction jumps, and the acceleration with it: the mass answers to the jump in the same step."""
+    (tmp_path / "both").mkdir()
+    mass, alone = ForceEffect("added_mass", "spring", {"mass": 5.0}), augmented(tmp_path, FRICTION)
+    errors = []
+    for step in (2_000_000, 500_000):
+        both = augmented(tmp_path / "both", FRICTION, mass, BORN, joint=HEAVY, part=step / 1e9)
+        far = walk(both, step)["x"] - walk(alone, step, m1=MASS + 5.0)["x"]
+        errors.append(float(np.abs(far).max() / MODEL["x1"]))
+    assert errors[0] > 4.0 * errors[1], errors
+    assert errors[1] < 1e-4, errors
+
+
+def test_a_host_that_asks_for_another_body_still_gets_its_added_mass(tmp_path):
+    """One of ten times the mass on which it was tried out how the acceleration answers to a force: less exact, and stable."""
+    fmu = augmented(tmp_path, ForceEffect("added_mass", "spring", {"mass": 4.0}), joint=HEAVY)
+    share = MASS / (MASS + 4.0)
+    assert error(fmu, 1_000_000, free(STIFFNESS * share, DAMPING * share)) < 0.03
 
 
 @pytest.mark.parametrize("joint", [JOINT, BLIND], ids=["velocity", "differentiated"])

@@ -3,6 +3,7 @@
  * The instance belongs to the caller, who has opened and initialised it; its functions come as pointers. Laws see what
  * a joint will show in the middle of a sub-step, and their force is held over it (see coupling.c in wrapping). */
 #include "march.h"
+#include "together.h"
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -20,18 +21,20 @@ typedef struct {
 
 /* One law at one joint. port: places among the values that are read, -1 where the joint has none; factor: to SI. force:
  * place among the force inputs; force_factor: from the law's force to the input. seen: readings so far, at most 2.
- * last: the newest one, with the mean velocity of the sub-step before it where the displacement is differentiated. */
+ * last: the newest one, with the mean velocity of the sub-step before it where the displacement is differentiated, and the
+ * acceleration without what the forces had to do with it. answer: how the acceleration answers to each of the force inputs
+ * at once, in m/s2 a unit; NULL for a law that does not see it. */
 typedef struct {
     int law, port[4], force, seen;
     double factor[4], force_factor, last[4];
-    const double *p;
+    const double *p, *answer;
     double *z;
 } Placed;
 
 /* Where and what is stepped: `steps` steps of `size` s from `start`, each in `parts` sub-steps. inputs: (steps + 1,
  * n_inputs) rows. reads: references of what is read after every sub-step, responses first; out: (steps + 1,
  * n_responses). forces: references of the force inputs, and where the same input is among those of the row: laws push
- * on top of what is given there; -1 where it is not. */
+ * on top of what is given there; -1 where it is not. force_values: what they hold. */
 typedef struct {
     double start, size;
     long steps, parts;
@@ -67,13 +70,26 @@ static int step(const Solver *s, double t, double h)
     return terminate || early ? 3 : status;
 }
 
-/* What the law sees in the middle of a sub-step of h s: read_joint of coupling.c, with sub-steps of one size. */
-static void look(Placed *law, const double reads[], double h, double port[4])
+/* What the acceleration that a law sees has of these forces. */
+static double answered(const Placed *law, const double forces[], long n_forces)
 {
+    double sum = 0.0;
+    for (long f = 0; f < n_forces; f++)
+        sum += law->answer[f] * forces[f];
+    return sum;
+}
+
+/* What the law sees in the middle of a sub-step of h s, the acceleration as without all forces: read_joint of coupling.c,
+ * with sub-steps of one size. */
+static void look(Placed *law, const Road *road, double h, double port[4])
+{
+    const double *reads = road->reads;
     const bool shown = law->port[1] >= 0; /* the velocity */
     double now[4];
     for (int p = 0; p < 4; p++)
         now[p] = law->port[p] < 0 ? 0.0 : law->factor[p] * reads[law->port[p]];
+    if (law->answer)
+        now[2] -= answered(law, road->force_values, road->n_forces);
     if (!shown && law->seen)
         now[1] = (now[0] - law->last[0]) / h;
     for (int p = 1; p < 4; p++) {
@@ -89,17 +105,36 @@ static void look(Placed *law, const double reads[], double h, double port[4])
     law->seen += law->seen < 2;
 }
 
-/* One sub-step of h s from t, with the inputs of `row`; the joints have been read. Whether the solver went along. */
-static bool advance(const Solver *s, const Road *road, const double row[], Placed laws[], long n_laws, double t, double h)
+/* The force inputs with what `row` gives them, before any law. */
+static void given(const Road *road, const double row[])
 {
     for (long f = 0; f < road->n_forces; f++)
         road->force_values[f] = road->force_columns[f] < 0 ? 0.0 : row[road->force_columns[f]];
+}
+
+/* One sub-step of h s from t, with the inputs of `row`; the joints have been read. Whether the solver went along. */
+static bool advance(const Solver *s, const Road *road, const double row[], Placed laws[], long n_laws, double t, double h)
+{
+    double ports[n_laws + 1][4], force[n_laws + 1], slope[n_laws + 1], answers[n_laws * n_laws + 1];
+    for (long i = 0; i < n_laws; i++)
+        look(&laws[i], road, h, ports[i]);
+    given(road, row);
     for (long i = 0; i < n_laws; i++) {
         Placed *law = &laws[i];
-        double port[4];
-        look(law, road->reads, h, port);
-        road->force_values[law->force] += law->force_factor * LAWS[law->law](law->p, port, t + 0.5 * h, h, law->z);
+        if (law->answer)
+            ports[i][2] += answered(law, road->force_values, road->n_forces);
+        force[i] = LAWS[law->law](law->p, ports[i], t + 0.5 * h, h, law->z);
+        slope[i] = 0.0;
+        if (law->answer) {
+            ports[i][2] += 1.0;
+            slope[i] = LAWS[law->law](law->p, ports[i], t + 0.5 * h, h, law->z) - force[i];
+        }
+        for (long j = 0; j < n_laws; j++)
+            answers[i * n_laws + j] = law->answer ? law->answer[laws[j].force] * laws[j].force_factor : 0.0;
     }
+    together((size_t)n_laws, slope, answers, force);
+    for (long i = 0; i < n_laws; i++)
+        road->force_values[laws[i].force] += laws[i].force_factor * force[i];
     if (road->n_forces && set(s, road->force_references, (size_t)road->n_forces, road->force_values) > 1)
         return false;
     return step(s, t, h) <= 1;
@@ -109,6 +144,7 @@ static bool advance(const Solver *s, const Road *road, const double row[], Place
 __attribute__((visibility("default"))) long march(const Solver *s, const Road *road, Placed laws[], long n_laws)
 {
     const double h = road->size / (double)road->parts;
+    given(road, road->inputs);
     for (long k = 0; k <= road->steps; k++) {
         double *row = (double *)road->inputs + k * road->n_inputs;
         if (road->n_inputs && set(s, road->input_references, (size_t)road->n_inputs, row) > 1)

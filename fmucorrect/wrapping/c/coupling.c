@@ -6,15 +6,28 @@
  * the sub-step before began (v + (v - v_last) h / (2 h_last)); without one, at the start and after an event, they stay
  * as read. Without a velocity the displacement is differentiated: (d - d_last) / h_last belongs to the middle of the
  * last sub-step, and two such differences lead to the beginning and to the middle of this one. Second order in the
- * sub-step. discovery/c/march.c does the same. */
+ * sub-step. An acceleration answers to forces at once: what the forces that were held have to do with it is taken out of
+ * what is read, and the new forces are solved together with it (together.h). discovery/c/march.c does the same. */
 #include <math.h>
 #include <string.h>
 
 #include "wrapper.h"
 #include "effects.h"
+#if ANSWERED
+#include "together.h"
+#endif
 
 #if EFFECTS
-/* What law i sees. gap: s since the last reading, 0 where there is none before `now`. */
+/* What the acceleration that law i sees has of these forces. */
+static double answered(size_t i, const double forces[])
+{
+    double sum = 0.0;
+    for (size_t f = 0; f != FORCES; f++)
+        sum += ANSWERS[i][f] * forces[f];
+    return sum;
+}
+
+/* What law i sees, the acceleration as without all forces. gap: s since the last reading, 0 where there is none before `now`. */
 static Status read_joint(Wrapper *self, size_t i, double gap, double size, double port[4])
 {
     State *s = &self->state;
@@ -29,6 +42,7 @@ static Status read_joint(Wrapper *self, size_t i, double gap, double size, doubl
             return status;
         now[p] *= place->factors[p];
     }
+    now[2] -= answered(i, s->held);
     if (!shown)
         now[1] = gap > 0.0 ? (now[0] - last[0]) / gap : last[1];
     for (size_t p = 1; p < 4; p++) {
@@ -44,11 +58,36 @@ static Status read_joint(Wrapper *self, size_t i, double gap, double size, doubl
     return STATUS_OK;
 }
 
+/* The forces of all laws at a time, the middle of a sub-step of that size. */
+static void solve(State *s, double time, double size, double ports[EFFECTS][4], double forces[EFFECTS])
+{
+#if ANSWERED
+    double states[EFFECT_STATES + 1], slope[EFFECTS], answers[EFFECTS * EFFECTS];
+    memcpy(states, s->states, sizeof states);
+    for (size_t i = 0; i < EFFECTS; i++)
+        ports[i][2] += answered(i, s->host_force);
+    effects_step(time, size, ports, s->states, forces);
+    for (size_t i = 0; i < EFFECTS; i++)
+        ports[i][2] += 1.0;
+    effects_step(time, size, ports, states, slope);
+    for (size_t i = 0; i < EFFECTS; i++) {
+        slope[i] -= forces[i];
+        for (size_t j = 0; j < EFFECTS; j++)
+            answers[i * EFFECTS + j] = ANSWERS[i][PLACES[j].force] * PLACES[j].factor;
+    }
+    together(EFFECTS, slope, answers, forces);
+#else
+    effects_step(time, size, ports, s->states, forces);
+#endif
+}
+
 static Status apply_forces(Wrapper *self, double time, double size)
 {
     State *s = &self->state;
     double ports[EFFECTS][4] = {{0.0}}, forces[EFFECTS] = {0.0}, total[FORCES + 1] = {0.0};
     const double gap = s->moved && time > s->moved_at ? time - s->moved_at : 0.0;
+    for (size_t f = 0; f != FORCES && !s->moved; f++)
+        s->held[f] = s->host_force[f]; /* since initialisation */
     for (size_t i = 0; i < EFFECTS; i++) {
         const Status status = read_joint(self, i, gap, size, ports[i]);
         if (status > STATUS_WARNING)
@@ -61,12 +100,13 @@ static Status apply_forces(Wrapper *self, double time, double size)
     s->moved = true;
     s->moved_at = time;
     if (s->effects_enabled)
-        effects_step(time + 0.5 * size, size, ports, s->states, forces);
+        solve(s, time + 0.5 * size, size, ports, forces);
     for (size_t i = 0; i < EFFECTS; i++)
         total[PLACES[i].force] += PLACES[i].factor * forces[i];
     for (size_t f = 0; f != FORCES; f++) {
         s->force[f] = total[f];
-        const Value value = {NUMBER, s->host_force[f] + total[f], 0, NULL};
+        s->held[f] = s->host_force[f] + total[f];
+        const Value value = {NUMBER, s->held[f], 0, NULL};
         const Status status = inner_set(self, &FORCE_INPUTS[f], &value);
         if (status > STATUS_WARNING)
             return status;

@@ -80,6 +80,7 @@ extern const ArraySize ARRAYS[ARRAY_COUNT + 1];
 extern const Wired WIRED[WIRED_COUNT + 1]; /* by the host's value reference, where the versions differ */
 extern const Wired FORCE_INPUTS[FORCES + 1];
 extern const Place PLACES[EFFECTS + 1];
+extern const double ANSWERS[EFFECTS + 1][FORCES + 1]; /* of law i's acceleration to a force input: m/s2 a unit of the solver's */
 
 /* Added variables, counted from ADDED_BASE. */
 enum {
@@ -105,7 +106,8 @@ typedef struct {
     double row[CHANNELS + 1]; /* the solver's response now, in the channels' units */
     double delta[CHANNELS + 1], sigma[CHANNELS + 1];
     float window[ROWS * CHANNELS + 1];
-    double host_force[FORCES + 1], force[FORCES + 1];
+    double host_force[FORCES + 1], force[FORCES + 1]; /* the host's own share of the force inputs, and the laws' */
+    double held[FORCES + 1];      /* what they held in the last sub-step */
     double states[EFFECT_STATES + 1];
     double ports[EFFECTS + 1][4]; /* of every law at the time moved_at (s), see coupling.c */
     bool moved;                   /* they were read */
