@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float64, Int
 
 from fmucorrect.discovery.candidates import Curve
-from fmucorrect.discovery.fit import FINEST, PROBE, both_sides, fit
+from fmucorrect.discovery.fit import PROBE, both_sides, fit
 from fmucorrect.discovery.fitted import Fitted, Setting, explains, judge_at, price
 from fmucorrect.discovery.form import FARTHEST, normal, put_back, stepped
 from fmucorrect.discovery.problem import Model, Problem
@@ -104,7 +104,7 @@ def _form(setting: Setting, state: Fitted) -> tuple[Float64[np.ndarray, "q q"], 
 def _both_sided(problem: Problem, best: Fitted, count: int) -> Fitted:
     """The set with sensitivities from both sides: in a direction in which many numbers stand in for each other, what is left of
     one-sided ones would be taken for a slope."""
-    slopes, base = both_sides(problem, best, np.full(count, FINEST))
+    slopes, base = both_sides(problem, best, np.full(count, PROBE))
     return replace(best, slopes=slopes, base=base, around=best.model.base)
 
 

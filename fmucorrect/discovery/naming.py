@@ -260,7 +260,7 @@ def _deepened(
     """Looks beside the best sets, and for what may stand in the place of their members, until nothing new comes of it. The sets
     whose rivals were fitted come last."""
     problem = around.problem
-    done, replaced = [names(parent)], [names(base)]
+    done, replaced, told_shorter = [names(parent)], [names(base)], [names(parent)]
     while len(done) < LOOKS:
         setting, base, found = settled(problem, setting, base, found)
         base, found = pared(problem, setting, base, found)
@@ -271,7 +271,9 @@ def _deepened(
             progress("calibration", len(done), LOOKS)
             moved = calibrated(problem, replace(setting, base=best.base), best)
             found = merged([*found, *([] if moved is None else [moved]), *extended(problem, setting, likely[:BESIDE])])
-        if names(best) not in done:
+            best = _ranked(setting, base, found)[0]
+        if names(best) not in told_shorter:
+            told_shorter.append(names(best))
             more = joined(problem, setting, best, around.moves, around.start)
             more += [*regrouped(problem, setting, best), *condensed(problem, setting, best, curves)]
             found = merged([*found, *more])
