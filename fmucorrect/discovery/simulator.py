@@ -135,7 +135,7 @@ class Simulator:
         rest = self._rest(given)
         if rest and self._can_wait():
             y = self._along(laws, condition, given[rest:], rest)
-            if _still(y, self._lead, STILL * np.ptp(y, axis=0)):
+            if _still(y, self._lead, STILL * _spans(y)):
                 return np.concatenate([np.repeat(y[:1], rest, axis=0), y])
         return self._along(laws, condition, given, 0)
 
@@ -152,9 +152,7 @@ class Simulator:
             held = np.repeat(self._inputs[:1], self._early, axis=0)
             try:
                 y = self._along(probe, self._condition, held, -self._early)
-                most = (
-                    RESTS * np.ptp(self._along((), self._condition, self._inputs, 0), axis=0) if joint is None else None
-                )
+                most = RESTS * _spans(self._along((), self._condition, self._inputs, 0)) if joint is None else None
             except FmuError:
                 self._settled[joint] = True
             else:
@@ -180,7 +178,7 @@ class Simulator:
             except FmuError:
                 return False
             far = np.abs(whole - np.concatenate([np.repeat(late[:1], rest, axis=0), late])).max(axis=0)
-            self._waits = rest > 0 and bool((far <= STILL * np.ptp(whole, axis=0)).all())
+            self._waits = rest > 0 and bool((far <= STILL * _spans(whole)).all())
         return self._waits
 
     def _along(
@@ -296,9 +294,14 @@ class Simulator:
         self._stepper.close()
 
 
+def _spans(y: Float64[np.ndarray, "T J"]) -> Float64[np.ndarray, " J"]:
+    """Peak to peak by column; turned first, since NumPy goes along short rows at a tenth of the pace."""
+    return np.ptp(np.ascontiguousarray(y.T), axis=1)
+
+
 def _still(y: Float64[np.ndarray, "T J"], rows: int, most: Float64[np.ndarray, " J"]) -> bool:
     """Whether nothing moves by more than that in the first rows."""
-    return bool((np.ptp(y[:rows], axis=0) <= most).all())
+    return bool((_spans(y[:rows]) <= most).all())
 
 
 def _ends(y: Float64[np.ndarray, "T J"]) -> bool:
