@@ -174,7 +174,8 @@ class Law:
     with special numbers; it is named only where these do clearly worse. becomes: of those, by label, numbers from its own,
     where the same names do not do. extends: laws by label that it contains, or another form of its own, and its numbers from
     theirs. holds: its numbers with which it holds a joint still that gives by a displacement (m or rad) under a force (N or
-    N.m). reverse: how, where not by the sign (or inverse) of `main`.
+    N.m). corners: the parameters that would be 0 in a loop of infinitely small steps, were it as sharp as the textbook has it.
+    reverse: how, where not by the sign (or inverse) of `main`.
     """
 
     name: str
@@ -195,6 +196,7 @@ class Law:
     becomes: tuple[tuple[str, Extension], ...] = ()
     extends: tuple[tuple[str, Extension], ...] = ()
     holds: Callable[[float, float], Mapping[str, float]] | None = None
+    corners: tuple[str, ...] = ()
     states: tuple[State, ...] = ()
     form: str = ""
     note: str = ""
@@ -205,6 +207,7 @@ class Law:
         known = {parameter.name for parameter in self.parameters}
         wrong = [f"main names {self.main!r}"] if self.main not in known else []
         wrong += [f"estimated names {name!r}" for name in self.estimated if name not in known]
+        wrong += [f"corners names {name!r}" for name in self.corners if name not in known]
         wrong += [f"inputs names {name!r}" for name in self.inputs if name not in INPUTS]
         wrong += ["states beside the acceleration"] if self.states and "acceleration" in self.inputs else []
         wrong += [f"family is {self.family!r}"] if self.family not in FAMILIES else []

@@ -11,8 +11,8 @@ from fmucorrect.catalogue import CATALOGUE
 from fmucorrect.discovery.candidates import may_act
 from fmucorrect.discovery.evidence import independent
 from fmucorrect.discovery.fit import fit
-from fmucorrect.discovery.fitted import Fitted, Setting, judge, with_sensors
-from fmucorrect.discovery.problem import Problem
+from fmucorrect.discovery.fitted import Fitted, Setting, judge, judge_at, with_sensors
+from fmucorrect.discovery.problem import Model, Problem
 from fmucorrect.discovery.terms import ForceTerm, SignalTerm, Term, linear
 from fmucorrect.discovery.worth import first_of, names
 
@@ -26,6 +26,8 @@ SUSPECTED = 5
 """Likely sets whose coupling is looked at, where the best one is linear."""
 REFITTED = 4
 """Sets that are fitted again with a finer coupling, or from what they hold."""
+BLUNT = 10.0
+"""By how much likelier, in -2 log p, a set with sharper corners must be for a finer coupling."""
 
 ALIKE = 4.0
 """By how much more or less likely, in -2 log p, the same effects at another place are taken for the same."""
@@ -64,23 +66,24 @@ def _containing(term: Term) -> Iterator[ForceTerm]:
 def finer(
     problem: Problem, setting: Setting, base: Fitted, found: list[Fitted], progress: Progress
 ) -> tuple[Setting, list[Fitted]]:
-    """Where the best set's response hangs on the coupling step, or the likeliest with forces may be behind for that alone, or
-    any likely one where the best has linear forces at most (of parameters that stand in for another one) or the other one
-    reads an acceleration (which is a step old), the likely sets fitted again with a finer one; what error of the best is
-    left becomes part of the least error."""
+    """Where the best set's response hangs on the coupling step, or would be likelier with sharper corners than that step
+    bears, or the likeliest with forces may be behind for that alone, or any likely one where the best has linear forces at
+    most (of parameters that stand in for another one) or the other one reads an acceleration (which is a step old), the
+    likely sets fitted again with a finer one; what error of the best is left becomes part of the least error."""
     best = first_of([base, *found])
     others = [fitted for fitted in found if not names(best) < names(fitted)]
     forced = [fitted for fitted in others if any(isinstance(term, ForceTerm) for term in fitted.model.terms)]
     plain = all(linear(term) for term in best.model.terms if not isinstance(term, SignalTerm))
     suspects = [f for i, f in enumerate(merged(forced)[:SUSPECTED]) if i == 0 or plain or _is_late(f)]
     hangs = next((fitted for fitted in suspects if _hangs(problem, setting, fitted, best)), None)
-    if hangs is not None:
+    blunt = hangs or next((fitted for fitted in suspects if _is_blunt(problem, setting, fitted, best)), None)
+    if blunt is not None:
         problem.couple(problem.substeps * FINER)
         again: list[Fitted] = []
-        likely = [hangs, *(fitted for fitted in found if fitted is not hangs)][:REFITTED]
+        likely = [blunt, *(fitted for fitted in found if fitted is not blunt)][:REFITTED]
         for i, old in enumerate(likely):
             progress("finer coupling", i, len(likely))
-            new = fit(problem, replace(setting, base=old.base), old.model, 5)
+            new = fit(problem, replace(setting, base=old.base), old.model if hangs else _sharper(old.model), 5)
             again += [] if new is None else [new]
         found = merged(again) or found
     error = _coupling(problem, first_of([base, *found]))
@@ -100,13 +103,39 @@ def _hangs(problem: Problem, setting: Setting, fitted: Fitted, best: Fitted) -> 
     return fitted.surprise - best.surprise < setting.share * len(setting.measured) * error**2
 
 
+def _is_blunt(problem: Problem, setting: Setting, fitted: Fitted, best: Fitted) -> bool:
+    """Whether a set, its corners sharper in a finer coupling, is likelier than the best one."""
+    model = _sharper(fitted.model)
+    if model == fitted.model:
+        return False
+    y = _finely(problem, model)
+    return y is not None and judge_at(setting, fitted, model, y).surprise < best.surprise - BLUNT
+
+
+def _sharper(model: Model) -> Model:
+    """With corners as much sharper as the coupling is to be finer."""
+
+    def sharp(term: Term) -> Term:
+        if not isinstance(term, ForceTerm) or not term.law.corners:
+            return term
+        return replace(term, values={**term.values, **{name: term.values[name] / FINER for name in term.law.corners}})
+
+    return replace(model, terms=tuple(map(sharp, model.terms)))
+
+
 def _coupling(problem: Problem, fitted: Fitted) -> float:
     """How far the response is from that of a finer coupling, rms in units of the noise; 0 where that gives up."""
+    y = _finely(problem, fitted.model)
+    return 0.0 if y is None else float(np.sqrt(np.mean((y - fitted.at) ** 2)))
+
+
+def _finely(problem: Problem, model: Model) -> np.ndarray | None:
+    """Its evidence in a finer coupling; None where the solver gives up."""
     coarse = problem.substeps
     problem.couple(coarse * FINER)
-    (finer,) = problem.many([fitted.model])
+    (y,) = problem.many([model])
     problem.couple(coarse)
-    return 0.0 if finer is None else float(np.sqrt(np.mean((finer - fitted.at) ** 2)))
+    return y
 
 
 def settled(

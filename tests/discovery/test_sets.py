@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("ziglang")
 pytest.importorskip("sympy")
 
-from one_mass import APART, JOINT, TOGETHER, begun, problem_of, silent, term_at
+from one_mass import APART, JOINT, NOISE, STEP, TOGETHER, begun, problem_of, silent, term_at
 
 from fmucorrect.catalogue import find
 from fmucorrect.catalogue.signal import SIGNALS
@@ -17,8 +17,8 @@ from fmucorrect.discovery.fit import FINEST, PROBE, fit, probes
 from fmucorrect.discovery.fitted import Fitted
 from fmucorrect.discovery.look import at_other_places
 from fmucorrect.discovery.paring import pared
-from fmucorrect.discovery.problem import Model, overrides
-from fmucorrect.discovery.sets import ALIKE, FINER, distinct, finer, has_room
+from fmucorrect.discovery.problem import Model, overrides, runner, simulate
+from fmucorrect.discovery.sets import ALIKE, BLUNT, FINER, distinct, finer, has_room
 from fmucorrect.discovery.terms import ForceTerm, SignalTerm
 from fmucorrect.discovery.worth import admissible, first_of, names
 
@@ -142,3 +142,25 @@ def test_a_force_that_is_behind_for_its_coupling_alone_gets_a_finer_one(library,
         assert problem.substeps == (FINER if finer_one else 1)
     again = next(one for one in found if names(one) == names(other))
     assert (again.surprise < other.surprise) == finer_one
+
+
+@pytest.mark.parametrize(("gives", "finer_one"), [(1e-9, True), (2e-5, False)])
+def test_friction_that_is_sharper_than_the_step_bears_gets_a_finer_coupling(library, tmp_path, gives, finer_one):
+    force = 0.1 if finer_one else 0.2
+    with problem_of(tmp_path, library, JOINT + APART) as problem:
+
+        def stuck(displacement):
+            numbers = {"friction_force": force, "stick_displacement": displacement, "stick_time": 2 * STEP}
+            return Model((term_at(problem.study, "coulomb_friction", "joint 1", **numbers),), problem.nominal.base)
+
+        (trial,) = problem.trials
+        item = runner(problem.study, trial.condition, library, trial.rows.stop, 64)
+        y = simulate(problem.study, item, trial.condition, stuck(gives), problem.tolerated)[trial.rows]
+        item.close()
+        y = y + NOISE * np.random.default_rng(3).normal(size=y.shape)
+        with problem.of((replace(trial, measured=y),)) as measured:
+            setting, base = begun(measured)
+            blunt = fit(measured, setting, stuck(1e-5), 20)
+            _, (again,) = finer(measured, setting, base, [blunt], silent)
+            assert measured.substeps == (FINER if finer_one else 1)
+    assert (again.surprise < blunt.surprise - BLUNT) == finer_one
