@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +15,7 @@ from fmucorrect.discovery.paring import spare, without
 from fmucorrect.discovery.problem import Model, Problem
 from fmucorrect.discovery.sets import LONG, share_of
 from fmucorrect.discovery.terms import ForceTerm, Term
-from fmucorrect.discovery.worth import WORTH
+from fmucorrect.discovery.worth import WORTH, names
 
 WHOLE = 60.0
 """Seconds of a single tone that the numbers are fitted to at last: its end too, and how the model comes to rest behind it."""
@@ -23,6 +23,28 @@ FEW = 0.3
 """Share of independent rows below which the fit is tried with all."""
 ALIKE = 4.0
 """By how much less likely sensors whose gain is right may be, in -2 log p."""
+CLOSE, RIVALS = 40.0, 3
+"""How far behind, in -2 log p, and how many, sets of other effects are fitted with all numbers of their laws."""
+
+
+def likeliest(problem: Problem, setting: Setting, found: Sequence[Fitted]) -> list[Fitted]:
+    """The sets, the most likely first. Where some are close, what their laws leave as guessed is estimated too, as far as that
+    tells more than it costs: no set shall be behind for a corner that is too round, or ahead since a member makes up for it."""
+
+    def ordered(sets: Sequence[Fitted]) -> list[Fitted]:
+        return sorted(sets, key=lambda fitted: whole(problem, setting, fitted).surprise)
+
+    def effects(fitted: Fitted) -> list[str]:
+        return sorted(term.effect for term in fitted.model.terms)
+
+    sets = ordered(found)
+    near = [f for f in sets[1:] if f.surprise < sets[0].surprise + CLOSE and effects(f) != effects(sets[0])][:RIVALS]
+    if not near:
+        return sets
+    own = [(f, replace(setting, base=f.base), _freed(f.model)) for f in (sets[0], *near)]
+    freed = [f if model == f.model else _refitted(problem, at, f, model) for f, at, model in own]
+    done = {names(fitted) for fitted in freed}
+    return ordered([*freed, *(fitted for fitted in sets if names(fitted) not in done)])
 
 
 def ended(problem: Problem, setting: Setting, base: Fitted, best: Fitted) -> Fitted:

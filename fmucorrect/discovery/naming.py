@@ -11,10 +11,10 @@ import numpy as np
 from fmucorrect.catalogue.motion import Motion
 from fmucorrect.discovery.afresh import Asked, asked, is_far, starts
 from fmucorrect.discovery.apart import apart
-from fmucorrect.discovery.calibration import calibrated, whole
+from fmucorrect.discovery.calibration import calibrated
 from fmucorrect.discovery.candidates import Curve, candidates, places
 from fmucorrect.discovery.condensing import condensed
-from fmucorrect.discovery.ending import ended, needed
+from fmucorrect.discovery.ending import ended, likeliest, needed
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.fitted import EXPLAINED, Fitted, Setting, begin, begin_as, explains, price
 from fmucorrect.discovery.held import held
@@ -86,10 +86,9 @@ def name(problem: Problem, progress: Progress = lambda stage, done, total: None)
     naming = _somewhere(problem, progress)
     setting = naming.setting
     found = merged([*naming.sets, *at_other_places(problem, setting, naming.best)])
-    sets = sorted(((whole(problem, setting, fitted), fitted) for fitted in found), key=lambda pair: pair[0].surprise)
-    told = [fitted for fitted, _ in sets]
-    if sets:  # its numbers to their end; compared with the others as they were fitted alike
-        best = ended(problem, setting, naming.base, sets[0][1])
+    told = likeliest(problem, setting, found)
+    if told:  # its numbers to their end; compared with the others as they were fitted alike
+        best = ended(problem, setting, naming.base, told[0])
         best = needed(problem, setting, naming.base, best)
         best = replace(best, surprise=told[0].surprise)
         beside = [*held(problem, setting, best), *told[1:]]
@@ -219,6 +218,8 @@ def _name(problem: Problem, progress: Progress) -> Naming:
         setting, base, found = settled(problem, setting, base, merged([*found, *more]))
 
     setting, base, found, replaced = _deepened(around, setting, base, found, parent, first, curves, progress)
+    if problem.substeps == 1:  # of what was found since
+        setting, found = finer(problem, setting, base, found, progress)
     setting, base, found = settled(problem, setting, base, found)
     if names(first_of(admissible(setting, base, found))) not in replaced:
         found += rivals(problem, setting, base, found, parent, first, progress)

@@ -87,7 +87,7 @@ def finer(
             again += [] if new is None else [new]
         found = merged(again) or found
     error = _coupling(problem, first_of([base, *found]))
-    return replace(setting, floor=setting.floor + error**2), found
+    return replace(setting, floor=1.0 + error**2), found
 
 
 def _is_late(fitted: Fitted) -> bool:

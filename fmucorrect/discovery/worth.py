@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fmucorrect.discovery.fitted import Fitted, Setting, price
-from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, linear
+from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, SignalTerm, linear
 
 WORTH = 0.04
 """How much of the amplitude of all that was to be explained a further effect must take away: laws are idealised, their
@@ -96,12 +96,13 @@ def complete(setting: Setting, base: Fitted, found: Sequence[Fitted], best: Fitt
 
 def credible(setting: Setting, found: Sequence[Fitted]) -> list[Fitted]:
     """Without the sets of several in which further effects take away little beside what all of them leave above the noise: next
-    to a rest that nothing explains, a small further effect may be any."""
+    to a rest that nothing explains, a small further effect may be any. Not so a parameter or a sensor that is off: what it
+    takes away had been taken on by what is expected of all of them."""
 
     def believed(more: Fitted, less: Fitted) -> bool:
         rest = more.s2 - LITTLE * setting.floor
         extra = [term for term in more.model.terms if term.key not in names(less)]
-        if more.s2 < OPEN * setting.floor and all(isinstance(term, OffsetTerm) for term in extra):
+        if more.s2 < OPEN * setting.floor and all(isinstance(term, OffsetTerm | SignalTerm) for term in extra):
             return True
         return rest <= 0.0 or less.s2 - more.s2 >= DOUBT * rest
 

@@ -9,10 +9,11 @@ import pytest
 pytest.importorskip("ziglang")
 pytest.importorskip("sympy")
 
+import one_mass
 from one_mass import APART, JOINT, MASS, NOISE, STEP, shown, term_at, write
 
 from fmucorrect.discovery.candidates import adjustables
-from fmucorrect.discovery.ending import ended, needed
+from fmucorrect.discovery.ending import CLOSE, ended, likeliest, needed
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.fitted import begin, with_sensors
 from fmucorrect.discovery.problem import Model, load
@@ -87,6 +88,25 @@ def softer(problem):
 
 def damped(by: float):
     return lambda study: Model((term_at(study, "viscous_damping", "joint 1", damping=by),))
+
+
+def test_a_law_is_not_behind_another_for_a_corner_that_is_too_round_or_too_sharp(library, tmp_path):
+    noise = 0.04  # mm: enough that a stop with sharp corners, measured with round ones, is a little behind
+    with one_mass.problem_of(tmp_path, library, JOINT + APART) as problem:
+        (trial,) = problem.trials
+        stop = term_at(problem.study, "bump_stop", "joint 1", gap=4e-4, stiffness=2000.0)
+        cubic = term_at(problem.study, "cubic_stiffness", "joint 1", cubic_stiffness=1e8)
+        round_one = replace(stop, values={**stop.values, "smoothing": 2.0})
+        y = shown(problem.study, trial.condition, library, Model((round_one,)), trial.rows.stop)[trial.rows]
+        y = y + noise * np.random.default_rng(3).normal(size=y.shape)
+        with problem.of((replace(trial, measured=y, sigma=np.array([noise])),)) as measured:
+            setting, _ = one_mass.begun(measured)
+            found = [fit(measured, setting, replace(measured.nominal, terms=(term,)), 20) for term in (stop, cubic)]
+            assert found[1].surprise < found[0].surprise < found[1].surprise + CLOSE
+            first, second = likeliest(measured, setting, found)
+    assert (first.model.terms[0].effect, second.model.terms[0].effect) == ("bump_stop", "cubic_stiffness")
+    assert first.s2 < 1.1
+    assert second.surprise > first.surprise + CLOSE
 
 
 def test_how_it_comes_to_rest_tells_its_damping_better(library, tmp_path):

@@ -1,15 +1,18 @@
 """Which effects are worth it: by what they take away of what was to be explained, and of what is left."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 pytest.importorskip("sympy")
 
 from fmucorrect.catalogue import find
+from fmucorrect.catalogue.signal import SIGNALS
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fitted import Fitted, Setting
 from fmucorrect.discovery.problem import Model
-from fmucorrect.discovery.terms import ForceTerm
+from fmucorrect.discovery.terms import ForceTerm, SignalTerm
 from fmucorrect.discovery.worth import admissible, complete, credible, first_of, names
 
 ROWS = 4000
@@ -106,6 +109,14 @@ def test_beside_what_nothing_explains_a_small_further_effect_may_be_any(left, wi
     assert credible(setting(), [one, two]) == ([one, two] if is_believed else [one])
     small = made(with_it, ("joint 1", STOP), ("joint 2", MASS), ("joint 1", SPRING))  # as if the spring did nothing
     assert small not in credible(setting(), [one, two, small]) or with_it < 1.1
+
+
+@pytest.mark.parametrize(("rest", "is_believed"), [(1.3, True), (3.0, False)])
+def test_a_sensor_that_is_off_need_not_take_away_what_all_of_them_had_taken_on(rest, is_believed):
+    one = made(rest, ("joint 1", STOP))
+    gain = SignalTerm(SIGNALS["sensor_gain"][0], "x1", (0,), {"gain": 1.2})
+    two = replace(one, model=replace(one.model, terms=(*one.model.terms, gain)), surprise=one.surprise - 700.0)
+    assert credible(setting(), [one, two]) == ([one, two] if is_believed else [one])
 
 
 def test_nothing_is_left_when_no_further_effect_could_be_worth_it():
