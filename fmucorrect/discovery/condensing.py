@@ -26,6 +26,9 @@ WIDE = 100.0
 """Standard deviation of a member's coordinate, in its own units, that is taken for no knowledge of it."""
 STAYS, STAYS_NEAR = 0.1, 0.4
 """Share of what leaving members out costs that may stay when one other comes in, to first order; where all is explained."""
+ROUGH = 0.03
+"""By how much, as a share of it, what members do together may differ from what one other does alone, for sensitivities that are
+rough: those of a joint that sticks and slides."""
 SHOWN, FITTED = 24, 4
 """Condensed sets that are simulated as the form has them, and those of them that are fitted."""
 
@@ -64,6 +67,7 @@ def condensed(problem: Problem, setting: Setting, best: Fitted, curves: Sequence
         x[ends[t]] = _size(best.model.terms[t])
     alone, _ = _form(setting, best)
     costs, most = [put_back(alone, part, x)[0] for part in parts], STAYS_NEAR if near else STAYS
+    sums = [best.slopes[:, part] @ x[part] for part in parts]
     listed: list[_Listed] = []
     for curve, column in _columns(problem, best, curves, near):
         more = replace(best, slopes=np.concatenate([best.slopes, column[:, None]], axis=1))
@@ -72,9 +76,12 @@ def condensed(problem: Problem, setting: Setting, best: Fitted, curves: Sequence
         if near and is_far and gain > price(setting, 1) and (new := _grown(curve, float(change[ends[-1]]))) is not None:
             beside = _beside(best.model, ends, change, new)
             listed.append(_Listed(1.0 - gain / max(far, gain), curve.identity, frozenset(), beside))
-        for part, alone_cost in zip(parts, costs, strict=True):
+        for part, alone_cost, together in zip(parts, costs, sums, strict=True):
             cost, change = put_back(C, part, x)
             share = cost / max(alone_cost, 1e-300)
+            size, differs = _one_for(together, column)
+            if share >= most and differs < ROUGH:
+                share, change = differs**2, size * np.eye(len(change))[ends[-1]]
             new = _grown(curve, float(change[ends[-1]])) if share < most else None
             if new is not None:
                 model = _with(best.model, part, ends, change, new)
@@ -127,6 +134,12 @@ def _columns(
     for _, both in groupby(changes, key=lambda item: item[0].identity):
         alike = list(both)
         yield alike[0][0], np.mean([change for _, change in alike], axis=0)
+
+
+def _one_for(together: Float64[np.ndarray, " n"], one: Float64[np.ndarray, " n"]) -> tuple[float, float]:
+    """How much of one is most like what several do together, and by what share of that it differs."""
+    size = float(together @ one) / max(float(one @ one), 1e-300)
+    return size, float(np.linalg.norm(together - size * one)) / max(float(np.linalg.norm(together)), 1e-300)
 
 
 def _grown(curve: Curve, share: float) -> Term | None:

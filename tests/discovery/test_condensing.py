@@ -10,9 +10,10 @@ from one_mass import problem_of as problem_of_one
 
 from fmucorrect.catalogue import find
 from fmucorrect.catalogue.signal import SIGNALS
+from fmucorrect.discovery import condensing
 from fmucorrect.discovery.candidates import adjustables, candidates
 from fmucorrect.discovery.condensing import condensed
-from fmucorrect.discovery.fit import fit
+from fmucorrect.discovery.fit import both_sides, fit
 from fmucorrect.discovery.fitted import begin, price
 from fmucorrect.discovery.marks import with_marks
 from fmucorrect.discovery.motion import motions
@@ -104,6 +105,25 @@ def test_two_springs_that_are_off_alike_are_one_stiffness_of_their_group(library
     (only,) = best.model.terms
     assert only.key == ("linear_stiffness", "both")
     assert only.values["stiffness"] == pytest.approx(100.0, rel=0.1)
+    assert best.surprise < two.surprise - 4.0
+
+
+def test_two_dampers_that_are_off_alike_are_one_where_sensitivities_are_rough(library, tmp_path, monkeypatch):
+    def rough(problem, state, far):
+        slopes, base = both_sides(problem, state, far)
+        noise = np.random.default_rng(1).normal(size=slopes.shape) / np.sqrt(len(slopes))
+        return slopes + 0.02 * np.linalg.norm(slopes, axis=0) * noise, base
+
+    def truth(study):
+        return Model((term_at(study, "viscous_damping", "both", damping=20.0),), ())
+
+    monkeypatch.setattr(condensing, "both_sides", rough)
+    with problem_of(tmp_path, library, truth, apart(c1=10.0, c2=C2).replace("0.02", "0.3")) as problem:
+        off = tuple(replace(term, values={"value": 20.0}) for term in adjustables(problem))
+        two, best = condensed_from(problem, off)
+    (only,) = best.model.terms
+    assert only.key == ("viscous_damping", "both")
+    assert only.values["damping"] == pytest.approx(20.0, rel=0.02)
     assert best.surprise < two.surprise - 4.0
 
 
