@@ -13,9 +13,9 @@ from fmucorrect.discovery.fit import fit, sharpened
 from fmucorrect.discovery.fitted import Fitted, Setting, begin_as, judge, judge_at, with_sensors
 from fmucorrect.discovery.paring import spare, without
 from fmucorrect.discovery.problem import Model, Problem
-from fmucorrect.discovery.sets import LONG, share_of
+from fmucorrect.discovery.sets import LONG, merged, share_of
 from fmucorrect.discovery.terms import ForceTerm, Term
-from fmucorrect.discovery.worth import WORTH, names
+from fmucorrect.discovery.worth import WORTH, first_of, names
 
 WHOLE = 60.0
 """Seconds of a single tone that the numbers are fitted to at last: its end too, and how the model comes to rest behind it."""
@@ -25,11 +25,16 @@ ALIKE = 4.0
 """By how much less likely sensors whose gain is right may be, in -2 log p."""
 CLOSE, RIVALS = 40.0, 3
 """How far behind, in -2 log p, and how many, sets of other effects are fitted with all numbers of their laws."""
+AGAIN = 4
+"""How often such a fit may go on: along a valley it goes down for long."""
+PARTLY = 3.0
+"""A variance of the error, over its least, up to which a part of the most likely set is too."""
 
 
 def likeliest(problem: Problem, setting: Setting, found: Sequence[Fitted]) -> list[Fitted]:
-    """The sets, the most likely first. Where some are close, what their laws leave as guessed is estimated too, as far as that
-    tells more than it costs: no set shall be behind for a corner that is too round, or ahead since a member makes up for it."""
+    """The sets, the most likely first. Where some are close, or a part of the first does nearly as much, they are fitted to
+    their end first, by what their laws leave as guessed too: none shall be behind for a corner that is too round or a valley
+    that is too long, or ahead since a member makes up for it."""
 
     def ordered(sets: Sequence[Fitted]) -> list[Fitted]:
         return sorted(sets, key=lambda fitted: whole(problem, setting, fitted).surprise)
@@ -38,11 +43,24 @@ def likeliest(problem: Problem, setting: Setting, found: Sequence[Fitted]) -> li
         return sorted(term.effect for term in fitted.model.terms)
 
     sets = ordered(found)
-    near = [f for f in sets[1:] if f.surprise < sets[0].surprise + CLOSE and effects(f) != effects(sets[0])][:RIVALS]
-    if not near:
+    if len(sets) < 2:
         return sets
-    own = [(f, replace(setting, base=f.base), _freed(f.model)) for f in (sets[0], *near)]
-    freed = [f if model == f.model else _refitted(problem, at, f, model) for f, at, model in own]
+    first, *rest = sets
+    near = [f for f in rest if f.surprise < first.surprise + CLOSE and effects(f) != effects(first)][:RIVALS]
+    parts = [f for f in rest if names(f) < names(first) and f.s2 < PARTLY * setting.floor]
+    chosen = merged([first, *near, *parts[:RIVALS]])
+    if len(chosen) == 1:
+        return sets
+    freed: list[Fitted] = []
+    for fitted in chosen:
+        own = replace(setting, base=fitted.base)
+        fits = [fitted]
+        if names(fitted) < names(first):  # its numbers may be better known beside the others
+            all_of_it = freed[0].model
+            shared = tuple(term for term in all_of_it.terms if term.key in names(fitted))
+            again = fit(problem, own, without(problem, all_of_it, shared), LONG)
+            fits += [] if again is None else [again]
+        freed.append(_freed(problem, own, _to_its_end(problem, own, first_of(fits))))
     done = {names(fitted) for fitted in freed}
     return ordered([*freed, *(fitted for fitted in sets if names(fitted) not in done)])
 
@@ -58,8 +76,7 @@ def ended(problem: Problem, setting: Setting, base: Fitted, best: Fitted) -> Fit
         return best
     own = replace(setting, base=best.base)
     best = _further(problem, own, _refitted(problem, own, best, best.model))
-    freed = _freed(best.model)
-    best = best if freed == best.model else _refitted(problem, own, best, freed)
+    best = _freed(problem, own, best)
     later = _later(problem, setting, best)
     return later if later is not None and later.s2 - best.s2 < WORTH**2 * base.s2 else _known(problem, setting, best)
 
@@ -91,6 +108,16 @@ def _refitted(problem: Problem, setting: Setting, best: Fitted, model: Model) ->
     """The model fitted from there, or what was best before."""
     fitted = fit(problem, setting, model, LONG, best.at)
     return fitted if fitted is not None and fitted.surprise < best.surprise else best
+
+
+def _to_its_end(problem: Problem, setting: Setting, fitted: Fitted) -> Fitted:
+    """Fitted on, until little comes of it."""
+    for _ in range(AGAIN):
+        before, fitted = fitted, _refitted(problem, setting, fitted, fitted.model)
+        if fitted.surprise > before.surprise - ALIKE:
+            break
+        setting = replace(setting, base=fitted.base)
+    return fitted
 
 
 def _further(problem: Problem, setting: Setting, best: Fitted) -> Fitted:
@@ -131,12 +158,13 @@ def _known(problem: Problem, setting: Setting, fitted: Fitted) -> Fitted:
     return replace(told, covariance=spread(problem, setting, told))
 
 
-def _freed(model: Model) -> Model:
-    """With all numbers of its laws estimated."""
+def _freed(problem: Problem, setting: Setting, fitted: Fitted) -> Fitted:
+    """All numbers of its laws fitted, where that is likelier."""
 
     def free(term: Term) -> Term:
         if not isinstance(term, ForceTerm):
             return term
         return replace(term, free=tuple(p.name for p in term.law.parameters if p.name not in term.law.estimated))
 
-    return replace(model, terms=tuple(free(term) for term in model.terms))
+    model = replace(fitted.model, terms=tuple(free(term) for term in fitted.model.terms))
+    return fitted if model == fitted.model else _refitted(problem, setting, fitted, model)

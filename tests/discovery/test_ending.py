@@ -109,6 +109,24 @@ def test_a_law_is_not_behind_another_for_a_corner_that_is_too_round_or_too_sharp
     assert second.surprise > first.surprise + CLOSE
 
 
+def test_a_part_of_the_likeliest_set_that_had_been_fitted_badly_is_fitted_from_there(library, tmp_path):
+    with one_mass.problem_of(tmp_path, library, JOINT + APART) as problem:
+        (trial,) = problem.trials
+        cubic = term_at(problem.study, "cubic_stiffness", "joint 1", cubic_stiffness=3e8)
+        drag = term_at(problem.study, "quadratic_damping", "joint 1", quadratic_damping=1.0)
+        y = shown(problem.study, trial.condition, library, Model((cubic,)), trial.rows.stop)[trial.rows]
+        y = y + NOISE * np.random.default_rng(3).normal(size=y.shape)
+        with problem.of((replace(trial, measured=y),)) as measured:
+            setting, _ = one_mass.begun(measured)
+            off = replace(cubic, values={"cubic_stiffness": 2.96e8})
+            bad = fit(measured, setting, replace(measured.nominal, terms=(off,)), 0)
+            larger = fit(measured, setting, replace(measured.nominal, terms=(cubic, drag)), 20)
+            assert larger.surprise < bad.surprise - CLOSE
+            first, second = likeliest(measured, setting, [bad, larger])
+    assert (len(first.model.terms), len(second.model.terms)) == (1, 2)
+    assert first.s2 < 1.1
+
+
 def test_how_it_comes_to_rest_tells_its_damping_better(library, tmp_path):
     with problem_of(tmp_path, library, damped(-4.0)) as problem:
         first, last = fitted(problem, softer(problem))
