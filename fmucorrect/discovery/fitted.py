@@ -11,7 +11,7 @@ from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.nuisances import GAIN, sensitivities
 from fmucorrect.discovery.nuisances import sensors as sensors_of
 from fmucorrect.discovery.problem import Model, Problem
-from fmucorrect.discovery.terms import coordinates
+from fmucorrect.discovery.terms import coordinates, partners
 
 SURE = 5.0
 """Standard deviations of an error's variance by which it must lie above the noise for something to be left."""
@@ -63,10 +63,16 @@ class Fitted:
         k = 0
         for term in self.model.terms:
             row: dict[str, float] = {}
-            for name, scale in zip(term.estimated, coordinates(term), strict=True):
-                size = abs(term.values[name]) if scale == 0.0 else scale
-                row[name] = size * float(np.sqrt(max(self.covariance[k, k], 0.0)))
-                k += 1
+            own = self.covariance[k : k + len(term.estimated), k : k + len(term.estimated)]
+            for i, (name, scale, along) in enumerate(
+                zip(term.estimated, coordinates(term), partners(term), strict=True)
+            ):
+                change = np.zeros(len(own))
+                change[i] = abs(term.values[name]) if scale == 0.0 else scale
+                if along is not None:
+                    change[along] = term.values[name]
+                row[name] = float(np.sqrt(max(change @ own @ change, 0.0)))
+            k += len(own)
             found.append(row)
         return found
 

@@ -191,6 +191,20 @@ def coordinates(term: Term) -> tuple[float, ...]:
     return tuple(scales)
 
 
+def partners(term: Term) -> tuple[int | None, ...]:
+    """Of each estimated number the one that it goes along with, which has its unit and whose logarithm is moved: a law that is
+    made stronger in one of its numbers alone is another law (Bouc-Wen's loop closes at a displacement by beta and gamma
+    together). None where there is none."""
+    scales, known = coordinates(term), [term.parameter(name) for name in term.estimated]
+    alone = [scale == 0.0 for scale in scales]
+    return tuple(
+        None
+        if alone[k] or known[k].unit == "1" or isinstance(term, OffsetTerm)
+        else next((j for j, other in enumerate(known) if alone[j] and other.unit == known[k].unit), None)
+        for k in range(len(known))
+    )
+
+
 def room(term: Term, scales: tuple[float, ...]) -> tuple[tuple[float, float], ...]:
     """How far each coordinate may go down and up until its number's own bounds, in steps of `scales`."""
     found: list[tuple[float, float]] = []
@@ -206,10 +220,11 @@ def room(term: Term, scales: tuple[float, ...]) -> tuple[tuple[float, float], ..
 
 def moved(term: Term, scales: tuple[float, ...], steps: tuple[float, ...]) -> Term:
     """The term after its coordinates went `steps` from where they were, or as far of it as its numbers allow."""
+    along = partners(term)
     for share in (1.0, 0.5, 0.25):
         values: dict[str, float] = {}
-        for name, scale, step in zip(term.estimated, scales, steps, strict=True):
-            value = term.values[name]
+        for name, scale, step, k in zip(term.estimated, scales, steps, along, strict=True):
+            value = term.values[name] * (1.0 if k is None else math.exp(share * steps[k]))
             value = value * math.exp(share * step) if scale == 0.0 else value + share * scale * step
             known = term.parameter(name)
             values[name] = min(max(value, known.minimum), known.maximum)

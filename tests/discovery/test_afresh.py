@@ -97,6 +97,31 @@ def test_a_law_begins_where_one_that_it_contains_has_ended(library, tmp_path):
     assert best.model.terms[0].values["gamma"] == pytest.approx(-650.0, rel=0.1)
 
 
+def test_a_loop_that_yields_more_sharply_is_found_along_the_valley_that_leads_there(library, tmp_path):
+    law = {"stiffness": 800.0, "alpha": 0.1, "beta": 300.0, "gamma": 200.0, "exponent": 1.0}
+    closing = 500.0**0.8  # with that exponent it yields at the same displacement
+    sharp = law | {"beta": 300.0 * closing, "gamma": 200.0 * closing, "exponent": 1.8}
+    with problem_of(tmp_path / "loop", library, CONDITIONS, "bouc_wen_hysteresis", **sharp) as problem:
+        begin = term(problem.study, "bouc_wen_hysteresis", **law)
+        found = fit(problem, setting_of(problem), replace(problem.nominal, terms=(begin,)), 20)
+    assert found is not None
+    assert found.s2 < 1.1
+    assert found.model.terms[0].values["exponent"] == pytest.approx(1.8, rel=0.1)
+
+
+def test_the_spread_of_a_number_is_that_of_what_its_coordinates_make_of_it(far):
+    problem, _, base = far
+    loop = term(
+        problem.study, "bouc_wen_hysteresis", stiffness=800.0, alpha=0.3, beta=500.0, gamma=-200.0, exponent=1.2
+    )
+    rng = np.random.default_rng(5)
+    root = 1e-3 * rng.normal(size=(5, 5))
+    cloud = [moved(loop, coordinates(loop), tuple(root @ x)).values for x in rng.normal(size=(4000, 5))]
+    (std,) = replace(base, model=replace(base.model, terms=(loop,)), covariance=root @ root.T).std()
+    for name in loop.estimated:
+        assert std[name] == pytest.approx(np.std([values[name] for values in cloud]), rel=0.05)
+
+
 def test_room_leads_to_the_bounds_and_no_farther(far):
     problem, _, _ = far
     whole = term(
