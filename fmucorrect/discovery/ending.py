@@ -15,7 +15,7 @@ from fmucorrect.discovery.paring import spare, without
 from fmucorrect.discovery.problem import Model, Problem
 from fmucorrect.discovery.sets import LONG, merged, share_of
 from fmucorrect.discovery.terms import ForceTerm, Term
-from fmucorrect.discovery.worth import WORTH, first_of, names
+from fmucorrect.discovery.worth import WORTH, names
 
 WHOLE = 60.0
 """Seconds of a single tone that the numbers are fitted to at last: its end too, and how the model comes to rest behind it."""
@@ -47,22 +47,32 @@ def likeliest(problem: Problem, setting: Setting, found: Sequence[Fitted]) -> li
         return sets
     first, *rest = sets
     near = [f for f in rest if f.surprise < first.surprise + CLOSE and effects(f) != effects(first)][:RIVALS]
-    parts = [f for f in rest if names(f) < names(first) and f.s2 < PARTLY * setting.floor]
-    chosen = merged([first, *near, *parts[:RIVALS]])
-    if len(chosen) == 1:
+    parts = [f for f in rest if names(f) < names(first) and f.s2 < PARTLY * setting.floor][:RIVALS]
+    smaller = list(dict.fromkeys([*map(names, parts), *_doubled(first)]))
+    if not (near or smaller):
         return sets
-    freed: list[Fitted] = []
-    for fitted in chosen:
-        own = replace(setting, base=fitted.base)
-        fits = [fitted]
-        if names(fitted) < names(first):  # its numbers may be better known beside the others
-            all_of_it = freed[0].model
-            shared = tuple(term for term in all_of_it.terms if term.key in names(fitted))
-            again = fit(problem, own, without(problem, all_of_it, shared), LONG)
-            fits += [] if again is None else [again]
-        freed.append(_freed(problem, own, _to_its_end(problem, own, first_of(fits))))
+    best, *freed = [_all_fitted(problem, setting, fitted) for fitted in (first, *near, *parts)]
+    for kept in smaller:  # their numbers may be better known beside the others
+        rest_of_it = without(problem, best.model, tuple(term for term in best.model.terms if term.key in kept))
+        part = fit(problem, replace(setting, base=best.base), rest_of_it, LONG, rival=best.surprise)
+        if part is not None and part.s2 < PARTLY * setting.floor:
+            freed.append(_all_fitted(problem, setting, part))
+    freed = merged([best, *freed])
     done = {names(fitted) for fitted in freed}
     return ordered([*freed, *(fitted for fitted in sets if names(fitted) not in done)])
+
+
+def _doubled(fitted: Fitted) -> list[frozenset[tuple[str, str]]]:
+    """Of a set with several forces at one place, what is left without one of them: two laws may stand for one."""
+    forces = [term for term in fitted.model.terms if isinstance(term, ForceTerm)]
+    twice = [term for term in forces if any(other is not term and other.where == term.where for other in forces)]
+    return [names(fitted) - {term.key} for term in twice]
+
+
+def _all_fitted(problem: Problem, setting: Setting, fitted: Fitted) -> Fitted:
+    """Its numbers to their end, with those that its laws leave as guessed where that is likelier."""
+    fitted = _to_its_end(problem, replace(setting, base=fitted.base), fitted)
+    return _freed(problem, replace(setting, base=fitted.base), fitted)
 
 
 def ended(problem: Problem, setting: Setting, base: Fitted, best: Fitted) -> Fitted:
