@@ -26,6 +26,8 @@ SUSPECTED = 5
 """Likely sets whose coupling is looked at, where the best one is linear."""
 REFITTED = 4
 """Sets that are fitted again with a finer coupling, or from what they hold."""
+CLOSE = 200.0
+"""How far behind, in -2 log p, others may be that are shown in it as they are."""
 BLUNT = 10.0
 """By how much likelier, in -2 log p, a set with sharper corners must be for a finer coupling."""
 
@@ -85,6 +87,9 @@ def finer(
             progress("finer coupling", i, len(likely))
             new = fit(problem, replace(setting, base=old.base), old.model if hangs else _sharper(old.model), 5)
             again += [] if new is None else [new]
+        close = [f for f in found if f.surprise < best.surprise + CLOSE and not any(f is old for old in likely)]
+        for old, y in zip(close, problem.many([f.model for f in close]), strict=True):
+            again += [] if y is None else [judge_at(setting, old, old.model, y)]
         found = merged(again) or found
     error = _coupling(problem, first_of([base, *found]))
     return replace(setting, floor=1.0 + error**2), found

@@ -45,9 +45,8 @@ class Trial:
     def evidence(self, y: Float64[np.ndarray, "N J"]) -> Float64[np.ndarray, "B J"]:
         """Block means in units of their noise."""
         count = len(y) // self.block
-        sums = np.einsum(
-            "btj->bj", y[: count * self.block].reshape(count, self.block, -1)
-        )  # five times as fast as mean
+        rows = y[: count * self.block].reshape(count, self.block, -1)
+        sums = np.einsum("btj->bj", rows)  # five times as fast as mean
         return sums / self.block / (self.sigma / np.sqrt(self.samples(self.block)))
 
     def samples(self, rows: int) -> float:
