@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float64
+from threadpoolctl import threadpool_limits
 
 from fmucorrect import experiment
 from fmucorrect.discovery import output
@@ -71,7 +72,8 @@ def discover(
     built = library() if study.fmu is not None else None
     lap("compile")
     kept = Kept(folder / ".progress")
-    with quietly(), load(study, built, kept=kept, executor=executor) as problem:
+    # the cores simulate: threads of a linear algebra on top of that would wait for each other
+    with threadpool_limits(1), quietly(), load(study, built, kept=kept, executor=executor) as problem:
         lap("load")
         naming = name(problem, progress)
         decision = decide(naming)

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
+from jaxtyping import Float64
 
 from fmucorrect.discovery.calibration import whole
 from fmucorrect.discovery.errorbars import spread
@@ -85,7 +86,7 @@ def ended(problem: Problem, setting: Setting, base: Fitted, best: Fitted) -> Fit
     if not best.model.terms:
         return best
     own = replace(setting, base=best.base)
-    best = _further(problem, own, _refitted(problem, own, best, best.model))
+    best = _further(problem, own, _refitted(problem, own, best, best.model, best.at))
     best = _freed(problem, own, best)
     later = _later(problem, setting, best)
     return later if later is not None and later.s2 - best.s2 < WORTH**2 * base.s2 else _known(problem, setting, best)
@@ -114,16 +115,16 @@ def _less(problem: Problem, setting: Setting, best: Fitted) -> Iterator[Fitted]:
             yield less
 
 
-def _refitted(problem: Problem, setting: Setting, best: Fitted, model: Model) -> Fitted:
-    """The model fitted from there, or what was best before."""
-    fitted = fit(problem, setting, model, LONG, best.at)
+def _refitted(problem: Problem, setting: Setting, best: Fitted, model: Model, at: Float64[np.ndarray, " n"]) -> Fitted:
+    """The model, whose evidence is `at`, fitted from there, or what was best before."""
+    fitted = fit(problem, setting, model, LONG, at)
     return fitted if fitted is not None and fitted.surprise < best.surprise else best
 
 
 def _to_its_end(problem: Problem, setting: Setting, fitted: Fitted) -> Fitted:
     """Fitted on, until little comes of it."""
     for _ in range(AGAIN):
-        before, fitted = fitted, _refitted(problem, setting, fitted, fitted.model)
+        before, fitted = fitted, _refitted(problem, setting, fitted, fitted.model, fitted.at)
         if fitted.surprise > before.surprise - ALIKE:
             break
         setting = replace(setting, base=fitted.base)
@@ -136,7 +137,7 @@ def _further(problem: Problem, setting: Setting, best: Fitted) -> Fitted:
     if setting.share > FEW:
         return best
     found = fit(problem, replace(setting, share=1.0), best.model, LONG, best.at)
-    return best if found is None else _refitted(problem, setting, best, found.model)
+    return best if found is None else _refitted(problem, setting, best, found.model, found.at)
 
 
 def _later(problem: Problem, setting: Setting, best: Fitted) -> Fitted | None:
@@ -177,4 +178,4 @@ def _freed(problem: Problem, setting: Setting, fitted: Fitted) -> Fitted:
         return replace(term, free=tuple(p.name for p in term.law.parameters if p.name not in term.law.estimated))
 
     model = replace(fitted.model, terms=tuple(free(term) for term in fitted.model.terms))
-    return fitted if model == fitted.model else _refitted(problem, setting, fitted, model)
+    return fitted if model == fitted.model else _refitted(problem, setting, fitted, model, fitted.at)

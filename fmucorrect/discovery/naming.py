@@ -10,6 +10,7 @@ import numpy as np
 
 from fmucorrect.catalogue.motion import Motion
 from fmucorrect.discovery.afresh import Asked, asked, is_far, starts
+from fmucorrect.discovery.again import begun_again
 from fmucorrect.discovery.apart import apart
 from fmucorrect.discovery.calibration import calibrated
 from fmucorrect.discovery.candidates import Curve, candidates, places
@@ -50,8 +51,9 @@ QUICK, PLACES = 45_000, 16
 are more than so many joints and groups."""
 LIKELY, TRANSFERRED = 200.0, 6
 """How far behind, and how many, sets are fitted to all conditions."""
-NEAR, UNDECIDED = 8.0, 3
-"""How far behind, and how many, further ones of them are that few conditions do not ask for: not worth it there."""
+NEAR, UNDECIDED, TWINS = 8.0, 3, 4
+"""How far behind, and how many, further ones of them are that few conditions do not ask for: not worth it there; how many of
+the close ones are tried at other places."""
 LOOKS, BESIDE = 5, 3
 """How often all candidates are looked at beside a set, and how many of the best sets that may be."""
 CALIBRATED = 0.02
@@ -85,7 +87,8 @@ def name(problem: Problem, progress: Progress = lambda stage, done, total: None)
     """
     naming = _somewhere(problem, progress)
     setting = naming.setting
-    found = merged([*naming.sets, *at_other_places(problem, setting, naming.best)])
+    close = [fitted for fitted in naming.sets if fitted.surprise < naming.best.surprise + NEAR][:TWINS]
+    found = merged([*naming.sets, *(twin for fitted in close for twin in at_other_places(problem, setting, fitted))])
     told = likeliest(problem, setting, found)
     if told:  # its numbers to their end; compared with the others as they were fitted alike
         best = ended(problem, setting, naming.base, told[0])
@@ -277,6 +280,10 @@ def _deepened(
             told_shorter.append(names(best))
             more = joined(problem, setting, best, around.moves, around.start)
             more += [*regrouped(problem, setting, best), *condensed(problem, setting, best, curves)]
+            if explains(setting, best):
+                more += extended(problem, setting, [best])  # a law near enough to the noise may be part of a better one
+            else:
+                more += begun_again(problem, setting, best, curves)
             found = merged([*found, *more])
         base, found = pared(problem, setting, base, found)
         kept = _ranked(setting, base, found)

@@ -33,7 +33,8 @@ def _forms(terms: Sequence[Term]) -> frozenset[tuple[str, str]]:
 
 def pared(problem: Problem, setting: Setting, base: Fitted, found: Sequence[Fitted]) -> tuple[Fitted, list[Fitted]]:
     """The base and all sets, with those that are simpler than the best one by one step, and so on until the best one needs all
-    that it has; and one without what it can spare, that is behind it by less than a member costs: it may be the best then.
+    that it has; and one without what it can spare, or with a law that its own contains, that is behind it by less than a member
+    costs: it may be the best then.
     Each is fitted from where the larger set stands, whatever was reached from elsewhere. Of one effect alone that is the
     base model once more, by another way. What was needed in a larger set is needed in a smaller one. What then is
     behind the best one although it holds it had been fitted badly, and is fitted again from there."""
@@ -48,6 +49,9 @@ def pared(problem: Problem, setting: Setting, base: Fitted, found: Sequence[Fitt
         for close in [f for f in merged(found) if 0.0 < f.surprise - best.surprise < price(setting, 1)][:CLOSE]:
             idle = spare(problem, setting, close)
             simpler += [(close, tuple(t for t in close.model.terms if t is not term)) for term in idle]
+            simpler += [
+                (close, terms) for terms in _with_less(close.model.terms) if len(terms) == len(close.model.terms)
+            ]
         for one, terms in simpler:
             if _forms(terms) in done:
                 continue

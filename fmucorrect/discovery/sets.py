@@ -77,8 +77,9 @@ def finer(
     forced = [fitted for fitted in others if any(isinstance(term, ForceTerm) for term in fitted.model.terms)]
     plain = all(linear(term) for term in best.model.terms if not isinstance(term, SignalTerm))
     suspects = [f for i, f in enumerate(merged(forced)[:SUSPECTED]) if i == 0 or plain or _is_late(f)]
-    hangs = next((fitted for fitted in suspects if _hangs(problem, setting, fitted, best)), None)
-    blunt = hangs or next((fitted for fitted in suspects if _is_blunt(problem, setting, fitted, best)), None)
+    with _coupled_finer(problem) as fine:
+        hangs = next((fitted for fitted in suspects if _hangs(fine, setting, fitted, best)), None)
+        blunt = hangs or next((fitted for fitted in suspects if _is_blunt(fine, setting, fitted, best)), None)
     if blunt is not None:
         problem.couple(problem.substeps * FINER)
         again: list[Fitted] = []
@@ -91,7 +92,8 @@ def finer(
         for old, y in zip(close, problem.many([f.model for f in close]), strict=True):
             again += [] if y is None else [judge_at(setting, old, old.model, y)]
         found = merged(again) or found
-    error = _coupling(problem, first_of([base, *found]))
+    with _coupled_finer(problem) as fine:
+        error = _coupling(fine, first_of([base, *found]))
     return replace(setting, floor=1.0 + error**2), found
 
 
@@ -100,20 +102,27 @@ def _is_late(fitted: Fitted) -> bool:
     return any(isinstance(term, ForceTerm) and "acceleration" in term.law.inputs for term in fitted.model.terms)
 
 
-def _hangs(problem: Problem, setting: Setting, fitted: Fitted, best: Fitted) -> bool:
+def _coupled_finer(problem: Problem) -> Problem:
+    """The same conditions in a finer coupling, with solvers of their own; to be closed."""
+    fine = problem.of(problem.trials)
+    fine.couple(problem.substeps * FINER)
+    return fine
+
+
+def _hangs(fine: Problem, setting: Setting, fitted: Fitted, best: Fitted) -> bool:
     """Whether the best set's response hangs on the coupling step, or another one may be behind for that alone."""
-    error = _coupling(problem, fitted)
+    error = _coupling(fine, fitted)
     if fitted is best:
         return error > COARSE
     return fitted.surprise - best.surprise < setting.share * len(setting.measured) * error**2
 
 
-def _is_blunt(problem: Problem, setting: Setting, fitted: Fitted, best: Fitted) -> bool:
+def _is_blunt(fine: Problem, setting: Setting, fitted: Fitted, best: Fitted) -> bool:
     """Whether a set, its corners sharper in a finer coupling, is likelier than the best one."""
     model = _sharper(fitted.model)
     if model == fitted.model:
         return False
-    y = _finely(problem, model)
+    (y,) = fine.many([model])
     return y is not None and judge_at(setting, fitted, model, y).surprise < best.surprise - BLUNT
 
 
@@ -128,19 +137,10 @@ def _sharper(model: Model) -> Model:
     return replace(model, terms=tuple(map(sharp, model.terms)))
 
 
-def _coupling(problem: Problem, fitted: Fitted) -> float:
+def _coupling(fine: Problem, fitted: Fitted) -> float:
     """How far the response is from that of a finer coupling, rms in units of the noise; 0 where that gives up."""
-    y = _finely(problem, fitted.model)
+    (y,) = fine.many([fitted.model])
     return 0.0 if y is None else float(np.sqrt(np.mean((y - fitted.at) ** 2)))
-
-
-def _finely(problem: Problem, model: Model) -> np.ndarray | None:
-    """Its evidence in a finer coupling; None where the solver gives up."""
-    coarse = problem.substeps
-    problem.couple(coarse * FINER)
-    (y,) = problem.many([model])
-    problem.couple(coarse)
-    return y
 
 
 def settled(

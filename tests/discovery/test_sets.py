@@ -14,7 +14,7 @@ from fmucorrect.catalogue import find
 from fmucorrect.catalogue.signal import SIGNALS
 from fmucorrect.discovery.candidates import adjustables, parts
 from fmucorrect.discovery.fit import FINEST, PROBE, fit, probes
-from fmucorrect.discovery.fitted import Fitted
+from fmucorrect.discovery.fitted import Fitted, price
 from fmucorrect.discovery.look import at_other_places
 from fmucorrect.discovery.paring import pared
 from fmucorrect.discovery.problem import Model, overrides, runner, simulate
@@ -64,6 +64,19 @@ def test_what_is_needed_stays(library, tmp_path):
         base, found = pared(problem, setting, base, [fitted(problem, setting, "k1", "c1")])
         best = first_of(admissible(setting, base, found))
     assert places(best) == {"k1", "c1"}
+
+
+def test_a_close_law_gives_way_to_the_simpler_one_that_it_contains(library, tmp_path):
+    with problem_of(tmp_path, library, JOINT + APART, k1=1300.0) as problem:
+        setting, base = begun(problem)
+        offset = fitted(problem, setting, "k1")
+        slow = term_at(problem.study, "series_stiffness", "joint 1", stiffness=300.0, relaxation_time=50.0)
+        relaxing = fit(problem, setting, Model((slow,), problem.nominal.base), 20)
+        assert 0.0 < relaxing.surprise - offset.surprise < price(setting, 1)
+        base, found = pared(problem, setting, base, [offset, relaxing])
+        kept = [names(one) for one in admissible(setting, base, found)]
+    assert frozenset([("linear_stiffness", "joint 1")]) in kept  # as likely as the offset: one equation
+    assert names(relaxing) not in kept
 
 
 def test_each_of_the_parameters_that_are_scaled_together_may_be_off_by_itself(library, tmp_path):
