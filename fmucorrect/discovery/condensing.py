@@ -67,7 +67,9 @@ def condensed(problem: Problem, setting: Setting, best: Fitted, curves: Sequence
         x[ends[t]] = _size(best.model.terms[t])
     alone, _ = _form(setting, best)
     costs, most = [put_back(alone, part, x)[0] for part in parts], STAYS_NEAR if near else STAYS
-    sums = [best.slopes[:, part] @ x[part] for part in parts]
+    each = best.slopes * x
+    sums = [each[:, part].sum(axis=1) for part in parts]
+    told = [_all_told(each[:, part], together) for part, together in zip(parts, sums, strict=True)]
     listed: list[_Listed] = []
     for curve, column in _columns(problem, best, curves, near):
         more = replace(best, slopes=np.concatenate([best.slopes, column[:, None]], axis=1))
@@ -76,11 +78,11 @@ def condensed(problem: Problem, setting: Setting, best: Fitted, curves: Sequence
         if near and is_far and gain > price(setting, 1) and (new := _grown(curve, float(change[ends[-1]]))) is not None:
             beside = _beside(best.model, ends, change, new)
             listed.append(_Listed(1.0 - gain / max(far, gain), curve.identity, frozenset(), beside))
-        for part, alone_cost, together in zip(parts, costs, sums, strict=True):
+        for part, alone_cost, together, rough in zip(parts, costs, sums, told, strict=True):
             cost, change = put_back(C, part, x)
             share = cost / max(alone_cost, 1e-300)
             size, differs = _one_for(together, column)
-            if share >= most and differs < ROUGH:
+            if share >= most and rough and differs < ROUGH:
                 share, change = differs**2, size * np.eye(len(change))[ends[-1]]
             new = _grown(curve, float(change[ends[-1]])) if share < most else None
             if new is not None:
@@ -134,6 +136,11 @@ def _columns(
     for _, both in groupby(changes, key=lambda item: item[0].identity):
         alike = list(both)
         yield alike[0][0], np.mean([change for _, change in alike], axis=0)
+
+
+def _all_told(each: Float64[np.ndarray, "n m"], together: Float64[np.ndarray, " n"]) -> bool:
+    """Whether none of the members does less than what a comparison of all together leaves open."""
+    return bool(np.linalg.norm(each, axis=0).min() >= ROUGH * np.linalg.norm(together))
 
 
 def _one_for(together: Float64[np.ndarray, " n"], one: Float64[np.ndarray, " n"]) -> tuple[float, float]:
