@@ -141,6 +141,22 @@ def test_with_weaker_springs_and_dampers_a_law_that_is_not_linear_gives_way_too(
     assert best.surprise < four.surprise
 
 
+def test_what_a_rough_comparison_cannot_see_is_not_condensed_with_the_others(library, tmp_path):
+    """A cubic spring does far less than the spring and the damper that stand for a mass."""
+    cubic = {"cubic_stiffness": 1e7}
+
+    def truth(study):
+        return Model(
+            (term_at(study, "cubic_stiffness", "joint 1", **cubic), term_at(study, *MASS_2, mass=0.25 * M2)), ()
+        )
+
+    with problem_of(tmp_path, library, truth) as problem:
+        small = term_at(problem.study, "cubic_stiffness", "joint 1", **cubic)
+        three, best = condensed_from(problem, (*adjustables(problem), small))
+    assert {term.key for term in best.model.terms} == {small.key, MASS_2}
+    assert best.surprise < three.surprise
+
+
 def test_one_member_is_not_condensed(library, tmp_path):
     with problem_of(tmp_path, library, lambda study: Model((), ())) as problem:
         setting, _, _ = begin(problem)
