@@ -39,13 +39,16 @@ def sentence(report: dict[str, Any], checked: Sequence[Gap]) -> str:
         f"the error at {worst.condition.name} falls from {worst.nrmse_before:.3g} to {worst.nrmse_after:.3g} %"
         f" (sensor noise {worst.noise_floor:.2g} %)"
     )
-    names = [sized(row) for row in report["effects"]]
+    names = [_or_another(row) for row in report["effects"]]
     what = names[0] if len(names) == 1 else f"{len(names)} effects: {'; '.join(names)}"
     after = f"; with it {error}." if len(names) == 1 else f". With them {error}."
-    if report["verdict"] == "named":
-        return f"The model lacks {what}{after}"
-    others = sorted({_called(other) for row in report["effects"] for other in row["indistinguishable_from"]})
-    return f"The model lacks {what}, or what these data cannot tell from that ({'; '.join(others)}){after}"
+    return f"The model lacks {what}{after}"
+
+
+def _or_another(row: dict[str, Any]) -> str:
+    """An effect and, if there are any, those that stand in its place as well."""
+    others = " or ".join(sorted(_called(other) for other in row["indistinguishable_from"]))
+    return f"{sized(row)}, or {others}, which these data cannot tell apart" if others else sized(row)
 
 
 def _sensed(report: dict[str, Any]) -> list[tuple[float, str]]:

@@ -72,6 +72,16 @@ def test_what_is_named_is_told_with_its_size():
     assert "parameter offset at bush_kx (−4.23 MN/m)" in text
 
 
+def test_what_cannot_be_told_apart_stands_with_the_effect_that_it_may_be():
+    right = told("backlash", "mount, right")
+    left_one = told("backlash", "mount, left", gap=(1e-4, "m", "free travel")) | {"indistinguishable_from": [right]}
+    offset = told("sensor_offset", "RB", offset=(1.5e-5, "m", "added"))
+    gap = Gap(Condition("385"), np.zeros(0), *[np.zeros((0, 1))] * 3, np.ones(1), 14.1, 0.23, 0.22, 0.1, 0.9)
+    text = sentence({"verdict": "ambiguous", "effects": [left_one, offset]}, [gap])
+    assert "(0.100 mm), or backlash at mount, right, which these data cannot tell apart; sensor offset at RB" in text
+    assert "tell apart" not in sentence({"verdict": "named", "effects": [offset]}, [gap])
+
+
 @pytest.mark.parametrize(
     ("lag_by", "said"), [(-5.3, "the lag of x1 by 5.3 standard deviations"), (1.0, "(m1): nothing")]
 )
