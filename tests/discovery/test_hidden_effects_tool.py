@@ -262,6 +262,9 @@ def test_another_name_of_the_same_equation_counts_but_not_strictly():
 def test_what_else_is_judged():
     judged = judge(label(A, B, kind="background"), said("named", A, C), GROUPS)
     assert (judged.found, judged.wrong) == (1.0, ("preload at joint 1",))
+    in_doubt = (*B, ("cubic_stiffness", "joint 2"))
+    assert judge(label(A, B, kind="background"), said("ambiguous", A, in_doubt), GROUPS).found == 1.0
+    assert judge(label(B, A, kind="background"), said("ambiguous", A, in_doubt), GROUPS).found == 0.5
     judged = judge(label(A), said("named", ("cubic_stiffness", "joint 2")), GROUPS)
     assert (judged.places, judged.claims) == ((False,), ((0.9, False),))
     assert judge(label(A), said("named", A), GROUPS).errors == (("backlash", pytest.approx(0.02)),)

@@ -18,7 +18,8 @@
   score 1 where it is not `named`, and are wrongly named where it is.
 - With an effect outside the catalogue behind the main one (`unmodelled`) a case scores as if that were not there. With
   further effects of the catalogue in the background: the main effect is found where it is among the named ones (0.5 by
-  a class of at most three), and a wrong name is added where a named effect is none of the hidden ones.
+  a class of at most three, 1 where all of the class are the same effect), and a wrong name is added where a named
+  effect is none of the hidden ones.
 """
 
 from __future__ import annotations
@@ -112,10 +113,11 @@ def _class(row: Row) -> list[Row]:
 
 
 def _holds(row: Row, hidden: Row, places: Places, sure: bool) -> float:
-    if sure:
-        return float(same(row, hidden, places))
-    members = _class(row)
-    return 0.5 if len(members) <= 3 and any(same(m, hidden, places) for m in members) else 0.0
+    members = [row] if sure else _class(row)
+    right = [same(member, hidden, places) for member in members]
+    if all(right):
+        return 1.0
+    return 0.5 if len(members) <= 3 and any(right) else 0.0
 
 
 def _score(
