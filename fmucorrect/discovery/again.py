@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from fmucorrect.discovery.candidates import Curve
 from fmucorrect.discovery.fit import fit
-from fmucorrect.discovery.fitted import Fitted, Setting, judge_at
+from fmucorrect.discovery.fitted import Fitted, Setting, tried
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.sets import LONG
 from fmucorrect.discovery.terms import ForceTerm
@@ -32,12 +32,7 @@ def begun_again(problem: Problem, setting: Setting, best: Fitted, curves: Sequen
         guessed = [curve.term(size * curve.size) for curve in curves if curve.key == term.key for size in SIZES]
         before, after = best.model.terms[:t], best.model.terms[t + 1 :]
         models = [replace(best.model, terms=(*before, new, *after)) for new in guessed if new is not None]
-        shown = [
-            judge_at(around, best, model, y)
-            for model, y in zip(models, problem.many(models), strict=True)
-            if y is not None
-        ]
-        for start in sorted(shown, key=lambda fitted: fitted.surprise)[:FITTED]:
+        for start in tried(problem, around, best, models)[:FITTED]:
             fitted = fit(problem, around, start.model, LONG, start.at, rival=best.surprise)
             fits += [] if fitted is None else [fitted]
     return fits

@@ -20,7 +20,7 @@ from fmucorrect.discovery.afresh import Asked
 from fmucorrect.discovery.candidates import Curve
 from fmucorrect.discovery.evidence import Nuisances, independent
 from fmucorrect.discovery.fit import fit
-from fmucorrect.discovery.fitted import Fitted, Setting, judge_at
+from fmucorrect.discovery.fitted import Fitted, Setting, tried
 from fmucorrect.discovery.marks import Marks
 from fmucorrect.discovery.motion import Series, in_a_row
 from fmucorrect.discovery.problem import Problem
@@ -53,13 +53,8 @@ def apart(
     candidates with the scales of `found`."""
     begun = [terms for name, one in found.items() for terms in laws_of(one, [c for c in curves if c.where == name])]
     models = [replace(base.model, terms=(*base.model.terms, *terms)) for terms in begun]
-    tried = [
-        judge_at(setting, base, model, y)
-        for model, y in zip(models, problem.many(models), strict=True)
-        if y is not None
-    ]
     fits: list[Fitted] = []
-    for i, start in enumerate(sorted(tried, key=lambda fitted: fitted.surprise)[:FITTED]):
+    for i, start in enumerate(tried(problem, setting, base, models)[:FITTED]):
         progress("apart", i, FITTED)
         fitted = fit(problem, setting, start.model, LONG, start.at, rival=first_of([base, *fits]).surprise)
         fits += [] if fitted is None else [fitted]

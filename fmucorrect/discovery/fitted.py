@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -117,6 +118,14 @@ def judge(setting: Setting, fitted: Fitted) -> Fitted:
 def judge_at(setting: Setting, state: Fitted, model: Model, at: Float64[np.ndarray, " n"]) -> Fitted:
     """What was fitted, with another model in its place, whose evidence is `at`."""
     return judge(setting, replace(state, model=model, at=at, residual=setting.measured - at))
+
+
+def tried(problem: Problem, setting: Setting, state: Fitted, models: Sequence[Model]) -> list[Fitted]:
+    """What was fitted, with other models in its place, each simulated; the likeliest first, without those at which the solver
+    gives up."""
+    found = zip(models, problem.many(models), strict=True)
+    judged = [judge_at(setting, state, model, y) for model, y in found if y is not None]
+    return sorted(judged, key=lambda fitted: fitted.surprise)
 
 
 def explains(setting: Setting, fitted: Fitted) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 from fmucorrect.discovery.candidates import Curve, may_act, parts, places
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fit import fit
-from fmucorrect.discovery.fitted import EXPLAINED, Fitted, Setting, judge_at, price
+from fmucorrect.discovery.fitted import EXPLAINED, Fitted, Setting, price, tried
 from fmucorrect.discovery.marks import PROMISING, Marks, Target, marks
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.search import Search
@@ -131,11 +131,7 @@ def at_other_places(problem: Problem, setting: Setting, best: Fitted) -> list[Fi
         for other in placed_elsewhere(problem, term)
         if other.key not in names(best)
     ]
-    found: list[Fitted] = []
-    for model, y in zip(moved, problem.many(moved), strict=True):
-        if y is not None:
-            there = judge_at(setting, best, model, y)
-            found += [there] if there.surprise < best.surprise + APART else []
+    found = [there for there in tried(problem, setting, best, moved) if there.surprise < best.surprise + APART]
     fitted = [fit(problem, replace(setting, base=best.base), f.model, 4, f.at) for f in merged(found)[:RIVALS]]
     return [f for f in fitted if f is not None]
 

@@ -97,6 +97,18 @@ def shown(study: Study, condition: Condition, library: Path, truth: Model, rows:
     return y
 
 
+def measured_on(folder: Path, library: Path, effect: str, **values: float) -> Problem:
+    """The study without adjustables, measured along a sweep on a mass with an effect at its joint."""
+    write(folder / "force.csv", "mass1.f [N]", sweep(0.5))
+    write(folder / "measured.csv", "x1 [mm]", 0.0 * T)
+    (folder / "study.toml").write_text(MASS + JOINT + SWEEP, encoding="utf-8")
+    study = load_study(folder / "study.toml")
+    truth = Model((term_at(study, effect, "joint 1", **values),))
+    y = shown(study, study.conditions[0], library, truth, len(T))
+    write(folder / "measured.csv", "x1 [mm]", y + NOISE * np.random.default_rng(2).normal(size=y.shape))
+    return load(study, library, 2)
+
+
 def begun(problem: Problem) -> tuple[Setting, Fitted]:
     """What the fits of the problem share, and the model with nothing but its base parameters moved."""
     setting, at, _ = begin(problem)

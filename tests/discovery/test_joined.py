@@ -1,20 +1,18 @@
 """Laws at one place that are fewer: what a stop and a play were fitted to may be one hardening spring."""
 
-import numpy as np
 import pytest
 
 pytest.importorskip("ziglang")
 pytest.importorskip("sympy")
 
-from one_mass import JOINT, MASS, NOISE, SWEEP, T, shown, sweep, term_at, write
+from one_mass import measured_on, term_at
 
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.fitted import begin
 from fmucorrect.discovery.joined import joined
 from fmucorrect.discovery.motion import motions
-from fmucorrect.discovery.problem import Model, load
+from fmucorrect.discovery.problem import Model
 from fmucorrect.discovery.worth import first_of
-from fmucorrect.study import load_study
 
 CUBIC = 4e8  # N/m3, as much as the spring itself at 1.6 mm
 
@@ -22,17 +20,11 @@ CUBIC = 4e8  # N/m3, as much as the spring itself at 1.6 mm
 @pytest.fixture(scope="module")
 def hardening(library, tmp_path_factory):
     """A mass whose spring hardens, measured along a sweep."""
-    folder = tmp_path_factory.mktemp("hardening")
-    write(folder / "force.csv", "mass1.f [N]", sweep(0.5))
-    write(folder / "measured.csv", "x1 [mm]", np.zeros(len(T)))
-    (folder / "study.toml").write_text(MASS + JOINT + SWEEP, encoding="utf-8")
-    study = load_study(folder / "study.toml")
-    truth = Model((term_at(study, "cubic_stiffness", "joint 1", cubic_stiffness=CUBIC),), ())
-    y = shown(study, study.conditions[0], library, truth, len(T))
-    write(folder / "measured.csv", "x1 [mm]", y + NOISE * np.random.default_rng(2).normal(size=y.shape))
-    with load(study, library, 2) as problem:
+    with measured_on(
+        tmp_path_factory.mktemp("hardening"), library, "cubic_stiffness", cubic_stiffness=CUBIC
+    ) as problem:
         setting, _, start = begin(problem)
-        yield problem, setting, motions(study, study.development), start
+        yield problem, setting, motions(problem.study, problem.study.development), start
 
 
 def begun(problem):
