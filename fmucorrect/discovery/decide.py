@@ -11,8 +11,8 @@ from jaxtyping import Float64
 from fmucorrect.discovery.fitted import Fitted
 from fmucorrect.discovery.naming import Naming
 from fmucorrect.discovery.problem import Problem
-from fmucorrect.discovery.sets import has_room
-from fmucorrect.discovery.terms import Term
+from fmucorrect.discovery.sets import MOST, has_room
+from fmucorrect.discovery.terms import OffsetTerm, Term
 from fmucorrect.discovery.worth import OPEN, WORTH, names
 
 TEMPER = 2.0
@@ -69,13 +69,19 @@ def decide(naming: Naming) -> Decision:
     classes = tuple(_class(best, t, rivals) for t in range(len(best.model.terms)))
     if not best.model.terms:
         verdict = "none" if best.s2 <= AGREES * naming.setting.floor else "unexplained"
-    elif unexplained > LEFT or (
-        not has_room(best) and unexplained > WORTH**2 and best.s2 > OPEN * naming.setting.floor
-    ):
+    elif unexplained > LEFT or _full(best, unexplained > WORTH**2 and best.s2 > OPEN * naming.setting.floor):
         verdict = "unexplained"
     else:
         verdict = "ambiguous" if any(classes) else "named"
     return Decision(verdict, best, probability, classes, rivals, unexplained)
+
+
+def _full(fitted: Fitted, open_still: bool) -> bool:
+    """Whether a set has all the effects that it may have and that is not enough: something is left, or what is not left was
+    taken by more than MOST parameters beyond the tolerances that they were given: another model, no missing effect."""
+    offsets = [term.adjustable for term in fitted.model.terms if isinstance(term, OffsetTerm)]
+    moved = [a for a in offsets if a.tolerance is not None or a.absolute_tolerance is not None]
+    return not has_room(fitted) and (open_still or len(moved) > MOST)
 
 
 def left(fitted: Fitted, base: Fitted, floor: float) -> float:

@@ -12,7 +12,8 @@ from fmucorrect.discovery.constancy import TOO_MUCH
 from fmucorrect.discovery.decide import Decision
 from fmucorrect.discovery.evenness import TOO_UNEVEN
 from fmucorrect.discovery.fitted import Setting, stands_out
-from fmucorrect.discovery.terms import OF_FACTOR
+from fmucorrect.discovery.sets import MOST
+from fmucorrect.discovery.terms import OF_FACTOR, OFFSET
 from fmucorrect.discovery.worth import SMALL, WORTH
 from fmucorrect.report.discovery_text import plain, quantity, short
 
@@ -57,7 +58,8 @@ def _sensed(report: dict[str, Any]) -> list[tuple[float, str]]:
 
 
 def _nearest(suspects: Sequence[dict[str, Any]]) -> str:
-    """What came near and is not it, because its force would have to be another one each time; nothing where none is so."""
+    """What came near and is not it: its force would have to be another one each time, or it moves most of the model's own
+    parameters; nothing where none is so."""
     by_place = max(suspects, key=_uneven, default=None)
     if by_place is not None and _uneven(by_place) >= TOO_UNEVEN:
         differs = (
@@ -68,6 +70,9 @@ def _nearest(suspects: Sequence[dict[str, Any]]) -> str:
     if by_condition is not None and _varies(by_condition) >= TOO_MUCH:
         number, share = plain(by_condition["varies"]["parameter"]), 100 * _varies(by_condition)
         return f"nearest comes {_called(by_condition)}, whose {number} would have to differ by {share:.0f} % between conditions"
+    moved = sum(row["effect"] == OFFSET for row in suspects)
+    if moved > MOST:
+        return f"nearest come {len(suspects)} effects at once, {moved} of them parameters that are off"
     return ""
 
 

@@ -1,0 +1,56 @@
+"""The verdict that fitted sets give, before the evaluation conditions are looked at."""
+
+import numpy as np
+import pytest
+
+from fmucorrect.catalogue import find
+from fmucorrect.discovery.decide import decide
+from fmucorrect.discovery.evidence import Nuisances
+from fmucorrect.discovery.fitted import Fitted, Setting
+from fmucorrect.discovery.naming import Naming
+from fmucorrect.discovery.problem import Model
+from fmucorrect.discovery.terms import ForceTerm, OffsetTerm
+from fmucorrect.discovery.wording import sentence
+from fmucorrect.study import Adjustable
+
+ROWS = 50
+LAW, VALUES = find("linear_stiffness", {"stiffness": 10.0}), {"stiffness": 10.0}
+
+
+def force(i):
+    return ForceTerm(LAW, f"joint {i}", (), LAW.complete(VALUES))
+
+
+def offset(i, tolerance):
+    return OffsetTerm(Adjustable((f"k{i}",), 0.0, 9.0, tolerance), f"k{i}", 1.0, -9.0, 9.0, {"value": 2.0})
+
+
+def decided(forces, offsets, tolerance):
+    """What is decided where a set of so many forces and parameters leaves the noise alone."""
+    nothing = np.zeros(ROWS)
+    terms = (*(force(i) for i in range(forces)), *(offset(i, tolerance) for i in range(offsets)))
+    base = Fitted(Model(), nothing, np.full(ROWS, 30.0), 900.0, 500.0, np.zeros((ROWS, 0)), ())
+    best = Fitted(Model(terms), nothing, nothing, 1.0, 100.0, np.zeros((ROWS, 0)), ())
+    setting = Setting(nothing, Nuisances(np.zeros((ROWS, 0))), np.zeros((ROWS, 0)), np.zeros(0), 1.0)
+    return decide(Naming(base, (best,), setting))
+
+
+@pytest.mark.parametrize(
+    ("forces", "offsets", "tolerance", "verdict"),
+    [
+        (3, 3, 0.02, "named"),
+        (2, 6, 0.02, "named"),  # many parameters that are off: a base model that nobody has calibrated
+        (3, 4, 0.02, "unexplained"),
+        (3, 4, None, "named"),  # nothing was expected of them
+    ],
+)
+def test_a_full_set_that_moves_the_models_own_parameters_as_well_is_another_model(forces, offsets, tolerance, verdict):
+    found = decided(forces, offsets, tolerance)
+    assert found.verdict == verdict
+    assert found.unexplained == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_set_that_moves_the_models_own_parameters_is_told_as_what_came_near():
+    rows = [{"effect": term.effect, "uneven": None, "varies": None} for term in decided(3, 4, 0.02).best.model.terms]
+    text = sentence({"verdict": "unexplained", "suspects": rows, "unexplained": 1e-3}, [])
+    assert "nearest come 7 effects at once, 4 of them parameters that are off" in text
