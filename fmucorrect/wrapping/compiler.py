@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 import platform
 import struct
 import subprocess
 import sys
 import zipfile
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from fmucorrect.errors import MissingExtra, WrapError
@@ -102,19 +104,24 @@ def libraries(
     work: Path,
     flags: Sequence[str] = EXACT,
 ) -> dict[str, bytes]:
-    """The libraries of one FMU by their place in it (`binaries/...`), compiled for `platforms` (keys of TARGETS)."""
+    """The libraries of one FMU by their place in it (`binaries/...`), compiled for `platforms` (keys of TARGETS), as
+    many at a time as there are processors."""
+    places = {
+        target: work / folder / f"{identifier}{suffix}"
+        for name in platforms
+        for target, folder, suffix in TARGETS[name]
+    }
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        for job in [pool.submit(compile_library, sources, names, *place, flags) for place in places.items()]:
+            job.result()
     files: dict[str, bytes] = {}
     for name in platforms:
-        slices: list[bytes] = []
-        suffix = ""
-        for target, folder, suffix in TARGETS[name]:
-            library = work / folder / f"{identifier}{suffix}"
-            compile_library(sources, names, target, library, flags)
-            slices.append(library.read_bytes())
-            if fmi == 3:
-                files[f"binaries/{folder}/{library.name}"] = slices[-1]
-        if fmi == 2:
-            files[f"binaries/{name}/{identifier}{suffix}"] = slices[0] if len(slices) == 1 else fat_library(slices)
+        made = [places[target] for target, _, _ in TARGETS[name]]
+        slices = [library.read_bytes() for library in made]
+        if fmi == 3:
+            files |= {f"binaries/{it.parent.name}/{it.name}": code for it, code in zip(made, slices, strict=True)}
+        else:
+            files[f"binaries/{name}/{made[0].name}"] = slices[0] if len(slices) == 1 else fat_library(slices)
     return files
 
 
