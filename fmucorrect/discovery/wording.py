@@ -14,11 +14,13 @@ from fmucorrect.discovery.evenness import TOO_UNEVEN
 from fmucorrect.discovery.fitted import Setting, stands_out
 from fmucorrect.discovery.sets import MOST
 from fmucorrect.discovery.terms import OF_FACTOR, OFFSET
-from fmucorrect.discovery.worth import SMALL, WORTH
+from fmucorrect.discovery.worth import OPEN, SMALL, WORTH
 from fmucorrect.report.discovery_text import plain, quantity, short
 
 TELLING = 2.5
 """Standard deviations of a sensor's gain or lag from which on the sentence tells it."""
+MUCH = 0.1
+"""Share of the disagreement's amplitude that may stay without being told in the sentence."""
 
 
 def sentence(report: dict[str, Any], checked: Sequence[Gap]) -> str:
@@ -43,7 +45,15 @@ def sentence(report: dict[str, Any], checked: Sequence[Gap]) -> str:
     names = [_or_another(row) for row in report["effects"]]
     what = names[0] if len(names) == 1 else f"{len(names)} effects: {'; '.join(names)}"
     after = f"; with it {error}." if len(names) == 1 else f". With them {error}."
-    return f"The model lacks {what}{after}"
+    return f"The model lacks {what}{after}{_more(report['unexplained'], worst)}"
+
+
+def _more(unexplained: float, held: Gap) -> str:
+    """What is said where names do not explain all. unexplained: share of the residual's energy that is left above the noise."""
+    stays = np.sqrt(unexplained)
+    if stays < MUCH or held.nrmse_after**2 < OPEN * held.noise_floor**2:
+        return ""
+    return f" {100 * stays:.2g} % of the disagreement's amplitude stays unexplained."
 
 
 def _or_another(row: dict[str, Any]) -> str:

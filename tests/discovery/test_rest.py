@@ -66,7 +66,7 @@ def test_what_is_named_is_told_with_its_size():
     weak = told("parameter_offset", "scale_left and scale_right", value=(-0.605, "1", OF_FACTOR))
     soft = told("parameter_offset", "bush_kx", value=(-4.23e6, "N/m", "added to the start value"))
     gap = Gap(Condition("385"), np.zeros(0), *[np.zeros((0, 1))] * 3, np.ones(1), 19.1, 0.42, 0.41, 0.1, 0.9)
-    text = sentence({"verdict": "named", "effects": [play, weak, soft]}, [gap])
+    text = sentence({"verdict": "named", "effects": [play, weak, soft], "unexplained": 1e-4}, [gap])
     assert "backlash at mount (gap 0.120 mm)" in text
     assert "parameter offset at scale_left and scale_right (−60.5 %)" in text
     assert "parameter offset at bush_kx (−4.23 MN/m)" in text
@@ -77,9 +77,24 @@ def test_what_cannot_be_told_apart_stands_with_the_effect_that_it_may_be():
     left_one = told("backlash", "mount, left", gap=(1e-4, "m", "free travel")) | {"indistinguishable_from": [right]}
     offset = told("sensor_offset", "RB", offset=(1.5e-5, "m", "added"))
     gap = Gap(Condition("385"), np.zeros(0), *[np.zeros((0, 1))] * 3, np.ones(1), 14.1, 0.23, 0.22, 0.1, 0.9)
-    text = sentence({"verdict": "ambiguous", "effects": [left_one, offset]}, [gap])
+    text = sentence({"verdict": "ambiguous", "effects": [left_one, offset], "unexplained": 1e-4}, [gap])
     assert "(0.100 mm), or backlash at mount, right, which these data cannot tell apart; sensor offset at RB" in text
-    assert "tell apart" not in sentence({"verdict": "named", "effects": [offset]}, [gap])
+    assert "tell apart" not in sentence({"verdict": "named", "effects": [offset], "unexplained": 1e-4}, [gap])
+
+
+@pytest.mark.parametrize(
+    ("unexplained", "after", "said"),
+    [
+        (0.11, 0.33, True),
+        (0.11, 0.20, False),
+        (0.005, 0.33, False),
+    ],  # the second is about the noise, the third is little
+)
+def test_much_that_a_name_leaves_is_told_with_it(unexplained, after, said):
+    spring = told("cubic_stiffness", "joint 1", cubic_stiffness=(3.4e7, "N/m3", "of the cube"))
+    gap = Gap(Condition("other"), np.zeros(0), *[np.zeros((0, 1))] * 3, np.ones(1), 1.67, after, 0.17, 0.9, 0.99)
+    text = sentence({"verdict": "named", "effects": [spring], "unexplained": unexplained}, [gap])
+    assert text.endswith("33 % of the disagreement's amplitude stays unexplained.") == said
 
 
 @pytest.mark.parametrize(
