@@ -100,6 +100,11 @@ class Adjustable:
     tolerance: float | None = None
     absolute_tolerance: float | None = None
 
+    @property
+    def tolerated(self) -> bool:
+        """Whether it is said how far they may be off."""
+        return self.tolerance is not None or self.absolute_tolerance is not None
+
 
 @dataclass(frozen=True)
 class Study:

@@ -79,9 +79,8 @@ def decide(naming: Naming) -> Decision:
 def _full(fitted: Fitted, open_still: bool) -> bool:
     """Whether a set has all the effects that it may have and that is not enough: something is left, or what is not left was
     taken by more than MOST parameters beyond the tolerances that they were given: another model, no missing effect."""
-    offsets = [term.adjustable for term in fitted.model.terms if isinstance(term, OffsetTerm)]
-    moved = [a for a in offsets if a.tolerance is not None or a.absolute_tolerance is not None]
-    return not has_room(fitted) and (open_still or len(moved) > MOST)
+    moved = sum(isinstance(term, OffsetTerm) and term.adjustable.tolerated for term in fitted.model.terms)
+    return not has_room(fitted) and (open_still or moved > MOST)
 
 
 def left(fitted: Fitted, base: Fitted, floor: float) -> float:

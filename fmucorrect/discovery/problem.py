@@ -319,5 +319,5 @@ def load(
         raise StudyError(str(study.path), ["discovery needs at least one development condition"])
     trials = tuple(read(study, condition) for condition in study.development)
     fmu = None if study.fmu is None else open_fmu(study.fmu)
-    tolerated = tuple(a for a in study.adjustable if a.tolerance or a.absolute_tolerance) if fmu else ()
+    tolerated = tuple(a for a in study.adjustable if a.tolerated) if fmu else ()
     return Problem(study, fmu, library, trials, tolerated, workers or min(os.cpu_count() or 1, 8), 1, kept, executor)
