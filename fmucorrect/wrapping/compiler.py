@@ -11,6 +11,7 @@ import sys
 import zipfile
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 
 from fmucorrect.errors import MissingExtra, WrapError
@@ -34,6 +35,25 @@ _HOSTS = {
 _FLAGS = ["-std=c11", "-fvisibility=hidden", "-fPIC", "-shared", "-s", "-Wall", "-Wextra", "-Wno-unused-parameter"]
 EXACT = ["-O2", "-ffp-contract=off"]
 """No fused multiply-add, so that the platforms round alike."""
+
+
+@dataclass(frozen=True)
+class Sources:
+    """Generated C. files: content by name, all for one folder."""
+
+    files: Mapping[str, bytes]
+
+    @property
+    def names(self) -> list[str]:
+        """The files to be compiled."""
+        return sorted(name for name in self.files if name.endswith(".c"))
+
+    def write(self, folder: Path) -> list[str]:
+        """Writes all files to `folder`; returns `names`."""
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, content in self.files.items():
+            (folder / name).write_bytes(content)
+        return self.names
 
 
 def host() -> tuple[str, str, str]:

@@ -15,6 +15,7 @@ from fmucorrect.catalogue import PORTS, Law
 from fmucorrect.catalogue.law import load_sympy
 from fmucorrect.effects import Effects, Instance
 from fmucorrect.errors import WrapError
+from fmucorrect.wrapping.compiler import Sources
 
 UNITS: Mapping[str, tuple[str, str]] = {
     "force": ("N", "N.m"),
@@ -57,25 +58,11 @@ class Wire:
 
 
 @dataclass(frozen=True)
-class EffectSources:
-    """files: content by name, all for one folder. wiring: one row a law and joint, in the order of effects_step's
-    arrays. states: EFFECT_STATES."""
+class EffectSources(Sources):
+    """wiring: one row a law and joint, in the order of effects_step's arrays. states: EFFECT_STATES."""
 
-    files: Mapping[str, bytes]
     wiring: tuple[Wire, ...]
     states: int
-
-    @property
-    def names(self) -> list[str]:
-        """The files to be compiled."""
-        return sorted(name for name in self.files if name.endswith(".c"))
-
-    def write(self, folder: Path) -> list[str]:
-        """Writes all files to `folder`; returns `names`."""
-        folder.mkdir(parents=True, exist_ok=True)
-        for name, content in self.files.items():
-            (folder / name).write_bytes(content)
-        return self.names
 
 
 def sources(effects: Effects) -> EffectSources:

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fmucorrect.errors import MissingExtra, WrapError
+from fmucorrect.wrapping.compiler import Sources
 
 if TYPE_CHECKING:
     import onnx
@@ -29,24 +30,11 @@ _HAND_WRITTEN = (
 
 
 @dataclass(frozen=True)
-class NetworkSources:
-    """files: content by name, all for one folder. rows, channels: the window's shape."""
+class NetworkSources(Sources):
+    """rows, channels: the window's shape."""
 
-    files: Mapping[str, bytes]
     rows: int
     channels: int
-
-    @property
-    def names(self) -> list[str]:
-        """The files to be compiled."""
-        return sorted(name for name in self.files if name.endswith(".c"))
-
-    def write(self, folder: Path) -> list[str]:
-        """Writes all files to `folder`; returns `names`."""
-        folder.mkdir(parents=True, exist_ok=True)
-        for name, content in self.files.items():
-            (folder / name).write_bytes(content)
-        return self.names
 
 
 def sources(path: str | Path) -> NetworkSources:
