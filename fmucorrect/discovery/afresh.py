@@ -16,9 +16,11 @@ import numpy as np
 from fmucorrect.catalogue.motion import Motion
 from fmucorrect.discovery.candidates import Curve
 from fmucorrect.discovery.fitted import Fitted, Setting, judge_at
-from fmucorrect.discovery.located import Located, block, located
+from fmucorrect.discovery.inversion import block
+from fmucorrect.discovery.located import Located, located
+from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.motion import Series, along, in_a_row, motion_of, peak
-from fmucorrect.discovery.problem import Model, Problem
+from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.terms import ForceTerm, Term
 from fmucorrect.errors import FmuError
 

@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from fmucorrect import effects as effects_file
+from fmucorrect.discovery.model import Model, overrides, start_value
 from fmucorrect.discovery.output import adjusted
-from fmucorrect.discovery.problem import Model, Problem, overrides, start_value
+from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, Term
 from fmucorrect.effects import Effects, ForceEffect, ParameterOffset, Remarks
 from fmucorrect.errors import FmucorrectError

@@ -12,7 +12,8 @@ from fmucorrect.catalogue import CATALOGUE, Law
 from fmucorrect.catalogue.law import starts
 from fmucorrect.catalogue.motion import Guess, Motion
 from fmucorrect.catalogue.signal import SIGNALS, SignalLaw, extent
-from fmucorrect.discovery.problem import Problem, start_value, tolerance_of
+from fmucorrect.discovery.model import start_value, tolerance_of
+from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.terms import EXCITATION, OFFSET, ForceTerm, OffsetTerm, SignalTerm, Term
 from fmucorrect.study import Adjustable, Joint, Study
 

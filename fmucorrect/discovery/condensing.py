@@ -15,7 +15,8 @@ from fmucorrect.discovery.candidates import Curve
 from fmucorrect.discovery.fit import PROBE, both_sides, fit
 from fmucorrect.discovery.fitted import Fitted, Setting, explains, judge_at, price
 from fmucorrect.discovery.form import FARTHEST, normal, put_back, stepped
-from fmucorrect.discovery.problem import Model, Problem
+from fmucorrect.discovery.model import Model
+from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.sets import LONG
 from fmucorrect.discovery.terms import SignalTerm, Term, coordinates, linear, proportional
 from fmucorrect.discovery.worth import names

@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Float64
 
 from fmucorrect import experiment, metrics
+from fmucorrect.discovery.model import Model, runner, simulate
 from fmucorrect.discovery.nuisances import GAIN, LAG
-from fmucorrect.discovery.problem import Model, runner, simulate
 from fmucorrect.discovery.trials import sensor_noise
 from fmucorrect.errors import SignalError
 from fmucorrect.signals import Condition

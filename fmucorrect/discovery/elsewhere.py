@@ -17,7 +17,8 @@ import numpy as np
 
 from fmucorrect.discovery import native
 from fmucorrect.discovery.content import digest, packed, unpacked
-from fmucorrect.discovery.problem import Model, Problem
+from fmucorrect.discovery.model import Model
+from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.trials import Trial
 from fmucorrect.study import Adjustable, Study
 

@@ -12,8 +12,9 @@ from fmucorrect.discovery.calibration import whole
 from fmucorrect.discovery.errorbars import spread
 from fmucorrect.discovery.fit import fit, sharpened
 from fmucorrect.discovery.fitted import Fitted, Setting, begin_as, judge, judge_at, with_sensors
+from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.paring import spare, without
-from fmucorrect.discovery.problem import Model, Problem
+from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.sets import LONG, merged, share_of
 from fmucorrect.discovery.terms import ForceTerm, Term
 from fmucorrect.discovery.worth import WORTH, names

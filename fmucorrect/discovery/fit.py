@@ -10,9 +10,10 @@ from jaxtyping import Float64
 from fmucorrect.discovery.fitted import Fitted, Setting, explains, judge, judge_at
 from fmucorrect.discovery.form import FARTHEST, covariance, normal, step, stepped
 from fmucorrect.discovery.kept import remembered
+from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.nuisances import PERTURBED, sensitivities
 from fmucorrect.discovery.offsets import with_whole_offsets
-from fmucorrect.discovery.problem import Model, Problem
+from fmucorrect.discovery.problem import Problem
 
 PROBE, FINEST = 0.02, 1e-3
 """By how much a coordinate is moved for its sensitivity, at most and at least: as far as it is uncertain in between."""

@@ -9,9 +9,10 @@ import numpy as np
 from jaxtyping import Float64
 
 from fmucorrect.discovery.evidence import Nuisances
+from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.nuisances import GAIN, sensitivities
 from fmucorrect.discovery.nuisances import sensors as sensors_of
-from fmucorrect.discovery.problem import Model, Problem
+from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.terms import coordinates, partners
 
 SURE = 5.0

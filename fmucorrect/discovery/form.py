@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from fmucorrect.discovery.fitted import Fitted, Setting
-from fmucorrect.discovery.problem import Model
+from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.terms import coordinates, moved, room
 
 LONGEST = 0.8

@@ -12,8 +12,9 @@ from fmucorrect.catalogue import CATALOGUE
 from fmucorrect.discovery.candidates import may_act
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.fitted import Fitted, Setting, judge_at
+from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.motion import along, peak
-from fmucorrect.discovery.problem import Model, Problem
+from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.terms import ForceTerm, linear
 from fmucorrect.discovery.worth import LITTLE
 from fmucorrect.errors import FmuError

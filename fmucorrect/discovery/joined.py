@@ -20,7 +20,7 @@ from fmucorrect.discovery.apart import laws_of
 from fmucorrect.discovery.candidates import candidates
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.fitted import Fitted, Setting
-from fmucorrect.discovery.located import block
+from fmucorrect.discovery.inversion import block
 from fmucorrect.discovery.motion import Series, along, halfway, in_a_row, law_along, motion_of, peak
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.sets import LONG

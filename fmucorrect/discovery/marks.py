@@ -13,7 +13,8 @@ from fmucorrect.catalogue.motion import Motion
 from fmucorrect.discovery.candidates import Curve
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.kept import remembered
-from fmucorrect.discovery.problem import Model, Problem
+from fmucorrect.discovery.model import Model
+from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.terms import ForceTerm
 from fmucorrect.study import Joint
 

@@ -14,7 +14,8 @@ from fmucorrect.catalogue import PORTS
 from fmucorrect.catalogue.motion import Motion
 from fmucorrect.catalogue.numeric import force, step
 from fmucorrect.discovery.located import Pushed
-from fmucorrect.discovery.problem import Model, Problem, simulate
+from fmucorrect.discovery.model import Model, simulate
+from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.simulator import place_of
 from fmucorrect.discovery.terms import ForceTerm, SignalTerm
 from fmucorrect.discovery.trials import Trial

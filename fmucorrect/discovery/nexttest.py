@@ -22,13 +22,14 @@ from fmucorrect.discovery.fit import PROBE
 from fmucorrect.discovery.fitted import Fitted, Setting
 from fmucorrect.discovery.form import LONGEST, stepped
 from fmucorrect.discovery.kept import remembered
+from fmucorrect.discovery.model import Model, simulate
 from fmucorrect.discovery.nuisances import PERTURBED, sensors
-from fmucorrect.discovery.problem import Model, Problem, simulate
+from fmucorrect.discovery.output import called
+from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.simulator import Simulator
-from fmucorrect.discovery.terms import OffsetTerm, Term
 from fmucorrect.discovery.trials import Trial
 from fmucorrect.errors import FmuError
-from fmucorrect.report.discovery_text import plain
+from fmucorrect.report.discovery_text import beside, listed
 from fmucorrect.signals import Condition
 from fmucorrect.study import Study
 
@@ -140,7 +141,7 @@ def next_test(
     if not refined:
         return None
     tried = [next((other for other in refined if other.repeat is item.repeat), item) for item in rough]
-    return _report(problem.study, models, max(refined, key=lambda item: item.worth), tried)
+    return _report(problem.study, models, max(refined, key=lambda item: item.worth), tried, refined)
 
 
 def repeats(problem: Problem, speeds: bool) -> list[Repeat]:
@@ -271,43 +272,46 @@ def _judged(
     return replace(apart, separation=tuple(found), seen=tuple(seen))
 
 
-def _report(study: Study, models: Sequence[Fitted], chosen: Apart, tried: Sequence[Apart]) -> dict[str, Any]:
+def _report(
+    study: Study, models: Sequence[Fitted], chosen: Apart, tried: Sequence[Apart], refined: Sequence[Apart]
+) -> dict[str, Any]:
+    best, others = models[0], models[1:]
     split = [s >= SPLIT for s in chosen.separation]
-    names = [_names(fitted, models[0]) for fitted in models[1:]]
-    mine = _names(models[0], models[1])
-    same = " or ".join(name for name, done in zip(names, split, strict=True) if not done)
-    rows = [{"condition": item.repeat.words, "separation": min(item.separation)} for item in tried]
-    report: dict[str, Any] = {"text": "", "conditions": [], "separates": [], "confidence": None, "tried": rows}
+    differ = [beside(_own(fitted, best), _own(best, fitted)) for fitted in others]
+    same = listed([words for words, done in zip(differ, split, strict=True) if not done], "or")
+    report: dict[str, Any] = {"text": "", "conditions": [], "separates": [], "confidence": None}
+    report["tried"] = [
+        {"condition": item.repeat.words, "separation": min(item.separation), "refined": item in refined}
+        for item in tried
+    ]
     if not any(split):
         report["text"] = (
             f"None of the {len(tried)} simulated repetitions of the measured conditions, with other amplitudes"
-            f" or speeds, would tell {mine} from {same}: they act alike, and a refit takes up what differs"
+            f" or speeds, would look different {same}: they act alike, and a refit takes up what differs"
             f" (at most {max(chosen.separation):.2g} in -2 log p, where {SPLIT:g} would do). That takes a sensor at"
             " another place, or a measurement of the part by itself."
         )
         return report
     trial, channels = chosen.repeat.trial, study.channels
-    told = " and ".join(
-        f"from {name} by up to {size * trial.sigma[j]:.2g} {channels[j].unit} at {channels[j].name}"
-        for name, done, (j, size) in zip(names, split, chosen.seen, strict=True)
-        if done
+    told = listed(
+        [
+            f"by up to {size * trial.sigma[j]:.2g} {channels[j].unit} at {channels[j].name} {words}"
+            for words, done, (j, size) in zip(differ, split, chosen.seen, strict=True)
+            if done
+        ]
     )
-    rest = f" It would not tell it from {same}." if same else ""
-    report["text"] = f"Repeat {chosen.repeat.words}: all fitted anew, {mine} then still differs {told}.{rest}"
+    rest = f" It would not show a difference {same}." if same else ""
+    report["text"] = f"Repeat {chosen.repeat.words}: all fitted anew, the response still differs {told}.{rest}"
     row = {"like": trial.condition.name, "scale": chosen.repeat.scale}
     report["conditions"] = [row if chosen.repeat.speed is None else row | {"speed": chosen.repeat.speed}]
-    pairs = [(models[0], models[1]), *((f, models[0]) for f, done in zip(models[1:], split, strict=True) if done)]
-    report["separates"] = [{"effect": t.effect, "joint": t.where} for pair in pairs for t in _own(*pair)]
+    decided = [fitted for fitted, done in zip(others, split, strict=True) if done]
+    apart = [row for f in decided for row in _own(best, f)] + [row for f in decided for row in _own(f, best)]
+    report["separates"] = [row for i, row in enumerate(apart) if row not in apart[:i]]
     report["confidence"] = f"-2 log p is expected to differ by {chosen.worth[1]:.3g}"
     return report
 
 
-def _own(fitted: Fitted, other: Fitted) -> list[Term]:
+def _own(fitted: Fitted, other: Fitted) -> list[dict[str, str]]:
     """What only one of two models has."""
     have = {x.key for x in other.model.terms}
-    return [term for term in fitted.model.terms if term.key not in have]
-
-
-def _names(fitted: Fitted, other: Fitted) -> str:
-    own = [("another value of" if isinstance(t, OffsetTerm) else f"{t.effect} at", t) for t in _own(fitted, other)]
-    return " and ".join(f"{plain(what)} {t.where}" for what, t in own) or "nothing more"
+    return [called(term) for term in fitted.model.terms if term.key not in have]

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float64
 
-from fmucorrect.discovery.problem import Model, Problem
+from fmucorrect.discovery.model import Model
+from fmucorrect.discovery.problem import Problem
 
 GAIN = 0.005
 """Standard deviation of a sensor's gain."""

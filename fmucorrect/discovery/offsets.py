@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Bool
 
-from fmucorrect.discovery.problem import Model, Problem
+from fmucorrect.discovery.model import Model
+from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.terms import OffsetTerm, Term
 
 

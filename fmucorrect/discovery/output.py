@@ -16,10 +16,11 @@ from fmucorrect.catalogue.text import latex, modelica
 from fmucorrect.discovery.confirm import Gap
 from fmucorrect.discovery.decide import Decision, Rival, held_out
 from fmucorrect.discovery.evenness import Uneven
+from fmucorrect.discovery.model import start_value, tolerance_of
 from fmucorrect.discovery.naming import Naming
 from fmucorrect.discovery.nuisances import GAIN, LAG
 from fmucorrect.discovery.pictures import units_at
-from fmucorrect.discovery.problem import Problem, start_value, tolerance_of
+from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, SignalTerm, Term
 from fmucorrect.signals import Channel
 from fmucorrect.study import Study
@@ -52,7 +53,7 @@ def effect_row(
         },
         "equation": equation(term),
         "probability": probability,
-        "indistinguishable_from": [{"effect": other.effect, "joint": other.where} for other in rivals],
+        "indistinguishable_from": [called(other) for other in rivals],
     }
     if isinstance(term, ForceTerm):
         row |= {
@@ -68,6 +69,11 @@ def effect_row(
     else:
         row |= {"description": f"The FMU's parameter {term.where} is off by more than its tolerance."}
     return row
+
+
+def called(term: Term) -> dict[str, str]:
+    """Effect and place, as a report has them."""
+    return {"effect": term.effect, "joint": term.where}
 
 
 def uneven_row(problem: Problem, term: ForceTerm, piece: Uneven) -> dict[str, Any]:
@@ -105,7 +111,8 @@ def _identifier(text: str) -> str:
 
 
 def candidate_rows(problem: Problem, naming: Naming, decision: Decision) -> list[dict[str, Any]]:
-    """The report's candidates: every fitted set, the most likely first; a set of several is named with plus signs."""
+    """The report's candidates: every fitted set, the most likely first; of a set of several the names stand with plus signs
+    between them, and each by itself under `members`."""
     rows: list[dict[str, Any]] = []
     for rival in sorted(decision.rivals, key=lambda rival: rival.behind):
         if rival.chosen.model.terms:
@@ -121,6 +128,7 @@ def _candidate(problem: Problem, naming: Naming, rival: Rival) -> dict[str, Any]
     return {
         "effect": " + ".join(term.effect for term in fitted.model.terms),
         "joint": " + ".join(term.where for term in fitted.model.terms),
+        "members": [called(term) for term in fitted.model.terms],
         "held_out_error": float(np.mean(left_out)) if np.isfinite(left_out).all() else None,
         "error": error,
         "probability": rival.probability,

@@ -12,7 +12,8 @@ from fmucorrect.discovery.candidates import may_act
 from fmucorrect.discovery.fit import HOPELESS, fit
 from fmucorrect.discovery.fitted import Fitted, Setting, price
 from fmucorrect.discovery.form import FARTHEST
-from fmucorrect.discovery.problem import Model, Problem
+from fmucorrect.discovery.model import Model
+from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.sets import LONG, REFITTED, merged
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, Term, linear, moved
 from fmucorrect.discovery.worth import admissible, first_of, names

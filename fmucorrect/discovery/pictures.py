@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64
 
-from fmucorrect.discovery.located import Inverted, Pushed, answer, bare, evidence, invert
+from fmucorrect.discovery.inversion import Inverted, invert
+from fmucorrect.discovery.located import Pushed, answer, bare, evidence
+from fmucorrect.discovery.model import Model, simulate
 from fmucorrect.discovery.motion import along, halfway, law_along
-from fmucorrect.discovery.problem import Model, Problem, simulate
+from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.terms import ForceTerm
 from fmucorrect.study import Joint
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -17,28 +17,14 @@ from jaxtyping import Float64
 
 from fmucorrect.discovery.content import digest
 from fmucorrect.discovery.kept import Kept, code
-from fmucorrect.discovery.logged import Logged
-from fmucorrect.discovery.simulator import Simulator
-from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, SignalTerm, Term
+from fmucorrect.discovery.model import Model, Runner, runner, simulate, start_value, tolerance_of
 from fmucorrect.discovery.trials import Trial, read
 from fmucorrect.errors import FmuError, StudyError
 from fmucorrect.fmu import FmuDescription, open_fmu
-from fmucorrect.signals import Condition
 from fmucorrect.study import Adjustable, Study
 
 LARGEST = 1e8
 """A response, in units of the noise, beyond which a model is not stable."""
-
-
-@dataclass(frozen=True)
-class Model:
-    """The FMU with terms in it. base: (A,) adjustable parameters with a tolerance, in tolerances from their start values."""
-
-    terms: tuple[Term, ...] = ()
-    base: tuple[float, ...] = ()
-
-
-Runner = Simulator | Logged
 
 
 @dataclass
@@ -221,94 +207,6 @@ class Problem:
             rows = [next(parts) for _ in queues]
             done(1)
             yield None if any(row is None for row in rows) else np.concatenate(rows)  # type: ignore[arg-type]
-
-
-def runner(
-    study: Study, condition: Condition, library: Path | None, rows: int | None = None, substeps: int = 1
-) -> Runner:
-    """What simulates a condition: the FMU, or its simulated record. rows: how many, None for all that were measured."""
-    if condition.simulated is not None or study.fmu is None or library is None:
-        return Logged(study, condition)
-    duration = None if rows is None else (rows - 1) * study.simulation.step_size
-    return Simulator(study, condition, library, duration, substeps)
-
-
-def simulate(
-    study: Study, item: Runner, condition: Condition, model: Model, tolerated: Sequence[Adjustable]
-) -> Float64[np.ndarray, "T J"]:
-    """One condition with a model's terms in it, in the channels' units. Raises FmuError where the solver gives up."""
-    changed = overrides(study, item.description, condition, model, tolerated)
-    laws = [law for term in model.terms if isinstance(term, ForceTerm) for law in term.laws]
-    given, signals = _excited(study, item, model)
-    y = item.run(laws, changed, given)
-    for term in signals:
-        y = y.copy() if y is item.nominal else y
-        for j in term.channels or range(y.shape[1]):
-            y[:, j] = term.law.apply(y[:, j], study.simulation.step_size, term.values)
-    return y
-
-
-def _excited(study: Study, item: Runner, model: Model) -> tuple[np.ndarray | None, list[SignalTerm]]:
-    """All inputs as the excitation's terms change them (None: as they are), and the terms that change responses.
-
-    What excites the FMU by a parameter is not seen: there its gain and lag are taken to be those of every response.
-    """
-    signals = [term for term in model.terms if isinstance(term, SignalTerm)]
-    _, inputs = item.inputs
-    exciting = [term for term in signals if not term.channels]
-    if not exciting or not inputs.shape[1]:
-        return None, signals
-    inputs = inputs.copy()
-    for term in exciting:
-        for i in range(inputs.shape[1]):
-            inputs[:, i] = term.law.apply(inputs[:, i], study.simulation.step_size, term.values)
-    return inputs, [term for term in signals if term.channels]
-
-
-def overrides(
-    study: Study,
-    fmu: FmuDescription | None,
-    condition: Condition,
-    model: Model,
-    tolerated: Sequence[Adjustable],
-) -> Mapping[str, float]:
-    """Start values of a condition with the model's base parameters and offsets."""
-    changed: dict[str, float] = {}
-
-    def value(name: str) -> float:
-        return changed.get(name, start_value(study, fmu, condition, name))
-
-    for adjustable, z in zip(tolerated, model.base, strict=True):
-        if z != 0.0:
-            for name in adjustable.parameters:
-                changed[name] = value(name) + z * tolerance_of(adjustable, value(name))
-    for term in model.terms:
-        if isinstance(term, OffsetTerm):
-            for name in term.adjustable.parameters:
-                offset = term.values["value"]
-                changed[name] = value(name) + (
-                    offset if term.single else offset * start_value(study, fmu, condition, name)
-                )
-    return changed
-
-
-def start_value(study: Study, fmu: FmuDescription | None, condition: Condition | None, name: str) -> float:
-    """An FMU parameter as a condition has it."""
-    own = condition.parameters if condition is not None else {}
-    if name in own:
-        return own[name]
-    if name in study.parameters:
-        return study.parameters[name]
-    assert fmu is not None
-    return float(fmu.variables[name].start or "nan")
-
-
-def tolerance_of(adjustable: Adjustable, value: float) -> float:
-    """One standard deviation of a parameter, in its unit."""
-    if adjustable.absolute_tolerance is not None and len(adjustable.parameters) == 1:
-        return adjustable.absolute_tolerance
-    share = adjustable.absolute_tolerance if adjustable.absolute_tolerance is not None else adjustable.tolerance
-    return (share or 0.0) * abs(value)
 
 
 def load(

@@ -12,7 +12,8 @@ from fmucorrect.discovery.candidates import may_act
 from fmucorrect.discovery.evidence import independent
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.fitted import Fitted, Setting, judge, judge_at, with_sensors
-from fmucorrect.discovery.problem import Model, Problem
+from fmucorrect.discovery.model import Model
+from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.terms import ForceTerm, SignalTerm, Term, linear
 from fmucorrect.discovery.worth import first_of, names
 

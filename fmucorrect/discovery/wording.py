@@ -15,7 +15,7 @@ from fmucorrect.discovery.fitted import Setting, stands_out
 from fmucorrect.discovery.sets import MOST
 from fmucorrect.discovery.terms import OF_FACTOR, OFFSET
 from fmucorrect.discovery.worth import OPEN, SMALL, WORTH
-from fmucorrect.report.discovery_text import plain, quantity, short
+from fmucorrect.report.discovery_text import at, plain, quantity, short
 
 TELLING = 2.5
 """Standard deviations of a sensor's gain or lag from which on the sentence tells it."""
@@ -58,7 +58,7 @@ def _more(unexplained: float, held: Gap) -> str:
 
 def _or_another(row: dict[str, Any]) -> str:
     """An effect and, if there are any, those that stand in its place as well."""
-    others = " or ".join(sorted(_called(other) for other in row["indistinguishable_from"]))
+    others = " or ".join(sorted(at(other) for other in row["indistinguishable_from"]))
     return f"{sized(row)}, or {others}, which these data cannot tell apart" if others else sized(row)
 
 
@@ -75,11 +75,13 @@ def _nearest(suspects: Sequence[dict[str, Any]]) -> str:
         differs = (
             f"force would have to differ by {100 * _uneven(by_place):.0f} % with the {by_place['uneven']['over']} there"
         )
-        return f"nearest comes {_called(by_place)}, whose {differs}"
+        return f"nearest comes {at(by_place)}, whose {differs}"
     by_condition = max(suspects, key=_varies, default=None)
     if by_condition is not None and _varies(by_condition) >= TOO_MUCH:
         number, share = plain(by_condition["varies"]["parameter"]), 100 * _varies(by_condition)
-        return f"nearest comes {_called(by_condition)}, whose {number} would have to differ by {share:.0f} % between conditions"
+        return (
+            f"nearest comes {at(by_condition)}, whose {number} would have to differ by {share:.0f} % between conditions"
+        )
     moved = sum(row["effect"] == OFFSET for row in suspects)
     if moved > MOST:
         return f"nearest come {len(suspects)} effects at once, {moved} of them parameters that are off"
@@ -99,16 +101,11 @@ def _uneven(row: dict[str, Any]) -> float:
 def sized(row: dict[str, Any]) -> str:
     """Effect and place, and how large it is; a rectified signal has no size."""
     if not row["parameters"]:
-        return _called(row)
+        return at(row)
     name, main = next(iter(row["parameters"].items()))  # the first is the main one
     by_factor = main["meaning"] == OF_FACTOR
     size = f"{short(100.0 * main['value'])} %" if by_factor else quantity(main["value"], unit=main["unit"])
-    return f"{_called(row)} ({size if len(row['parameters']) == 1 else f'{plain(name)} {size}'})"
-
-
-def _called(row: dict[str, Any]) -> str:
-    """Effect and place."""
-    return f"{plain(row['effect'])} at {row['joint']}"
+    return f"{at(row)} ({size if len(row['parameters']) == 1 else f'{plain(name)} {size}'})"
 
 
 def rest(setting: Setting, decision: Decision) -> list[str]:

@@ -1,4 +1,4 @@
-"""What was found: each effect's name, equation and values, its law drawn through the force, rivals, source text."""
+"""What was found: each effect's name, equation and values, its law drawn through the force, source text."""
 
 from __future__ import annotations
 
@@ -22,13 +22,10 @@ from fmucorrect.report.discovery_text import (
     quantity,
     rows,
     short,
-    texts,
     titled,
 )
 from fmucorrect.report.html import Row
 
-RIVALS = 12
-"""Most rivals in the table beside those that cannot be told from what was found."""
 HEADINGS = {"named": "What", "ambiguous": "What, most likely", "none": "What would fit best, though nothing is needed"}
 LETTERS = {
     "d": "displacement",
@@ -85,46 +82,6 @@ def laws_section(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
     for name, each in figures:
         page.heading(titled(name))
         page.side_by_side(each)
-    page.end()
-
-
-def rivals_section(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
-    """The candidates in a table: what was found, what cannot be told from it, what is behind."""
-    effects, candidates = rows(report.get("effects")), rows(report.get("candidates"))
-    alike = [item for effect in effects for item in rows(effect.get("indistinguishable_from"))]
-    if not candidates and not alike:
-        return
-    keys, same = [_key(item) for item in effects], [_key(item) for item in alike]
-    named = [item for item in candidates if _key(item) in keys]
-    equal = [item for item in candidates if _key(item) in same and _key(item) not in keys]
-    equal += [item for item in alike if _key(item) not in map(_key, candidates)]
-    others = [item for item in candidates if _key(item) not in keys and _key(item) not in same]
-    others.sort(
-        key=lambda item: (drawn.sortable(item.get("behind")) if known(item.get("behind")) else 1e300, _held(item))
-    )
-    page.section(
-        "Rivals",
-        "Held-out error: each candidate fitted without a condition, then scored at that one. Behind: worse than the "
-        "best in −2 log likelihood; 6 is odds of 20 to 1, 10 of 150 to 1.",
-    )
-    if equal:
-        names = listed([at(item) for item in equal], "or")
-        page.caution(f"These data cannot tell {listed([at(effect) for effect in effects])} from {names}.")
-    elif named and others and number(others[0].get("behind")) > 0:
-        page.text_block(f"The next is {at(others[0])}, {short(others[0]['behind'])} behind.")
-    table: list[Row] = []
-    verdict = str(report.get("verdict") or "")
-    title = "Found" if verdict in ("named", "ambiguous") else "Closest, not taken"
-    for text, items, kind in (
-        (title, named, "strong"),
-        ("Cannot be told from it", equal, ""),
-        ("Behind" if effects else "Tried", others[:RIVALS], ""),
-    ):
-        if items:
-            table += [Row([text], "group"), *(_rival(item, kind) for item in items)]
-    page.table(["", "held-out error, %", "error, %", "probability", "behind"], table)
-    if len(others) > RIVALS:
-        page.text_block(f"{len(others) - RIVALS} more candidates, further behind, are in report.json.")
     page.end()
 
 
@@ -252,17 +209,3 @@ def _taken(row: Mapping[str, Any], key: str, factor: float, unit: str) -> str:
     """A sensor's error in a unit that is `factor` times smaller."""
     value, by = factor * number(row.get(key)), number(row.get(f"{key}_by"))
     return f"{moved_by(value)} {unit} ({moved_by(by)})"
-
-
-def _rival(item: Mapping[str, Any], kind: str) -> Row:
-    cells = [short(item.get("held_out_error")), short(item.get("error"))]
-    cells += [percent(item.get("probability")), short(item.get("behind"))]
-    return Row([titled(at(item)), *cells], kind)
-
-
-def _held(item: Mapping[str, Any]) -> float:
-    return number(item["held_out_error"]) if known(item.get("held_out_error")) else 1e300
-
-
-def _key(item: Mapping[str, Any]) -> tuple[str, tuple[str, ...]]:
-    return str(item.get("effect")), tuple(texts(item.get("joint")))

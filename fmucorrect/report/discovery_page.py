@@ -13,9 +13,10 @@ from typing import Any, cast
 import numpy as np
 
 from fmucorrect.report import discovery_figures as drawn
-from fmucorrect.report.discovery_effects import effects_section, laws_section, rivals_section, source_section
+from fmucorrect.report.discovery_effects import effects_section, laws_section, source_section
 from fmucorrect.report.discovery_next import left_section, next_section, run_section
 from fmucorrect.report.discovery_parts import DiscoveryPage
+from fmucorrect.report.discovery_rivals import rivals_section
 from fmucorrect.report.discovery_text import (
     NARROW,
     at,

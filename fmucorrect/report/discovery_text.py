@@ -164,6 +164,19 @@ def at(item: Mapping[str, Any]) -> str:
     return f"{name} {'of' if name.startswith(OWN) else 'at'} {where}"
 
 
+def key(item: Mapping[str, Any]) -> tuple[str, tuple[str, ...]]:
+    """By which an effect is the same as another: its name and its places."""
+    return str(item.get("effect")), tuple(texts(item.get("joint")))
+
+
+def beside(added: Sequence[Mapping[str, Any]], without: Sequence[Mapping[str, Any]]) -> str:
+    """How a set of effects differs from another one: with A in the place of B, without B, with A as well."""
+    more, less = listed([at(item) for item in added]), listed([at(item) for item in without])
+    if more and less:
+        return f"with {more} in the place of {less}"
+    return f"with {more} as well" if more else f"without {less}"
+
+
 def listed(names: Sequence[str], word: str = "and") -> str:
     """a, b and c."""
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} {word} {names[-1]}" if names else ""

@@ -10,7 +10,8 @@ from fmucorrect.catalogue import find
 from fmucorrect.discovery.candidates import places
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.fitted import Fitted, Setting, begin
-from fmucorrect.discovery.problem import Model, Problem, load, runner, simulate
+from fmucorrect.discovery.model import Model, runner, simulate
+from fmucorrect.discovery.problem import Problem, load
 from fmucorrect.discovery.terms import ForceTerm
 from fmucorrect.signals import Condition
 from fmucorrect.study import Study, load_study

@@ -13,8 +13,9 @@ from fmucorrect.discovery.apart import apart, laws_of
 from fmucorrect.discovery.candidates import candidates
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.fitted import begin
+from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.motion import motions
-from fmucorrect.discovery.problem import Model, load
+from fmucorrect.discovery.problem import load
 from fmucorrect.discovery.terms import ForceTerm
 from fmucorrect.study import load_study
 

@@ -14,7 +14,8 @@ pytest.importorskip("sympy")
 from fmucorrect import experiment
 from fmucorrect.discovery import native
 from fmucorrect.discovery.augmented import augmented_study, found_of, toml, write_model
-from fmucorrect.discovery.problem import Model, load, runner, simulate
+from fmucorrect.discovery.model import Model, runner, simulate
+from fmucorrect.discovery.problem import load
 from fmucorrect.discovery.terms import OffsetTerm
 from fmucorrect.records import writer
 from fmucorrect.signals import Channel, Record

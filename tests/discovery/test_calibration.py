@@ -11,7 +11,7 @@ from one_mass import begun, problem_of
 from fmucorrect.discovery.calibration import _put_back, calibrated, whole
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fitted import Fitted, Setting
-from fmucorrect.discovery.problem import Model
+from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.terms import OffsetTerm
 from fmucorrect.study import Adjustable
 

@@ -16,9 +16,10 @@ from fmucorrect.discovery.condensing import condensed
 from fmucorrect.discovery.fit import both_sides, fit
 from fmucorrect.discovery.fitted import begin, price
 from fmucorrect.discovery.marks import with_marks
+from fmucorrect.discovery.model import Model, overrides
 from fmucorrect.discovery.motion import motions
 from fmucorrect.discovery.offsets import free, with_whole_offsets
-from fmucorrect.discovery.problem import Model, load, overrides
+from fmucorrect.discovery.problem import load
 from fmucorrect.discovery.terms import ForceTerm, SignalTerm, linear, proportional
 from fmucorrect.discovery.worth import first_of
 from fmucorrect.study import load_study

@@ -10,7 +10,7 @@ from fmucorrect.discovery.discover import confirmed
 from fmucorrect.discovery.evenness import TOO_UNEVEN
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fitted import Fitted, Setting
-from fmucorrect.discovery.problem import Model
+from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.terms import ForceTerm
 from fmucorrect.discovery.wording import sentence
 

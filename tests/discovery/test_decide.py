@@ -7,8 +7,8 @@ from fmucorrect.catalogue import find
 from fmucorrect.discovery.decide import decide
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fitted import Fitted, Setting
+from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.naming import Naming
-from fmucorrect.discovery.problem import Model
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm
 from fmucorrect.discovery.wording import sentence
 from fmucorrect.study import Adjustable

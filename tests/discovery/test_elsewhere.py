@@ -17,7 +17,8 @@ from fmucorrect.catalogue import find
 from fmucorrect.catalogue.signal import SIGNALS
 from fmucorrect.cli import main
 from fmucorrect.discovery import elsewhere
-from fmucorrect.discovery.problem import Model, load
+from fmucorrect.discovery.model import Model
+from fmucorrect.discovery.problem import load
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, SignalTerm
 from fmucorrect.study import load_study
 

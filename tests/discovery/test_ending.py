@@ -16,7 +16,8 @@ from fmucorrect.discovery.candidates import adjustables
 from fmucorrect.discovery.ending import CLOSE, ended, likeliest, needed
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.fitted import begin, with_sensors
-from fmucorrect.discovery.problem import Model, load
+from fmucorrect.discovery.model import Model
+from fmucorrect.discovery.problem import load
 from fmucorrect.study import load_study
 
 SHAKEN, SECONDS = 10.0, 13.0  # s: the tone, and the record

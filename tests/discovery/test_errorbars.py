@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 from fmucorrect.discovery.errorbars import spread
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fitted import Fitted, begin
-from fmucorrect.discovery.problem import Model
+from fmucorrect.discovery.model import Model
 
 TIMES = 300
 

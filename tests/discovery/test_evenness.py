@@ -6,7 +6,8 @@ from one_mass import JOINT, MASS, NOISE, SWEEP, T, shown, sweep, term_at, write
 from fmucorrect.discovery.evenness import PIECES, TOO_UNEVEN, uneven
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.fitted import begin, stands_out
-from fmucorrect.discovery.problem import Model, load
+from fmucorrect.discovery.model import Model
+from fmucorrect.discovery.problem import load
 from fmucorrect.discovery.wording import sentence
 from fmucorrect.study import load_study
 

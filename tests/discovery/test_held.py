@@ -7,7 +7,8 @@ from one_mass import JOINT, MASS, NOISE, SWEEP, T, shown, sweep, term_at, write
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.fitted import begin
 from fmucorrect.discovery.held import KNOWN, held
-from fmucorrect.discovery.problem import Model, load
+from fmucorrect.discovery.model import Model
+from fmucorrect.discovery.problem import load
 from fmucorrect.study import load_study
 
 WHERE = "joint 1"

@@ -15,9 +15,10 @@ from fmucorrect import records
 from fmucorrect.catalogue import find
 from fmucorrect.catalogue import force as law_force
 from fmucorrect.discovery.located import located
+from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.motion import along, law_along
 from fmucorrect.discovery.pictures import picture
-from fmucorrect.discovery.problem import Model, load
+from fmucorrect.discovery.problem import load
 from fmucorrect.discovery.simulator import LawAt, Simulator
 from fmucorrect.discovery.terms import ForceTerm
 from fmucorrect.signals import Channel, Record

@@ -6,7 +6,7 @@ from test_condensing import begun, problem_of
 from fmucorrect.discovery.candidates import adjustables
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.look import look, placed_elsewhere, rivals
-from fmucorrect.discovery.problem import Model
+from fmucorrect.discovery.model import Model
 
 
 def test_a_single_effect_that_was_found_beside_an_offset_gives_way_to_a_better_place(library, tmp_path):

@@ -12,8 +12,9 @@ from one_mass import APART, JOINT, MASS, NOISE, SWEEP, T, begun, shown, sweep, t
 
 from fmucorrect.discovery import naming
 from fmucorrect.discovery.fit import fit
+from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.naming import Naming
-from fmucorrect.discovery.problem import Model, load
+from fmucorrect.discovery.problem import load
 from fmucorrect.study import load_study
 
 PEAKS = (0.3, 0.4, 0.5, 0.6, 0.7)  # N

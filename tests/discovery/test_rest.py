@@ -9,7 +9,7 @@ from fmucorrect.discovery.confirm import Gap
 from fmucorrect.discovery.decide import Decision, left
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fitted import Fitted, Setting
-from fmucorrect.discovery.problem import Model
+from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.terms import OF_FACTOR
 from fmucorrect.discovery.wording import rest, sentence
 from fmucorrect.signals import Condition
@@ -68,8 +68,8 @@ def test_what_is_named_is_told_with_its_size():
     gap = Gap(Condition("385"), np.zeros(0), *[np.zeros((0, 1))] * 3, np.ones(1), 19.1, 0.42, 0.41, 0.1, 0.9)
     text = sentence({"verdict": "named", "effects": [play, weak, soft], "unexplained": 1e-4}, [gap])
     assert "backlash at mount (gap 0.120 mm)" in text
-    assert "parameter offset at scale_left and scale_right (−60.5 %)" in text
-    assert "parameter offset at bush_kx (−4.23 MN/m)" in text
+    assert "parameter offset of scale_left and scale_right (−60.5 %)" in text
+    assert "parameter offset of bush_kx (−4.23 MN/m)" in text
 
 
 def test_what_cannot_be_told_apart_stands_with_the_effect_that_it_may_be():
@@ -78,7 +78,7 @@ def test_what_cannot_be_told_apart_stands_with_the_effect_that_it_may_be():
     offset = told("sensor_offset", "RB", offset=(1.5e-5, "m", "added"))
     gap = Gap(Condition("385"), np.zeros(0), *[np.zeros((0, 1))] * 3, np.ones(1), 14.1, 0.23, 0.22, 0.1, 0.9)
     text = sentence({"verdict": "ambiguous", "effects": [left_one, offset], "unexplained": 1e-4}, [gap])
-    assert "(0.100 mm), or backlash at mount, right, which these data cannot tell apart; sensor offset at RB" in text
+    assert "(0.100 mm), or backlash at “mount, right”, which these data cannot tell apart; sensor offset of RB" in text
     assert "tell apart" not in sentence({"verdict": "named", "effects": [offset], "unexplained": 1e-4}, [gap])
 
 

@@ -16,8 +16,8 @@ from fmucorrect.discovery.candidates import adjustables, parts
 from fmucorrect.discovery.fit import FINEST, PROBE, fit, probes
 from fmucorrect.discovery.fitted import Fitted, price
 from fmucorrect.discovery.look import at_other_places
+from fmucorrect.discovery.model import Model, overrides, runner, simulate
 from fmucorrect.discovery.paring import pared
-from fmucorrect.discovery.problem import Model, overrides, runner, simulate
 from fmucorrect.discovery.sets import ALIKE, BLUNT, FINER, distinct, finer, has_room
 from fmucorrect.discovery.terms import ForceTerm, SignalTerm
 from fmucorrect.discovery.worth import admissible, first_of, names

@@ -12,8 +12,8 @@ pytest.importorskip("sympy")
 
 from fmucorrect import experiment
 from fmucorrect.catalogue import find
+from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.motion import motions
-from fmucorrect.discovery.problem import Model
 from fmucorrect.discovery.simulator import LawAt, Simulator
 from fmucorrect.effects import Effects, ForceEffect
 from fmucorrect.effects import write as write_effects

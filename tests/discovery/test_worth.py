@@ -11,7 +11,7 @@ from fmucorrect.catalogue import find
 from fmucorrect.catalogue.signal import SIGNALS
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fitted import Fitted, Setting
-from fmucorrect.discovery.problem import Model
+from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.terms import ForceTerm, SignalTerm
 from fmucorrect.discovery.worth import admissible, complete, credible, first_of, names
 

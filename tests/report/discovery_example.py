@@ -162,6 +162,9 @@ def _named(found: dict[str, Any]) -> dict[str, Any]:
         "yaw damper stiffens; with both the error at 385 km/h, which was held out, falls from 14.1 % to 1.3 %, where "
         "noise makes 1.1 %."
     )
+    own = [{"effect": "cubic_stiffness", "joint": YAW}]
+    for item in found["candidates"][:3]:
+        item["members"] = [{"effect": item["effect"], "joint": item["joint"]}, *own]
     return found | {"verdict": "named", "sentence": sentence, "effects": [friction, cubic]}
 
 

@@ -78,7 +78,11 @@ def test_named_says_verdict_values_and_gap_at_once() -> None:
         "kpx 14.70·10⁶ 14.52·10⁶ −1.2 %",
         "FW +0.21 % (+0.42) +1.1 ms (+2.2)",
         "Evaluation: held out, not looked at until the verdict stood 385 14.1 1.31 1.10 1.2 −0.81 0.9921",
-        "The next is Stribeck friction at “secondary, lateral”, 7.40 behind.",
+        "The next is with Stribeck friction at “secondary, lateral” in the place of Coulomb friction at “secondary, lateral”, "
+        "7.40 behind.",
+        "Found Coulomb friction at “secondary, lateral” and cubic stiffness at “yaw damper, left, mount” 1.24 1.19 97 % 0",
+        "Behind With Stribeck friction at",
+        "Backlash at “yaw damper, left, mount” 2.90 2.60 < 0.1 % 213",  # nothing in common with what was found
         "7 more candidates, further behind",
         "explained by what was found: 97 % left: 3.1 %",
         "fmucorrect wrap roller_rig.fmu --effects OUT/effects.toml",
@@ -120,6 +124,31 @@ def test_a_rival_that_is_no_candidate_is_in_the_table() -> None:
     report = example.report("ambiguous")
     report["candidates"] = report["candidates"][:1]
     assert "Cannot be told from it Backlash at “yaw damper, right, mount” – – – –" in words(report)
+
+
+def test_sets_are_told_by_what_makes_them_different() -> None:
+    """Of two effects one has a twin; a smaller set, a larger one and one that has both."""
+    report = example.report("named")
+    friction, cubic = report["effects"]
+    left, right = example.YAW, "yaw damper, right, mount"
+    other = {"effect": "cubic_stiffness", "joint": right}
+    sets = [
+        ([friction, cubic], 0.0),
+        ([friction, other], 0.1),
+        ([friction], 30.0),
+        ([friction, cubic, {"effect": "sensor_gain", "joint": "FW"}], 40.0),
+    ]
+    report["effects"] = [friction, cubic | {"indistinguishable_from": [other]}]
+    report["candidates"] = [
+        {"effect": "", "joint": "", "members": members, "behind": behind, "held_out_error": 1.0, "error": 1.0}
+        for members, behind in sets
+    ]
+    text = words(report)
+    assert f"These data cannot tell cubic stiffness at “{left}” from cubic stiffness at “{right}”." in text
+    twin = f"With cubic stiffness at “{right}” in the place of cubic stiffness at “{left}” 1.00 1.00 – 0.100"
+    assert f"Cannot be told from it {twin}" in text
+    assert f"Behind Without cubic stiffness at “{left}” 1.00 1.00 – 30.0" in text
+    assert "With sensor gain of FW as well 1.00 1.00 – 40.0" in text
 
 
 def test_none_claims_no_more_than_the_noise_allows() -> None:

@@ -39,8 +39,9 @@ from fmucorrect.catalogue import Law
 from fmucorrect.discovery import native
 from fmucorrect.discovery.candidates import candidates
 from fmucorrect.discovery.marks import with_marks
+from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.motion import motions
-from fmucorrect.discovery.problem import Model, Problem, load
+from fmucorrect.discovery.problem import Problem, load
 from fmucorrect.discovery.simulator import RUN_IN
 from fmucorrect.discovery.terms import ForceTerm
 from fmucorrect.discovery.trials import Trial
