@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from fmucorrect.report import discovery_figures as drawn
 from fmucorrect.report.discovery_parts import DiscoveryPage
 from fmucorrect.report.discovery_pictures import pictures
 from fmucorrect.report.discovery_text import (
+    MISSING,
     OWN,
     at,
     known,
@@ -60,6 +61,8 @@ def effects_section(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
             "removes it and carries over to conditions that were left out. Nothing was added to the model."
         )
         page.end()
+    if len(effects) > 1 and verdict in ("named", "ambiguous"):
+        _overview(page, effects)
     for effect in effects:
         _effect(page, effect, verdict)
     _adjusted(page, report)
@@ -99,6 +102,25 @@ def source_section(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
     for summary, text in found:
         page.fold(titled(summary), text)
     page.end()
+
+
+def _overview(page: DiscoveryPage, effects: Sequence[Mapping[str, Any]]) -> None:
+    """All effects in a table: the main number of each, and how sure it is."""
+    page.section("What the model lacks")
+    table: list[Row] = []
+    for effect in effects:
+        main = next(iter(mapping(effect.get("parameters")).items()), None)
+        size = MISSING if main is None else _sized(*main)
+        rivals = listed([at(item) for item in rows(effect.get("indistinguishable_from"))], "or")
+        name = f"{at(effect)}, or {rivals}" if rivals else at(effect)
+        table.append(Row([titled(name), size, percent(effect.get("probability"))]))
+    page.table(["effect", "main number", "probability"], table)
+    page.end()
+
+
+def _sized(name: str, item: Any) -> str:
+    found = mapping(item)
+    return f"{plain(name)} {quantity(found.get('value'), found.get('std'), str(found.get('unit') or ''))}"
 
 
 def _effect(page: DiscoveryPage, effect: Mapping[str, Any], verdict: str) -> None:

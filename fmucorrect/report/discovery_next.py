@@ -6,7 +6,19 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from fmucorrect.report.discovery_parts import DiscoveryPage
-from fmucorrect.report.discovery_text import at, known, listed, mapping, number, percent, plain, rows, short, texts
+from fmucorrect.report.discovery_text import (
+    at,
+    known,
+    listed,
+    mapping,
+    number,
+    percent,
+    plain,
+    rows,
+    short,
+    signed,
+    texts,
+)
 from fmucorrect.report.figures import CORRECTED, SIMULATED
 
 FILES = {
@@ -14,6 +26,7 @@ FILES = {
     "effects.toml": "what was found, for people and for fmucorrect wrap",
     "study.toml": "the same study on the augmented model",
     "report.json": "all figures of this page",
+    "report.html": "this page",
 }
 
 
@@ -88,7 +101,7 @@ def _test(test: Mapping[str, Any]) -> list[tuple[str, str]]:
     if known(sure):
         facts.append(("sure of that", f"{percent(sure)}, by simulating the test" if number(sure) <= 1 else short(sure)))
     elif sure and isinstance(sure, str):
-        facts.append(("sure of that", sure))
+        facts.append(("sure of that", signed(sure)))
     return facts
 
 
@@ -143,5 +156,12 @@ def _said(item: Any) -> str:
         return " and ".join(map(str, item)) if isinstance(item, Sequence) and not isinstance(item, str) else str(item)
     if "effect" in item:
         return at(mapping(item))
+    if "like" in item:
+        how = (
+            f"at {short(item['speed'])} km/h"
+            if "speed" in item
+            else f"excited {short(item.get('scale'))} times as much"
+        )
+        return f"as {item['like']}, {how}"
     given = {plain(key): value for key, value in mapping(item).items() if known(value) or isinstance(value, str)}
     return ", ".join(f"{key} {short(value) if known(value) else value}" for key, value in given.items())

@@ -159,7 +159,7 @@ def _tiles(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
     if sure and verdict in ("named", "ambiguous"):
         least = min(sure, key=lambda effect: number(effect["probability"]))
         what = at(least) if len(effects) == 1 else f"the least sure: {at(least)}"
-        tiles.append(("Probability", "", percent(least["probability"]), f"{what} is right"))
+        tiles.append(("Probability", "", percent(least["probability"]), what))
     if effects and verdict in ("named", "ambiguous"):
         found = mapping(effects[0].get("parameters"))
         for name, value in list(found.items())[:1]:

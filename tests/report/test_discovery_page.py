@@ -44,6 +44,7 @@ def test_sections_stand_in_the_order_of_reading() -> None:
         "Harmonics of the excitation",
         "Over time",
         "Amplitude and speed",
+        "What the model lacks",
         "What: Coulomb friction at “secondary, lateral”",
         "What: cubic stiffness at “yaw damper, left, mount”",
         "Parameters of the model that moved along",
@@ -67,6 +68,7 @@ def test_named_says_verdict_values_and_gap_at_once() -> None:
         "Held-out error, NRMSE 14.1 % → 1.31 % at 385; noise alone makes 1.10 %",
         "Probability 91 % the least sure: cubic stiffness",
         "Friction force 512 ± 9 N Coulomb friction at",
+        "Coulomb friction at “secondary, lateral” friction force 512 ± 9 N 97 %",
         "at which joint secondary, lateral: a free force there explains 98 %; next primary, front, lateral (61 %)",
         "at which frequencies 2-4 Hz (55 %), 4-8 Hz (21 %) and 0-2 Hz (18 %)",
         "at which orders none of what turns, at most 0.4 %",
@@ -113,6 +115,9 @@ def test_ambiguous_names_the_class_and_the_test_that_splits_it() -> None:
     assert "speed 300, amplitude 0.0600" in text
     assert "sure of that 96 %, by simulating the test" in text
     assert "Found:" not in text
+    asked = example.report("ambiguous")
+    asked["next_test"] |= {"conditions": [{"like": "300", "scale": 4.0}, {"like": "360", "scale": 1.0, "speed": 414.0}]}
+    assert "as 300, excited 4.00 times as much; as 360, at 414 km/h" in words(asked)
     one = example.report("ambiguous")
     del one["effects"][0]["indistinguishable_from"][1]
     one["next_test"] = None
