@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
-from fmucorrect.discovery.fitted import Fitted
+from fmucorrect.discovery.fitted import Fitted, Setting
 from fmucorrect.discovery.naming import Naming
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.sets import MOST, has_room
@@ -103,10 +103,9 @@ def _class(best: Fitted, t: int, rivals: Sequence[Rival]) -> tuple[Term, ...]:
     return tuple(found.values())
 
 
-def held_out(problem: Problem, naming: Naming, fitted: Fitted) -> Float64[np.ndarray, " C"]:
+def held_out(problem: Problem, setting: Setting, fitted: Fitted) -> Float64[np.ndarray, " C"]:
     """NRMSE, % of the measured range, of each condition when everything is fitted to the others only, to first order around
     the fit (no simulation); NaN with a single condition."""
-    setting = naming.setting
     if len(problem.trials) < 2:
         return np.full(1, np.nan)
     jacobian = np.concatenate([fitted.slopes, fitted.base, setting.sensors.columns], axis=1)

@@ -65,13 +65,24 @@ OPEN = 4.0
 
 
 @dataclass(frozen=True)
+class Searched:
+    """All that a search fitted. problem: of the conditions that it looked at. sets: the base among them. setting: with which
+    the surprises were formed."""
+
+    problem: Problem
+    sets: tuple[Fitted, ...]
+    setting: Setting
+
+
+@dataclass(frozen=True)
 class Naming:
     """base: the FMU without any effect, its adjustables moved within their tolerances. sets: fitted sets of effects, the
-    most likely first. setting: with which the surprises were formed."""
+    most likely first. setting: with which the surprises were formed. searched: what these were chosen from."""
 
     base: Fitted
     sets: tuple[Fitted, ...]
     setting: Setting
+    searched: Searched | None = None
 
     @property
     def best(self) -> Fitted:
@@ -103,11 +114,16 @@ def _somewhere(problem: Problem, progress: Progress) -> Naming:
     """By all conditions, or by few first."""
     few = problem.few(round(QUICK * min(1.0, PLACES / max(len(places(problem.study)), 1))))
     if few is None:
-        return _finished(problem, _believed(_name(problem, progress)))
+        naming = _name(problem, progress)
+        return replace(_finished(problem, _believed(naming)), searched=_searched(problem, naming))
     with few:
         naming = _name(few, progress)
     problem.couple(few.substeps)
-    return _finished(problem, _on_all(problem, naming, progress))
+    return replace(_finished(problem, _on_all(problem, naming, progress)), searched=_searched(few, naming))
+
+
+def _searched(problem: Problem, naming: Naming) -> Searched:
+    return Searched(problem, (naming.base, *naming.sets), naming.setting)
 
 
 def _finished(problem: Problem, naming: Naming) -> Naming:

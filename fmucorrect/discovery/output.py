@@ -14,20 +14,25 @@ from fmucorrect.catalogue.law import unit
 from fmucorrect.catalogue.signal import unit as signal_unit
 from fmucorrect.catalogue.text import latex, modelica
 from fmucorrect.discovery.confirm import Gap
-from fmucorrect.discovery.decide import Decision, Rival, held_out
+from fmucorrect.discovery.decide import Decision, held_out
 from fmucorrect.discovery.evenness import Uneven
+from fmucorrect.discovery.fitted import Fitted, Setting
 from fmucorrect.discovery.model import start_value, tolerance_of
-from fmucorrect.discovery.naming import Naming
+from fmucorrect.discovery.naming import Naming, Searched
 from fmucorrect.discovery.nuisances import GAIN, LAG
 from fmucorrect.discovery.pictures import units_at
 from fmucorrect.discovery.problem import Problem
+from fmucorrect.discovery.sets import merged
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, SignalTerm, Term
+from fmucorrect.discovery.worth import names
 from fmucorrect.signals import Channel
 from fmucorrect.study import Study
 from fmucorrect.wrapping.laws import functions
 
 NOTICED = 0.05
 """Tolerances that a parameter must have moved to be reported."""
+LISTED = 40
+"""Most candidates in the report."""
 SHOWN = 2000
 """Points of a time series in the report."""
 SECONDS = 4.0
@@ -111,18 +116,38 @@ def _identifier(text: str) -> str:
 
 
 def candidate_rows(problem: Problem, naming: Naming, decision: Decision) -> list[dict[str, Any]]:
-    """The report's candidates: every fitted set, the most likely first; of a set of several the names stand with plus signs
-    between them, and each by itself under `members`."""
-    rows: list[dict[str, Any]] = []
-    for rival in sorted(decision.rivals, key=lambda rival: rival.behind):
-        if rival.chosen.model.terms:
-            rows.append(_candidate(problem, naming, rival))
-    return rows
+    """The report's candidates: the sets that were compared, the most likely first; then what the search had given up before,
+    without a probability, by the conditions that it looked at. Of a set of several the names stand with plus signs between
+    them, and each by itself under `members`."""
+    compared = sorted((r for r in decision.rivals if r.chosen.model.terms), key=lambda rival: rival.behind)
+    rows = [
+        _candidate(problem, naming.setting, rival.chosen, rival.behind) | {"probability": rival.probability}
+        for rival in compared
+    ]
+    have = {names(rival.chosen) for rival in decision.rivals}
+    given_up = [] if naming.searched is None else _given_up(naming.searched, names(decision.best), have)
+    return [*rows, *given_up[: max(LISTED - len(rows), 0)]]
 
 
-def _candidate(problem: Problem, naming: Naming, rival: Rival) -> dict[str, Any]:
-    fitted = rival.chosen
-    left_out = held_out(problem, naming, fitted)
+def _given_up(
+    searched: Searched, best: frozenset[tuple[str, str]], have: set[frozenset[tuple[str, str]]]
+) -> list[dict[str, Any]]:
+    """What was behind the best set when the search ended; not what is that set and more."""
+    fits = {names(fitted): fitted for fitted in merged(searched.sets)}
+    if best not in fits:
+        return []
+    return [
+        _candidate(searched.problem, searched.setting, fitted, behind)
+        for own, fitted in fits.items()
+        if (behind := fitted.surprise - fits[best].surprise) > 0.0
+        and own
+        and own not in have
+        and not (best and own > best)
+    ]
+
+
+def _candidate(problem: Problem, setting: Setting, fitted: Fitted, behind: float) -> dict[str, Any]:
+    left_out = held_out(problem, setting, fitted)
     spans = [np.ptp(trial.evidence(trial.measured), axis=0) for trial in problem.trials]
     error = float(np.sqrt(np.mean(fitted.residual**2))) / max(float(np.mean(spans)), 1e-300) * 100.0
     return {
@@ -131,8 +156,8 @@ def _candidate(problem: Problem, naming: Naming, rival: Rival) -> dict[str, Any]
         "members": [called(term) for term in fitted.model.terms],
         "held_out_error": float(np.mean(left_out)) if np.isfinite(left_out).all() else None,
         "error": error,
-        "probability": rival.probability,
-        "behind": rival.behind,
+        "probability": None,
+        "behind": behind,
     }
 
 

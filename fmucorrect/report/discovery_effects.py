@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from fmucorrect.report import discovery_figures as drawn
-from fmucorrect.report.discovery_parts import DiscoveryPage
+from fmucorrect.report.discovery_parts import DiscoveryPage, formula
 from fmucorrect.report.discovery_pictures import pictures
 from fmucorrect.report.discovery_text import (
     MISSING,
@@ -179,7 +179,7 @@ def _letters(equation: str) -> str:
 
 def _parameter(name: str, item: Mapping[str, Any], symbols: bool) -> Row:
     value, std, unit = item.get("value"), item.get("std"), str(item.get("unit") or "")
-    cells = [str(item.get("symbol") or "")] if symbols else []
+    cells: list[str] = [formula(str(item.get("symbol") or ""))] if symbols else []
     cells.append(quantity(value, std, unit))
     if not known(std) or number(std) == 0.0:
         cells.append("not estimated")

@@ -7,13 +7,14 @@ from html import escape
 from typing import TYPE_CHECKING
 
 from fmucorrect.report.discovery_text import markup
-from fmucorrect.report.html import Page
+from fmucorrect.report.html import Markup, Page
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
+_SERIF = "Cambria,'STIX Two Math','Latin Modern Math',Georgia,'Times New Roman',serif"
 _EQUATION = (
-    "font:21px/1.6 Cambria,'STIX Two Math','Latin Modern Math',Georgia,'Times New Roman',serif;"
+    f"font:21px/1.6 {_SERIF};"
     "margin:10px 0 12px;padding:10px 16px;background:#f2f4f7;border-radius:8px;overflow-x:auto;white-space:pre-wrap"
 )
 _CHOOSE = """
@@ -25,6 +26,11 @@ for (const group of document.querySelectorAll('.buttons[data-choice]')) {
   buttons.forEach((button, i) => button.addEventListener('click', () => choose(i)));
   choose(0);
 }"""
+
+
+def formula(text: str) -> Markup:
+    """A letter of an equation, for a table."""
+    return Markup(f'<span style="{escape(f"font-family:{_SERIF};font-size:1.1em")}">{markup(text)}</span>')
 
 
 class DiscoveryPage(Page):

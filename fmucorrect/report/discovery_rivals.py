@@ -40,7 +40,8 @@ def rivals_section(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
     page.section(
         "Rivals",
         "Held-out error: each candidate fitted without a condition, then scored at that one. Behind: worse than the "
-        "best in −2 log likelihood; 6 is odds of 20 to 1, 10 of 150 to 1.",
+        "best in −2 log likelihood; 6 is odds of 20 to 1, 10 of 150 to 1. Without a probability: given up on the way, by the "
+        "conditions that were looked at first.",
     )
     told = [
         f"{at(e)} from {listed([at(other) for other in classes[key(e)]], 'or')}" for e in effects if classes[key(e)]

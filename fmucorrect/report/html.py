@@ -43,6 +43,12 @@ window.addEventListener('beforeprint', () => { for (const f of document.querySel
 """
 
 
+class Markup(str):
+    """A cell that is HTML already, whatever came in escaped."""
+
+    __slots__ = ()
+
+
 @dataclass(frozen=True)
 class Row:
     """One row of a table. kind: "" plain, "group" a heading over the whole width, "strong" what matters."""
@@ -52,7 +58,7 @@ class Row:
 
 
 class Page:
-    """Collects parts in order; text() gives the file. Nothing that comes in is taken for HTML."""
+    """Collects parts in order; text() gives the file. Nothing that comes in is taken for HTML but Markup."""
 
     def __init__(self, title: str, lead: str, kicker: str = "") -> None:
         self._title = title
@@ -97,7 +103,8 @@ class Page:
             if row.kind == "group":
                 body += f'<tr{name}><td colspan="{len(header)}">{escape(row.cells[0])}</td></tr>'
             else:
-                body += f"<tr{name}>" + "".join(f"<td>{escape(cell)}</td>" for cell in row.cells) + "</tr>"
+                cells = (cell if isinstance(cell, Markup) else escape(cell) for cell in row.cells)
+                body += f"<tr{name}>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>"
         self._parts.append(
             f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
         )

@@ -134,6 +134,20 @@ def test_a_cubic_spring_is_named_with_its_value_and_proved(found):
     assert "cubic stiffness" in (folder / "out" / "report.html").read_text()
 
 
+def test_the_rivals_stand_behind_what_was_found(found):
+    """Laws that leave more, here and at the other joint: compared at last, or given up before, without a probability."""
+    first, *behind = found[1]["candidates"]
+    (effect,) = found[1]["effects"]
+    assert first["members"] == [{"effect": "cubic_stiffness", "joint": "joint 2"}]
+    assert (first["behind"], first["probability"]) == (0.0, effect["probability"])
+    assert len(behind) >= 3
+    assert all(row["behind"] > 0.0 and row["error"] > first["error"] for row in behind)
+    compared = [row["probability"] for row in found[1]["candidates"] if row["probability"] is not None]
+    assert sum(compared) <= 1.0 + 1e-9
+    sets = [{(member["effect"], member["joint"]) for member in row["members"]} for row in (first, *behind)]
+    assert all(len(one) == 1 and one not in sets[:i] for i, one in enumerate(sets))
+
+
 def test_the_augmented_fmu_and_its_study_need_nothing_of_this(found):
     """In fmpy, with the inputs of the condition that was held out: as close to the truth as the report says."""
     folder, report = found
