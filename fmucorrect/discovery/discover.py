@@ -6,6 +6,7 @@ import json
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -27,13 +28,13 @@ from fmucorrect.discovery.located import located
 from fmucorrect.discovery.naming import Naming, name
 from fmucorrect.discovery.nexttest import next_test
 from fmucorrect.discovery.outputmap import output_maps
-from fmucorrect.discovery.pictures import picture
+from fmucorrect.discovery.pictures import free_picture, picture
 from fmucorrect.discovery.problem import Problem, load
 from fmucorrect.discovery.sets import Progress
 from fmucorrect.discovery.terms import ForceTerm, SignalTerm
 from fmucorrect.discovery.where import Residual, where
 from fmucorrect.discovery.wording import rest, sentence
-from fmucorrect.errors import StudyError
+from fmucorrect.errors import FmuError, StudyError
 from fmucorrect.inspection import study_problems
 from fmucorrect.study import Study, load_study
 from fmucorrect.units import parse
@@ -158,7 +159,7 @@ def _report(
         "adjusted_by": {moved.name: moved.tolerances for moved in adjusted},
         "sensors": output.sensor_rows(study.channels, sensors),
         "candidates": output.candidate_rows(problem, naming, decision),
-        "where": {"joints": _joints(problem, naming), **where(residuals, study.rotations, study.channels)},
+        "where": _joints(problem, naming, verdict != "unexplained") | where(residuals, study.rotations, study.channels),
         "gap": [output.gap_row(gap) for gap in checked],
         "series": output.series(study, checked),
         "unexplained": decision.unexplained,
@@ -174,22 +175,36 @@ def _report(
     return report, found
 
 
-def _joints(problem: Problem, naming: Naming) -> dict[str, float]:
-    """The share of the residual that a free force at each joint explains, once the adjustables have moved."""
+def _joints(problem: Problem, naming: Naming, named: bool) -> dict[str, Any]:
+    """`joints` of the report's where: the share of the residual that a free force at each explains, once the adjustables have
+    moved. Where nothing is `named`, `pictures` too: of the force at the one that explains most."""
     study = problem.study
     if study.fmu is None or not study.joints:
-        return {}
-    responses = problem.responses(naming.base.model)
+        return {"joints": {}}
+    model = naming.base.model
+    responses = problem.responses(model)
     residuals = [trial.measured - y for trial, y in zip(problem.trials, responses, strict=True)]
-    return {item.joint.name: item.share for item in located(problem, naming.base.model, residuals, study.joints)}
+    found = located(problem, model, residuals, study.joints)
+    shares = {item.joint.name: item.share for item in found}
+    best = max(found, key=lambda item: item.share)
+    if named or best.share <= 0.0:
+        return {"joints": shares}
+    with suppress(FmuError):  # the solver gives up with so much force
+        return {"joints": shares, "pictures": {best.joint.name: free_picture(problem, model, best, _largest(problem))}}
+    return {"joints": shares}
+
+
+def _largest(problem: Problem) -> int:
+    """The condition whose response is the largest, in units of the noise."""
+    sizes = [float(np.mean(block**2)) for block in problem.split(problem.measured)]
+    return int(np.argmax(sizes))
 
 
 def _pictures(problem: Problem, decision: Decision, rows: Sequence[dict[str, Any]]) -> None:
-    """Adds to every force's row its picture, from the condition whose residual is the largest."""
-    sizes = [float(np.mean(block**2)) for block in problem.split(problem.measured)]
+    """Adds to every force's row its picture."""
     for term, row in zip(decision.best.model.terms, rows, strict=True):
         if isinstance(term, ForceTerm):
-            row["picture"] = picture(problem, decision.best.model, term, int(np.argmax(sizes)))
+            row["picture"] = picture(problem, decision.best.model, term, _largest(problem))
 
 
 def _next(problem: Problem, naming: Naming, decision: Decision) -> dict[str, Any] | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import replace
 from typing import Any
@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from fmucorrect.discovery.inversion import Inverted, invert
-from fmucorrect.discovery.located import Pushed, answer, bare, evidence
+from fmucorrect.discovery.located import Located, Pushed, answer, bare, evidence
 from fmucorrect.discovery.model import Model, simulate
 from fmucorrect.discovery.motion import along, halfway, law_along
 from fmucorrect.discovery.problem import Problem
@@ -51,11 +51,27 @@ def picture(problem: Problem, model: Model, term: ForceTerm, condition: int) -> 
     asked = asked_for(problem, model, term, free, condition).force
     rows = _liveliest(law, moved["velocity"][trial.rows], h, trial.condition.frequency)
     middle = {name: halfway(moved[name])[trial.rows] for name in ("displacement", "velocity")}  # where the law is asked
-    shown = {name: x[rows] for name, x in middle.items()}
-    shown |= {"force": asked[rows], "law": law[rows]}
-    force, length = units_at(problem, term.joints[0])
-    units = [length, f"{length}/s", force]
-    return {name: [float(f"{x:.6g}") for x in values] for name, values in shown.items()} | {"units": units}
+    return _shown(problem, term.joints[0], middle | {"force": asked, "law": law}, rows)
+
+
+def free_picture(problem: Problem, model: Model, item: Located, condition: int) -> dict[str, Any]:
+    """The same of a joint without a law: the located force along what the joint goes through with it, and the time `t`, s.
+    Raises FmuError."""
+    trial = problem.trials[condition]
+    force = item.forces[condition]
+    moved = along(problem, model, trial, item.joint, force)
+    h = problem.study.simulation.step_size
+    rows = _liveliest(force, moved["velocity"][trial.rows], h, trial.condition.frequency)
+    part = {name: moved[name][trial.rows] for name in ("displacement", "velocity")}
+    found = _shown(problem, item.joint, part | {"t": moved["time"][trial.rows], "force": force}, rows)
+    return found | {"law": []}
+
+
+def _shown(problem: Problem, joint: Joint, parts: Mapping[str, np.ndarray], rows: slice) -> dict[str, Any]:
+    """Series at a joint, rounded, with their units."""
+    force, length = units_at(problem, joint)
+    found = {name: [float(f"{x:.6g}") for x in values[rows]] for name, values in parts.items()}
+    return found | {"units": [length, f"{length}/s", force]}
 
 
 def asked_for(problem: Problem, model: Model, term: ForceTerm, free: Sequence[Joint], condition: int) -> Inverted:

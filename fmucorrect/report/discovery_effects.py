@@ -70,9 +70,11 @@ def effects_section(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
 
 
 def laws_section(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
-    """Force against displacement and velocity of effects that have a picture, and of joints where none was named."""
+    """Force against displacement and velocity of effects that have a picture; where none was named, that of the likeliest
+    joint, against time too, and those of what came nearest."""
     found = [(at(effect), mapping(effect.get("picture"))) for effect in rows(report.get("effects"))]
     found += [(str(k), mapping(v)) for k, v in mapping(mapping(report.get("where")).get("pictures")).items()]
+    found += [(f"near, but not it: {at(row)}", mapping(row.get("picture"))) for row in rows(report.get("suspects"))]
     figures = [(name, pictures(picture)) for name, picture in found]
     figures = [(name, each) for name, each in figures if each]
     if not figures:

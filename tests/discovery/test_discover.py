@@ -192,6 +192,8 @@ def test_the_evaluation_condition_decides_nothing_before_the_end(tmp_path, found
     assert report["verdict"] == "unexplained"
     (suspect,), (effect,) = report["suspects"], found[1]["effects"]
     assert suspect["parameters"] == effect["parameters"]
+    assert [*report["where"]["pictures"]] == ["joint 2"]  # where it acts is told, as a force without a law
+    assert "pictures" not in found[1]["where"]
 
 
 def relabelled(path):

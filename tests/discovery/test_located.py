@@ -17,7 +17,7 @@ from fmucorrect.catalogue import force as law_force
 from fmucorrect.discovery.located import located
 from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.motion import along, law_along
-from fmucorrect.discovery.pictures import picture
+from fmucorrect.discovery.pictures import free_picture, picture
 from fmucorrect.discovery.problem import load
 from fmucorrect.discovery.simulator import LawAt, Simulator
 from fmucorrect.discovery.terms import ForceTerm
@@ -218,4 +218,18 @@ def test_a_picture_has_the_force_on_the_law(measured, effect, where):
         assert np.corrcoef(np.gradient(d, seconds / len(d)), v)[0, 1] > 0.98
         # with dry friction left at the other joint of the group the model answers to no push quite alike
         assert np.corrcoef(force, law)[0, 1] > (0.95 if len(where) == 1 else 0.9)
+        assert force @ law / (law @ law) == pytest.approx(1.0, abs=0.15)
+
+
+def test_without_a_law_the_force_is_shown_along_what_the_joint_goes_through(measured):
+    """No law is given, and the picture is the hidden one's all the same: a cubic of the displacement."""
+    problem, term = measured("cubic_stiffness", ("joint 3",), **LAWS["cubic_stiffness"])
+    item = shares(problem)[2]
+    for condition in range(len(problem.trials)):
+        seen = free_picture(problem, problem.nominal, item, condition)
+        assert (seen["law"], seen["units"]) == ([], ["m", "m/s", "N"])
+        d, v, t, force = (np.array(seen[name]) for name in ("displacement", "velocity", "t", "force"))
+        np.testing.assert_allclose(np.gradient(d, t)[1:-1], v[1:-1], atol=0.05 * np.abs(v).max())
+        law = term.values["cubic_stiffness"] * d**3
+        assert np.corrcoef(force, law)[0, 1] > 0.95
         assert force @ law / (law @ law) == pytest.approx(1.0, abs=0.15)
