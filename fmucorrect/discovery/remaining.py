@@ -1,4 +1,4 @@
-"""What all conditions show beside the best set that few of them did not: errors of sensors, and forces that turn or hum."""
+"""What all conditions show beside the best set that few did not: errors of sensors and excitation, forces that turn or hum."""
 
 from __future__ import annotations
 
@@ -13,9 +13,11 @@ from fmucorrect.discovery.marks import with_marks
 from fmucorrect.discovery.motion import motions
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.sets import MOST, Progress, has_room
-from fmucorrect.discovery.terms import EXCITATION, ForceTerm
+from fmucorrect.discovery.terms import ForceTerm
 from fmucorrect.discovery.worth import admissible, complete, first_of, names
 
+TRIED = 3
+"""Errors that are fitted in a look: the likeliest by its mark may not be worth it, and the next one be."""
 TIME = {"time", "speed"}
 """What such forces read."""
 
@@ -23,7 +25,8 @@ TIME = {"time", "speed"}
 def sensors(
     problem: Problem, setting: Setting, base: Fitted, found: Sequence[Fitted], progress: Progress
 ) -> list[Fitted]:
-    """The best set with errors of sensors beside it: to look for these nothing is simulated."""
+    """The best set with errors of sensors, for which nothing is simulated, and of the excitation beside it: a lag that all
+    sensors have in common is theirs in a few records, and too much to be expected of them in many."""
     fits: list[Fitted] = []
     done: list[frozenset[tuple[str, str]]] = []
     while True:
@@ -31,8 +34,8 @@ def sensors(
         if names(best) in done or not has_room(best):
             return fits
         done.append(names(best))
-        curves = [curve for curve in signals(problem, problem.responses(best.model)) if curve.where != EXCITATION]
-        fits += look(problem, replace(setting, base=best.base), best, curves, (1,), progress)[1]
+        curves = list(signals(problem, problem.responses(best.model)))
+        fits += look(problem, replace(setting, base=best.base), best, curves, (TRIED,), progress)[1]
 
 
 def turning(
