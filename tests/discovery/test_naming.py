@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("ziglang")
 pytest.importorskip("sympy")
 
-from one_mass import APART, JOINT, MASS, NOISE, SWEEP, T, begun, shown, sweep, term_at, write
+from one_mass import APART, JOINT, MASS, NOISE, STEP, SWEEP, T, begun, shown, sweep, term_at, write
 
 from fmucorrect.discovery import naming
 from fmucorrect.discovery.fit import fit
@@ -21,10 +21,12 @@ PEAKS = (0.3, 0.4, 0.5, 0.6, 0.7)  # N
 OFFSET = 0.75  # of the sensor, in units of its noise
 FRICTION = 0.0012  # N
 HUM, HERTZ = 0.01, 11.3  # N
+LATE = 2  # steps
 
 
-def problem_of(folder, library, friction=0.0, offset=0.0, hum=0.0):
-    """Five sweeps of a mass on a hardening spring, with friction and a hum, N, and a sensor's offset in units of its noise."""
+def problem_of(folder, library, friction=0.0, offset=0.0, hum=0.0, late=0):
+    """Five sweeps of a mass on a hardening spring, with friction and a hum, N, and a sensor's offset in units of its noise; the
+    force `late` by so many steps."""
     text = MASS + JOINT + APART
     rng = np.random.default_rng(5)
     for k, peak in enumerate(PEAKS):
@@ -36,7 +38,7 @@ def problem_of(folder, library, friction=0.0, offset=0.0, hum=0.0):
     further = [friction_of(study, friction)] if friction else [hum_of(study, hum)] if hum else []
     forces = Model((spring_of(study), *further))
     for k, condition in enumerate(study.conditions):
-        y = shown(study, condition, library, forces, len(T))[:, 0]
+        y = np.roll(shown(study, condition, library, forces, len(T))[:, 0], late)  # at rest where it comes around
         write(folder / f"measured_{k}.csv", "x1 [mm]", y + NOISE * (offset + rng.normal(size=len(T))))
     return load(study, library, 2)
 
@@ -76,6 +78,16 @@ def test_a_sensor_that_few_conditions_do_not_show_is_found_in_all(library, tmp_p
         by_all = naming._on_all(problem, by_few(problem, (spring,)), lambda stage, done, total: None)
     assert {term.key for term in by_all.best.model.terms} == {spring.key, ("sensor_offset", "x1")}
     assert by_all.best.model.terms[1].values["offset"] == pytest.approx(OFFSET * NOISE, rel=0.1)
+
+
+def test_a_lag_of_the_excitation_that_few_conditions_do_not_show_is_found_in_all(library, tmp_path):
+    """All clocks late by so much are more than five records let one expect; in two that is less than the name costs."""
+    with problem_of(tmp_path, library, late=LATE) as problem:
+        spring = spring_of(problem.study)
+        few = by_few(problem, (spring,))
+        by_all = naming._on_all(problem, few, lambda stage, done, total: None)
+    assert {term.key for term in by_all.best.model.terms} == {spring.key, ("excitation_lag", "excitation")}
+    assert by_all.best.model.terms[1].values["lag"] == pytest.approx(LATE * STEP, abs=0.5e-3)
 
 
 def test_a_hum_that_few_conditions_do_not_show_is_found_in_all(library, tmp_path):
