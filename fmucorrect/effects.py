@@ -15,7 +15,12 @@ effect = "parameter_offset"
 joint = "equivalent_conicity"     # the FMU parameter
 parameters = { value = 0.02 }     # added to its start value, in its own unit
 
-[[joints]]                        # and [[groups]], [[rotations]]: as in the study, so that the file stands on its own
+[[rotations]]
+name = "wheel"
+radius = 0.43                     # m
+speed = "speed"                   # the FMU's variable for the vehicle's speed, while it runs
+
+[[joints]]                        # and [[groups]]: as in the study, so that the file stands on its own
 """
 
 from __future__ import annotations
@@ -66,12 +71,14 @@ class ParameterOffset:
 
 @dataclass(frozen=True)
 class Instance:
-    """One law at one joint. values: all parameters of the law, defaults included, in its order."""
+    """One law at one joint. values: all parameters of the law, defaults included, in its order. speed: the FMU's variable for
+    the vehicle's, where the effect turns with it."""
 
     law: Law
     joint: Joint
     values: Mapping[str, float]
     effect: ForceEffect
+    speed: str = ""
 
     @property
     def differentiated(self) -> bool:
@@ -98,13 +105,15 @@ class Effects:
         """
         joints = {joint.name: joint for joint in self.joints}
         members = {name: (name,) for name in joints} | {group.name: group.joints for group in self.groups}
-        radii = {rotation.name: rotation.radius for rotation in self.rotations}
+        turning = {rotation.name: rotation for rotation in self.rotations}
         found: list[Instance] = []
         for row in self.forces:
-            given = dict(row.parameters) | ({"radius": radii[row.rotation]} if row.rotation else {})
+            rotation = turning[row.rotation] if row.rotation else None
+            given = dict(row.parameters) | ({} if rotation is None else {"radius": rotation.radius})
             law = find(row.effect, given)
             values = MappingProxyType(law.complete(given))
-            found += [Instance(law, joints[name], values, row) for name in members[row.joint]]
+            speed = "" if rotation is None else rotation.speed
+            found += [Instance(law, joints[name], values, row, speed) for name in members[row.joint]]
         return tuple(found)
 
 
@@ -132,7 +141,9 @@ def read(path: str | Path) -> Effects:
         ),
         tuple(Joint(**row | {"kinds": tuple(row.get("kinds", ()))}) for row in document.get("joints", ())),
         tuple(Group(row["name"], tuple(row["joints"])) for row in document.get("groups", ())),
-        tuple(Rotation(row["name"], float(row["radius"])) for row in document.get("rotations", ())),
+        tuple(
+            Rotation(row["name"], float(row["radius"]), row.get("speed", "")) for row in document.get("rotations", ())
+        ),
         None if step is None else float(step),
     )
 

@@ -77,7 +77,7 @@ _KEYS: Mapping[str, Mapping[str, Check]] = {
         **{"acceleration": _text, "sign": _sign, "kinds": _texts},
     },
     "groups": {"name": _text, "joints": _members},
-    "rotations": {"name": _text, "radius": _positive},
+    "rotations": {"name": _text, "radius": _positive, "speed": _text},
 }
 _REQUIRED = {
     "effects": ("effect", "joint", "parameters"),

@@ -80,10 +80,12 @@ class Group:
 
 @dataclass(frozen=True)
 class Rotation:
-    """What turns with the speed. radius: m; order n means n * speed / (2 pi radius)."""
+    """What turns with the speed. radius: m; order n means n * speed / (2 pi radius). speed: the FMU's variable for the
+    vehicle's speed, in effects.toml; a study's conditions have it."""
 
     name: str
     radius: float
+    speed: str = ""
 
 
 @dataclass(frozen=True)

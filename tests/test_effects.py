@@ -71,6 +71,7 @@ joints = ["yaw damper, left", "yaw damper, right"]
 [[rotations]]
 name = "wheel"
 radius = 0.43
+speed = "v_train"
 """
 JOINTS = """
 [[joints]]
@@ -104,7 +105,7 @@ def test_a_file_is_read(tmp_path):
         "yaw damper, left", "left.f", "left.d", "left.v", "left.F", sign=-1, kinds=("damper",)
     )
     assert effects.groups == (Group("yaw dampers", ("yaw damper, left", "yaw damper, right")),)
-    assert effects.rotations == (Rotation("wheel", 0.43),)
+    assert effects.rotations == (Rotation("wheel", 0.43, "v_train"),)
 
 
 def test_a_group_is_one_law_at_each_of_its_joints(tmp_path):
@@ -120,6 +121,7 @@ def test_a_group_is_one_law_at_each_of_its_joints(tmp_path):
     assert found[0].values == {"friction_force": 512.0, "smoothing_velocity": 1e-3}
     assert found[3].values == {"amplitude": 30.0, "order": 2.0, "radius": 0.43, "phase": 0.0}
     assert [instance.differentiated for instance in found] == [True, False, False, False]
+    assert [instance.speed for instance in found] == ["", "", "", "v_train"]
 
 
 def test_what_is_written_is_read(tmp_path):

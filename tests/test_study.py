@@ -35,7 +35,7 @@ def test_what_the_readme_shows_is_what_there_is(folder: Path) -> None:
     assert load_study(write(folder, EXAMPLE + TRAINING)).training.corrector.members == 4
     (folder / "effects.toml").write_text(EFFECTS)
     found = effects.read(folder / "effects.toml")
-    assert (len(found.forces), len(found.offsets), len(found.joints)) == (1, 1, 1)
+    assert (len(found.forces), len(found.offsets), len(found.joints), len(found.rotations)) == (2, 1, 1, 1)
     text = README.read_text(encoding="utf-8")
     tables = {"StudyTable": study_schema.StudyTable} | {t.__name__: t for t in study_schema.Table.__subclasses__()}
     own = [t for t in tables.values() if t.__module__ == study_schema.__name__]

@@ -7,7 +7,7 @@ import os
 import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, Term
 from fmucorrect.effects import Effects, ForceEffect, ParameterOffset, Remarks
 from fmucorrect.errors import FmucorrectError
 from fmucorrect.study import Study
+from fmucorrect.wrapping.wiring import known_by_solver
 
 
 @dataclass(frozen=True)
@@ -85,7 +86,12 @@ def _effects(
                 offsets[name] = offsets.get(name, 0.0) + term.values["value"] * scale
     places = {term.where for term in terms if isinstance(term, ForceTerm)}
     groups = tuple(group for group in study.groups if group.name in places)
-    rotations = tuple(r for r in study.rotations if r.name in {force.rotation for force in forces})
+    given, speeds = [c.parameters for c in study.conditions], [c.speed for c in study.conditions]
+    speed = known_by_solver(fmu, given, speeds, "km/h")
+    turning = {force.rotation for force in forces}
+    rotations = tuple(
+        replace(r, speed="" if speed is None else speed.variable.name) for r in study.rotations if r.name in turning
+    )
     return Effects(
         tuple(forces),
         tuple(ParameterOffset(name, value) for name, value in offsets.items() if value != 0.0),

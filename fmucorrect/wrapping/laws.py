@@ -16,12 +16,13 @@ from fmucorrect.effects import Effects, Instance
 from fmucorrect.errors import WrapError
 from fmucorrect.wrapping.compiler import Sources
 
-UNITS: Mapping[str, tuple[str, str]] = {
+UNITS: Mapping[str, tuple[str, ...]] = {
     "force": ("N", "N.m"),
     "displacement": ("m", "rad"),
     "velocity": ("m/s", "rad/s"),
     "acceleration": ("m/s2", "rad/s2"),
     "nominal_force": ("N", "N.m"),
+    "speed": ("m/s",),
 }
 """In which a law wants its ports and gives its force, at a translational and at a rotational joint."""
 
@@ -32,7 +33,8 @@ class Wire:
 
     displacement and velocity are there whenever the law needs either, as far as the joint has them: without a velocity
     the coupling differentiates the displacement (`differentiated` where the law itself needs it). sign: of the force
-    input and of the nominal force; the other ports have the joint's own sense.
+    input and of the nominal force; the other ports have the joint's own sense. speed: the vehicle's, which a law that turns
+    with it sees in the place of the joint's velocity.
     """
 
     effect: str
@@ -44,11 +46,17 @@ class Wire:
     nominal_force: str
     sign: int
     differentiated: bool
+    speed: str = ""
 
     @property
     def ports(self) -> tuple[str, str, str, str]:
         """Variables in the order of effects_step's ports."""
-        return self.displacement, self.velocity, self.acceleration, self.nominal_force
+        return self.displacement, self.speed or self.velocity, self.acceleration, self.nominal_force
+
+    @property
+    def kinds(self) -> tuple[str, str, str, str]:
+        """What these are, keys of UNITS."""
+        return "displacement", "speed" if self.speed else "velocity", "acceleration", "nominal_force"
 
     @property
     def signs(self) -> tuple[int, int, int, int]:
@@ -71,11 +79,12 @@ def sources(effects: Effects) -> EffectSources:
     """
     instances = effects.instances
     for instance in instances:
-        if "speed" in instance.law.inputs:
+        if "speed" in instance.law.inputs and not instance.speed:
             raise WrapError(
                 "an order of a rotation needs the vehicle's speed, which the wrapped FMU does not know",
                 where=f"{instance.effect.effect} at {instance.effect.joint!r}",
-                remedy="Write its frequency in Hz in place of order and rotation.",
+                remedy='Name the FMU\'s variable for it in [[rotations]], as speed = "v_train", or write the frequency in Hz '
+                "in place of order and rotation.",
             )
     states = sum(len(instance.law.states) for instance in instances)
     files = {"effects.h": _header(len(instances), states), "effects.c": _source(effects, instances)}
@@ -97,6 +106,7 @@ def _wire(instance: Instance) -> Wire:
         joint.nominal_force if "nominal_force" in inputs else "",
         joint.sign,
         instance.differentiated,
+        instance.speed if "speed" in inputs else "",
     )
 
 
@@ -112,7 +122,8 @@ void effects_start(double states[]);
 
 /* forces: N or N m, law by law, positive where they oppose a positive displacement. Over a step of h s the ports are
  * held and the states advance; the forces are those of the middle of the step. h may be 0: forces now, states stay.
- * ports: displacement, velocity, acceleration, nominal force, SI; what a law has no use for is not read.
+ * ports: displacement, velocity (of the vehicle, where a law turns with it), acceleration, nominal force, SI; what a law
+ * has no use for is not read.
  * t: s since the simulation began, in the middle of the step. */
 void effects_step(double t, double h, const double ports[][4], double states[], double forces[]);
 
@@ -240,11 +251,16 @@ def _arguments(law: Law, expressions: Sequence[Any]) -> dict[str, str]:
     symbols, arguments = law.symbols, dict[str, str]()
     if used & set(symbols.parameters.values()):
         arguments["p"] = "const double p[]"
-    if used & {symbols.inputs[name] for name in PORTS}:
+    if used & {symbol for _, symbol in _seen(symbols)}:
         arguments["port"] = "const double port[4]"
     if symbols.t in used:
         arguments["t"] = "double t"
     return arguments
+
+
+def _seen(symbols: Any) -> list[tuple[int, Any]]:
+    """The symbols that stand for a port, with its number: the joint's, and the vehicle's speed in the place of its velocity."""
+    return [*enumerate(symbols.inputs[name] for name in PORTS), (PORTS.index("velocity"), symbols.inputs["speed"])]
 
 
 def _list(arguments: Mapping[str, str], *more: str) -> str:
@@ -256,7 +272,7 @@ def _body(law: Law, statements: Sequence[tuple[str, Any]]) -> str:
     sympy, symbols = load_sympy(), law.symbols
     used: set[Any] = set().union(*(expression.free_symbols for _, expression in statements))
     lines: list[str] = []
-    places = [(symbols.inputs[name], f"port[{i}]") for i, name in enumerate(PORTS)]
+    places = [(symbol, f"port[{i}]") for i, symbol in _seen(symbols)]
     places += [(symbol, f"z[{i}]") for i, symbol in enumerate(symbols.z)]
     places += [(symbol, f"p[{i}]") for i, symbol in enumerate(symbols.parameters.values())]
     lines += [f"    const double {symbol.name} = {place};\n" for symbol, place in places if symbol in used]

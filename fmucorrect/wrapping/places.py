@@ -15,8 +15,6 @@ from fmucorrect.wrapping.generated import Place
 from fmucorrect.wrapping.laws import UNITS, Wire
 from fmucorrect.wrapping.wiring import Source
 
-_PORTS = ("displacement", "velocity", "acceleration", "nominal_force")
-
 
 def places(fmu: FmuDescription, wires: Sequence[Wire]) -> tuple[Place, ...]:
     """A place for each law. Raises WrapError that names every variable that is missing or in no fitting unit."""
@@ -24,7 +22,7 @@ def places(fmu: FmuDescription, wires: Sequence[Wire]) -> tuple[Place, ...]:
     found: list[Place] = []
     for wire in wires:
         ports: list[Source | None] = []
-        for kind, name, sign in zip(_PORTS, wire.ports, wire.signs, strict=True):
+        for kind, name, sign in zip(wire.kinds, wire.ports, wire.signs, strict=True):
             ports.append(_source(fmu, wire, kind, name, sign, problems) if name else None)
         force = _source(fmu, wire, "force", wire.force, wire.sign, problems)
         if force is not None:

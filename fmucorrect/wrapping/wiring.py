@@ -127,16 +127,19 @@ def _conditions(fmu: FmuDescription, info: Info, mapping: MappingFile) -> tuple[
             sources[key] = Source(variable, _factor(variable, unit, f"conditions.{key}"))
         elif said is not None:
             tunables[key] = float(said)
-        elif (known := _known_by_solver(fmu, info, key, unit)) is not None:
+        elif (
+            known := known_by_solver(fmu, [c.get("parameters", {}) for c in info.conditions], trained, unit)
+        ) is not None:
             sources[key] = known
         else:
             tunables[key] = sorted(trained)[len(trained) // 2] if trained else 0.0
     return sources, tunables
 
 
-def _known_by_solver(fmu: FmuDescription, info: Info, key: str, unit: str) -> Source | None:
-    """The one parameter that the study set in every condition so that it says the same as `key`, unit apart."""
-    rows: list[Mapping[str, float]] = [condition.get("parameters", {}) for condition in info.conditions]
+def known_by_solver(
+    fmu: FmuDescription, rows: Sequence[Mapping[str, float]], values: Sequence[float], unit: str
+) -> Source | None:
+    """The one parameter that a study sets to the same as `values`, unit apart. rows: what it sets in every condition."""
     found: list[Source] = []
     common = set(rows[0]).intersection(*rows[1:]) if rows else set[str]()
     for name in sorted(common):
@@ -147,8 +150,7 @@ def _known_by_solver(fmu: FmuDescription, info: Info, key: str, unit: str) -> So
             factor = conversion(variable.unit, unit, name)
         except SignalError:
             continue
-        pairs = [(factor * row[name], float(c[key])) for row, c in zip(rows, info.conditions, strict=True)]
-        if all(math.isclose(a, b, rel_tol=1e-6) for a, b in pairs):
+        if all(math.isclose(factor * row[name], value, rel_tol=1e-6) for row, value in zip(rows, values, strict=True)):
             found.append(Source(variable, factor))
     return found[0] if len(found) == 1 else None
 

@@ -12,11 +12,12 @@ pytest.importorskip("ziglang")
 pytest.importorskip("sympy")
 
 from fmucorrect import experiment
+from fmucorrect.catalogue import find
 from fmucorrect.discovery import native
 from fmucorrect.discovery.augmented import augmented_study, found_of, toml, write_model
 from fmucorrect.discovery.model import Model, runner, simulate
 from fmucorrect.discovery.problem import load
-from fmucorrect.discovery.terms import OffsetTerm
+from fmucorrect.discovery.terms import ForceTerm, OffsetTerm
 from fmucorrect.records import writer
 from fmucorrect.signals import Channel, Record
 from fmucorrect.study import load_study
@@ -160,3 +161,18 @@ def test_everything_else_of_the_study_stays(study, tmp_path):
 )
 def test_a_table_is_read_again_as_it_was(document):
     assert tomllib.loads(toml(document)) == document
+
+
+def test_a_force_that_turns_is_given_the_fmus_own_speed():
+    """Rig A's conditions set the FMU's parameter `speed`, in m/s, to their own; the oscillator's know of none."""
+    study = load_study(FMU.parents[1] / "roller_rig" / "A" / "study.toml")
+    (rotation, *_) = study.rotations
+    given = {"amplitude": 100.0, "order": 1.0, "radius": rotation.radius}
+    law = find("periodic_force", given)
+    joint = next(joint for joint in study.joints if joint.name == "contact, lateral, front")
+    term = ForceTerm(law, joint.name, (joint,), law.complete(given))
+    row = {"parameters": {}, "equation": law.equation, "probability": 1.0}
+    with load(study, None) as problem:
+        found = found_of(problem, (term,), problem.nominal.base, (row,))
+    assert found.effects.rotations == (replace(rotation, speed="speed"),)
+    assert [instance.speed for instance in found.effects.instances] == ["speed"]

@@ -18,7 +18,7 @@ from fmucorrect.errors import WrapError
 from fmucorrect.fmu import FmuStepper
 from fmucorrect.signals import Channel, Condition, Record
 from fmucorrect.stepper import run
-from fmucorrect.study import Joint
+from fmucorrect.study import Joint, Rotation
 from fmucorrect.wrapping.package import wrap
 
 OSCILLATOR = Path(__file__).resolve().parent.parent.parent / "fmus" / "oscillator"
@@ -272,3 +272,27 @@ def test_a_joint_that_the_solver_lacks_is_named(tmp_path):
     wrong = Joint("spring", "joint9.f", "joint1.d", "joint1.v")
     with pytest.raises(WrapError, match=r"joint 'spring', force: there is no variable 'joint9.f'"):
         augmented(tmp_path, ForceEffect("viscous_damping", "spring", {"damping": 1.0}), joint=wrong)
+
+
+def test_an_order_follows_the_speed_that_the_host_sets(tmp_path):
+    """Run-out of a wheel is the force of that frequency, at every speed with which the FMU is started."""
+    solver = OSCILLATOR.parent / "roller_rig" / "roller_rig.fmu"
+    joint = Joint("contact", "contact_lateral_front.f", "contact_lateral_front.d")
+    channels, t_ns = (Channel("FW", unit="mm", simulation="FW"),), np.arange(0, 500_000_001, 1_000_000)
+    condition, still = Condition("a speed"), Record(t_ns, np.zeros((len(t_ns), 0)), ())
+
+    def shown(name: str, speed: float, rotations: tuple[Rotation, ...] = (), **parameters: float) -> np.ndarray:
+        row = ForceEffect(
+            "periodic_force", "contact", {"amplitude": 500.0, "phase": 0.3, **parameters}, *(r.name for r in rotations)
+        )
+        write(Effects((row,), joints=(joint,), rotations=rotations), tmp_path / f"{name}.toml")
+        wrap(solver, None, tmp_path / f"{name}.fmu", effects_file=tmp_path / f"{name}.toml", platforms=["linux64"])
+        with FmuStepper(tmp_path / f"{name}.fmu", channels, parameters={"speed": speed}) as stepper:
+            return run(stepper, condition, [still]).values[:, 0]
+
+    wheel = Rotation("wheel", 0.43, "speed")
+    for speed in (60.0, 100.0):
+        turning = shown("turning", speed, (wheel,), order=2.0)
+        humming = shown("humming", speed, frequency=2.0 * speed / (2.0 * np.pi * wheel.radius))
+        assert np.ptp(humming) > 1e-3
+        np.testing.assert_allclose(turning, humming, atol=1e-9 * np.ptp(humming))

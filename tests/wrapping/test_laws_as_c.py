@@ -202,11 +202,27 @@ def test_names_cannot_break_out_of_a_comment():
     assert b"\\" not in text
 
 
-def test_an_order_of_a_rotation_is_refused():
+def test_a_law_that_turns_sees_the_vehicles_speed_in_the_place_of_the_joints(tmp_path):
+    effects = Effects(
+        (ForceEffect("periodic_force", "left", {"amplitude": 3.0, "order": 2.0, "phase": 0.4}, "wheel"),),
+        joints=JOINTS,
+        rotations=(Rotation("wheel", 0.43, "v_train"),),
+    )
+    (wire,) = laws.sources(effects).wiring
+    assert (wire.ports, wire.kinds[1]) == (("", "v_train", "", ""), "speed")
+    made = Library(effects, tmp_path)
+    for t, v in ((0.0, 80.0), (1.7, 80.0), (1.7, 25.0)):
+        forces, _ = made.step(t, 1e-3, np.array([[np.nan, v, np.nan, np.nan]]), made.start())
+        assert forces[0] == pytest.approx(3.0 * np.sin(2.0 * v / 0.43 * t + 0.4), abs=1e-10)
+
+
+def test_an_order_of_a_rotation_without_a_speed_is_refused():
     effects = Effects(
         (ForceEffect("periodic_force", "left", {"amplitude": 1.0, "order": 1.0}, "wheel"),),
         joints=JOINTS,
         rotations=(Rotation("wheel", 0.43),),
     )
-    with pytest.raises(WrapError, match=r"needs the vehicle's speed.*Write its frequency in Hz"):
+    with pytest.raises(
+        WrapError, match=r"needs the vehicle's speed.*Name the FMU's variable.*or write the frequency in Hz"
+    ):
         laws.sources(effects)
