@@ -202,9 +202,10 @@ def _largest(problem: Problem) -> int:
 
 def _pictures(problem: Problem, decision: Decision, rows: Sequence[dict[str, Any]]) -> None:
     """Adds to every force's row its picture."""
+    condition = _largest(problem)
     for term, row in zip(decision.best.model.terms, rows, strict=True):
         if isinstance(term, ForceTerm):
-            row["picture"] = picture(problem, decision.best.model, term, _largest(problem))
+            row["picture"] = picture(problem, decision.best.model, term, condition)
 
 
 def _next(problem: Problem, naming: Naming, decision: Decision) -> dict[str, Any] | None:
