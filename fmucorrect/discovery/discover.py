@@ -31,7 +31,7 @@ from fmucorrect.discovery.outputmap import output_maps
 from fmucorrect.discovery.pictures import free_picture, picture
 from fmucorrect.discovery.problem import Problem, load
 from fmucorrect.discovery.sets import Progress
-from fmucorrect.discovery.terms import ForceTerm, SignalTerm
+from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, SignalTerm
 from fmucorrect.discovery.where import Residual, where
 from fmucorrect.discovery.wording import rest, sentence
 from fmucorrect.errors import FmuError, StudyError
@@ -137,6 +137,7 @@ def _report(
     ]
     for term, row, share, piece in zip(best.model.terms, rows, shares, pieces, strict=True):
         row["uneven"] = output.uneven_row(problem, term, piece) if piece and isinstance(term, ForceTerm) else None
+        row["changes"] = output.changes(problem, best.model, term) if isinstance(term, OffsetTerm) else None
         row["varies"] = {"parameter": term.main, "share": share} if share and isinstance(term, ForceTerm) else None
     _pictures(problem, decision, rows)
     named = verdict in ("named", "ambiguous")

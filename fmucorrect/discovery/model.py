@@ -73,11 +73,11 @@ def _excited(study: Study, item: Runner, model: Model) -> tuple[np.ndarray | Non
 def overrides(
     study: Study,
     fmu: FmuDescription | None,
-    condition: Condition,
+    condition: Condition | None,
     model: Model,
     tolerated: Sequence[Adjustable],
 ) -> Mapping[str, float]:
-    """Start values of a condition with the model's base parameters and offsets."""
+    """Start values of a condition (None: of the study) with the model's base parameters and offsets."""
     changed: dict[str, float] = {}
 
     def value(name: str) -> float:

@@ -17,7 +17,7 @@ from fmucorrect.discovery.confirm import Gap
 from fmucorrect.discovery.decide import Decision, held_out
 from fmucorrect.discovery.evenness import Uneven
 from fmucorrect.discovery.fitted import Fitted, Setting
-from fmucorrect.discovery.model import start_value, tolerance_of
+from fmucorrect.discovery.model import Model, overrides, start_value, tolerance_of
 from fmucorrect.discovery.naming import Naming, Searched
 from fmucorrect.discovery.nuisances import GAIN, LAG
 from fmucorrect.discovery.pictures import units_at
@@ -79,6 +79,20 @@ def effect_row(
 def called(term: Term) -> dict[str, str]:
     """Effect and place, as a report has them."""
     return {"effect": term.effect, "joint": term.where}
+
+
+def changes(problem: Problem, model: Model, term: OffsetTerm) -> dict[str, Any]:
+    """`changes` of an effect: each of its FMU parameters before and after, with all that the model moves it by; not those that
+    conditions set themselves."""
+    study, fmu = problem.study, problem.fmu
+    now = overrides(study, fmu, None, model, problem.tolerated)
+    starts = {name: start_value(study, fmu, None, name) for name in term.adjustable.parameters}
+    own = {name for condition in study.conditions for name in condition.parameters}
+    return {
+        name: {"before": start, "after": now[name]}
+        for name, start in starts.items()
+        if name not in own and np.isfinite(start)
+    }
 
 
 def uneven_row(problem: Problem, term: ForceTerm, piece: Uneven) -> dict[str, Any]:

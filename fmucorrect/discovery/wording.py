@@ -15,7 +15,7 @@ from fmucorrect.discovery.fitted import Setting, stands_out
 from fmucorrect.discovery.sets import MOST
 from fmucorrect.discovery.terms import OF_FACTOR, OFFSET
 from fmucorrect.discovery.worth import OPEN, SMALL, WORTH
-from fmucorrect.report.discovery_text import at, plain, quantity, short
+from fmucorrect.report.discovery_text import at, changes, plain, quantity, short
 
 TELLING = 2.5
 """Standard deviations of a sensor's gain or lag from which on the sentence tells it."""
@@ -103,8 +103,10 @@ def sized(row: dict[str, Any]) -> str:
     if not row["parameters"]:
         return at(row)
     name, main = next(iter(row["parameters"].items()))  # the first is the main one
-    by_factor = main["meaning"] == OF_FACTOR
-    size = f"{short(100.0 * main['value'])} %" if by_factor else quantity(main["value"], unit=main["unit"])
+    if main["meaning"] == OF_FACTOR:
+        size = f"{short(100.0 * main['value'])} %"
+    else:
+        size = next(iter(changes(row).values()), quantity(main["value"], unit=main["unit"]))
     return f"{at(row)} ({size if len(row['parameters']) == 1 else f'{plain(name)} {size}'})"
 
 

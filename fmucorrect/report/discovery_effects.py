@@ -13,6 +13,7 @@ from fmucorrect.report.discovery_text import (
     MISSING,
     OWN,
     at,
+    changes,
     known,
     listed,
     mapping,
@@ -113,6 +114,8 @@ def _overview(page: DiscoveryPage, effects: Sequence[Mapping[str, Any]]) -> None
     for effect in effects:
         main = next(iter(mapping(effect.get("parameters")).items()), None)
         size = MISSING if main is None else _sized(*main)
+        moved = list(changes(effect).values())
+        size += f" ({moved[0]})" if len(moved) == 1 else ""
         rivals = listed([at(item) for item in rows(effect.get("indistinguishable_from"))], "or")
         name = f"{at(effect)}, or {rivals}" if rivals else at(effect)
         table.append(Row([titled(name), size, percent(effect.get("probability"))]))
@@ -147,7 +150,7 @@ def _effect(page: DiscoveryPage, effect: Mapping[str, Any], verdict: str) -> Non
         head = ["parameter", *(["in the equation"] if symbols else []), "value ± standard deviation", "relative"]
         page.table(head, [_parameter(name, item, symbols) for name, item in parameters.items()])
     meanings = [(plain(name), str(item["meaning"])) for name, item in parameters.items() if item.get("meaning")]
-    facts = meanings
+    facts = [*meanings, *changes(effect).items()]
     if known(effect.get("probability")):
         facts.append(("probability", f"{percent(effect['probability'])} that this effect at this place is right"))
     if known(effect.get("severity")):
@@ -185,6 +188,8 @@ def _parameter(name: str, item: Mapping[str, Any], symbols: bool) -> Row:
     cells.append(quantity(value, std, unit))
     if not known(std) or number(std) == 0.0:
         cells.append("not estimated")
+    elif number(std) > abs(number(value)) > 0.0:
+        cells.append("> 100\u00a0%")
     elif number(value):
         cells.append(percent(abs(number(std) / number(value))))
     else:

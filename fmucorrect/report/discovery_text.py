@@ -177,6 +177,17 @@ def beside(added: Sequence[Mapping[str, Any]], without: Sequence[Mapping[str, An
     return f"with {more} as well" if more else f"without {less}"
 
 
+def changes(item: Mapping[str, Any]) -> dict[str, str]:
+    """Of an effect that moves FMU parameters: each one's name, and its value before and after."""
+    number_of = mapping(next(iter(mapping(item.get("parameters")).values()), None))
+    unit = str(number_of.get("unit") or "")
+
+    def told(pair: Mapping[str, Any]) -> str:
+        return " → ".join(quantity(pair.get(key), unit=unit) for key in ("before", "after"))
+
+    return {str(name): told(mapping(pair)) for name, pair in mapping(item.get("changes")).items()}
+
+
 def listed(names: Sequence[str], word: str = "and") -> str:
     """a, b and c."""
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} {word} {names[-1]}" if names else ""

@@ -11,10 +11,11 @@ from one_mass import problem_of
 
 from fmucorrect.catalogue import CATALOGUE
 from fmucorrect.catalogue.signal import SIGNALS
-from fmucorrect.discovery.output import effect_row
-from fmucorrect.discovery.terms import ForceTerm, SignalTerm
+from fmucorrect.discovery.model import Model
+from fmucorrect.discovery.output import changes, effect_row
+from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, SignalTerm
 from fmucorrect.discovery.wording import sized
-from fmucorrect.study import Joint
+from fmucorrect.study import Adjustable, Joint
 
 JOINT = Joint("joint 1", "joint1.f", "joint1.d", "joint1.v", "joint1.F", "mass1.a")
 
@@ -39,3 +40,16 @@ def test_an_effect_is_told_with_its_main_number_first(problem, term):
     assert {*row["parameters"]} == {*term.values}
     assert next(iter(row["parameters"]), "") == term.main
     assert ("(" in sized(row)) is bool(term.values)
+
+
+def test_a_parameter_is_told_before_and_after_all_that_moves_it(problem):
+    parts = [adjustable for adjustable in problem.study.adjustable if adjustable.parameters in (("k1",), ("c1",))]
+    both = OffsetTerm(Adjustable(("k1", "c1"), 0.2, 2.0, 0.02), "k1 and c1", 0.02, -0.8, 1.0, {"value": -0.25})
+    own = OffsetTerm(parts[0], "k1", 20.0, -800.0, 3000.0, {"value": 180.0}, "N/m")
+    base = tuple(1.0 if adjustable in parts[1:] else 0.0 for adjustable in problem.tolerated)
+    model = Model((both, own), base)
+    assert changes(problem, model, own) == {"k1": {"before": 1000.0, "after": 1000.0 * 0.75 + 180.0}}
+    assert changes(problem, model, both)["c1"] == {"before": 10.0, "after": pytest.approx(10.0 * (1.02 - 0.25))}
+    sweep = replace(problem.study.conditions[0], parameters={"k1": 900.0})
+    sets_it = replace(problem, study=replace(problem.study, conditions=(sweep,)))
+    assert changes(sets_it, model, own) == {}

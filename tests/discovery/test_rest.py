@@ -70,6 +70,9 @@ def test_what_is_named_is_told_with_its_size():
     assert "backlash at mount (gap 0.120 mm)" in text
     assert "parameter offset of scale_left and scale_right (−60.5 %)" in text
     assert "parameter offset of bush_kx (−4.23 MN/m)" in text
+    soft["changes"] = {"bush_kx": {"before": 13.72e6, "after": 9.49e6}}
+    text = sentence({"verdict": "named", "effects": [soft], "unexplained": 1e-4}, [gap])
+    assert "parameter offset of bush_kx (13.7 MN/m → 9.49 MN/m)" in text
 
 
 def test_what_cannot_be_told_apart_stands_with_the_effect_that_it_may_be():

@@ -32,7 +32,8 @@ def recorded() -> dict[str, Any]:
         "effects": [
             _effect("sensor_gain", "RB", {"gain": (0.952, 0.0021, "1")}, "y = g y_0", 0.99, severity=0.61),
             _effect("excitation_lag", "excitation", {"lag": (0.0052, 0.00011, "s")}, "u(t) = u_0(t - tau)", 0.94),
-            _effect("parameter_offset", "equivalent_conicity", {"value": (0.021, math.nan, "1")}, "p = p_0 + x", 0.9),
+            _effect("parameter_offset", "equivalent_conicity", {"value": (0.021, math.nan, "1")}, "p = p_0 + x", 0.9)
+            | {"changes": {"equivalent_conicity": {"before": 0.15, "after": 0.171}}},
         ],
         "adjusted": {},
         "notes": [

@@ -216,6 +216,8 @@ def test_recorded_simulations_have_no_places_and_no_augmented_model() -> None:
     assert "u(t) = u0(t − τ)" in text
     assert "lag 5.20 ± 0.11 ms" in text
     assert "value 0.0210 not estimated" in text
+    assert "Parameter offset of equivalent_conicity value 0.0210 (0.150 → 0.171)" in text
+    assert "equivalent_conicity 0.150 → 0.171 probability 90 %" in text
     assert "none: recorded simulations alone" in text
     assert "re-simulated with what was found" not in text
     assert "augmented" not in text
