@@ -6,6 +6,7 @@ import ctypes
 from collections.abc import Mapping, Sequence
 from ctypes import c_double, c_long, c_uint
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 
@@ -152,7 +153,7 @@ class Simulator:
             held = np.repeat(self._inputs[:1], self._early, axis=0)
             try:
                 y = self._along(probe, self._condition, held, -self._early)
-                most = RESTS * _spans(self._along((), self._condition, self._inputs, 0)) if joint is None else None
+                most = RESTS * _spans(self._alone) if joint is None else None
             except FmuError:
                 self._settled[joint] = True
             else:
@@ -173,13 +174,17 @@ class Simulator:
         if self._waits is None:
             rest = self._rest(self._inputs)
             try:
-                whole = self._along((), self._condition, self._inputs, 0)
                 late = self._along((), self._condition, self._inputs[rest:], rest)
+                far = np.abs(self._alone - np.concatenate([np.repeat(late[:1], rest, axis=0), late])).max(axis=0)
+                self._waits = rest > 0 and bool((far <= STILL * _spans(self._alone)).all())
             except FmuError:
                 return False
-            far = np.abs(whole - np.concatenate([np.repeat(late[:1], rest, axis=0), late])).max(axis=0)
-            self._waits = rest > 0 and bool((far <= STILL * _spans(whole)).all())
         return self._waits
+
+    @cached_property
+    def _alone(self) -> Float64[np.ndarray, "T J"]:
+        """The FMU alone over the whole record. Raises FmuError."""
+        return self._along((), self._condition, self._inputs, 0)
 
     def _along(
         self, laws: Sequence[LawAt], condition: Condition, given: Float64[np.ndarray, "t I"], first: int
