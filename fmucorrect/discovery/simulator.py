@@ -174,11 +174,12 @@ class Simulator:
         if self._waits is None:
             rest = self._rest(self._inputs)
             try:
+                whole = self._alone
                 late = self._along((), self._condition, self._inputs[rest:], rest)
-                far = np.abs(self._alone - np.concatenate([np.repeat(late[:1], rest, axis=0), late])).max(axis=0)
-                self._waits = rest > 0 and bool((far <= STILL * _spans(self._alone)).all())
             except FmuError:
                 return False
+            far = np.abs(whole - np.concatenate([np.repeat(late[:1], rest, axis=0), late])).max(axis=0)
+            self._waits = rest > 0 and bool((far <= STILL * _spans(whole)).all())
         return self._waits
 
     @cached_property
