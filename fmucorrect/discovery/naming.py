@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cache
 
 import numpy as np
 
-from fmucorrect.catalogue.motion import Motion
-from fmucorrect.discovery.afresh import Asked, asked, is_far, starts
-from fmucorrect.discovery.again import begun_again
+from fmucorrect.discovery.afresh import is_far, starts
 from fmucorrect.discovery.apart import apart
 from fmucorrect.discovery.calibration import calibrated
-from fmucorrect.discovery.candidates import Curve, candidates, places
+from fmucorrect.discovery.candidates import places
 from fmucorrect.discovery.condensing import condensed
+from fmucorrect.discovery.deepening import LISTED, Around, deepened
 from fmucorrect.discovery.ending import ended, likeliest, needed
 from fmucorrect.discovery.fit import fit
-from fmucorrect.discovery.fitted import EXPLAINED, Fitted, Setting, begin, begin_as, explains, price
+from fmucorrect.discovery.fitted import Fitted, Setting, begin, begin_as, explains
 from fmucorrect.discovery.held import held
-from fmucorrect.discovery.joined import joined
-from fmucorrect.discovery.lines import line, stands
-from fmucorrect.discovery.look import at_other_places, look, regrouped, rivals
-from fmucorrect.discovery.marks import Marks, with_marks
+from fmucorrect.discovery.look import at_other_places, look, rivals
+from fmucorrect.discovery.marks import with_marks
 from fmucorrect.discovery.motion import motions
 from fmucorrect.discovery.paring import pared
 from fmucorrect.discovery.problem import Problem
@@ -30,20 +25,14 @@ from fmucorrect.discovery.remaining import sensors, turning
 from fmucorrect.discovery.sets import (
     LONG,
     Progress,
-    alike,
-    distinct,
-    extended,
     finer,
-    has_room,
     merged,
     settled,
     share_of,
 )
 from fmucorrect.discovery.terms import OFFSET, OffsetTerm, Term
-from fmucorrect.discovery.worth import LITTLE, admissible, complete, credible, first_of, names
+from fmucorrect.discovery.worth import admissible, credible, first_of, names
 
-LISTED = (7, 5, 3)
-"""Sets of one effect, two and three that are fitted in the loop."""
 INSTEAD = 10
 """Single effects that are fitted in the loop in the place of moved parameters."""
 QUICK, PLACES = 45_000, 16
@@ -54,8 +43,6 @@ LIKELY, TRANSFERRED = 200.0, 6
 NEAR, UNDECIDED, TWINS = 8.0, 3, 4
 """How far behind, and how many, further ones of them are that few conditions do not ask for: not worth it there; how many of
 the close ones are tried at other places."""
-LOOKS, BESIDE = 5, 3
-"""How often all candidates are looked at beside a set, and how many of the best sets that may be."""
 CALIBRATED = 0.02
 """Share of the residual's energy, left by moved parameters alone, below which the first look is beside these."""
 AFRESH = 8
@@ -176,32 +163,6 @@ def _on_all(problem: Problem, found_by_few: Naming, progress: Progress) -> Namin
     return _believed(Naming(base, tuple(found), setting))
 
 
-@dataclass(frozen=True)
-class _Around:
-    """What the candidates are looked for with. moves: of every joint, with the size of force that the residual asks for at
-    first. start: the FMU's own responses. marked: size of the residual at first, in units of the noise."""
-
-    problem: Problem
-    moves: Mapping[str, Motion]
-    start: list[np.ndarray]
-    marked: float
-
-    def curves(self, around: Fitted, moves: Mapping[str, Motion] | None = None) -> list[Curve]:
-        """All candidates beside a fitted set, first sizes by what it leaves."""
-        problem = self.problem
-        left = float(np.linalg.norm(around.linear)) / self.marked
-        moves = self.moves if moves is None else moves
-        near = {joint: replace(motion, mark=left * motion.mark) for joint, motion in moves.items()}
-        rest, step = problem.split(around.residual), problem.study.simulation.step_size
-
-        @cache
-        def turns(wave: float) -> bool:
-            frequencies = [trial.condition.speed / 3.6 / wave for trial in problem.trials]
-            return stands(problem.trials, rest, step, frequencies)
-
-        return candidates(problem, near, self.start, line(problem.trials, rest, step), turns)
-
-
 def _name(problem: Problem, progress: Progress) -> Naming:
     """By the problem's conditions alone: all sets that were fitted."""
     setting, at, start = begin(problem)
@@ -213,7 +174,7 @@ def _name(problem: Problem, progress: Progress) -> Naming:
     setting = replace(setting, base=base.base)
     setting, base, _ = settled(problem, setting, base, [])
     moves = with_marks(problem, moves, at, base.residual) if can_act else moves
-    around = _Around(problem, moves, start, float(np.linalg.norm(base.residual)) or 1.0)
+    around = Around(problem, moves, start, float(np.linalg.norm(base.residual)) or 1.0)
 
     curves = around.curves(base)
     setting = replace(setting, candidates=len(curves))
@@ -233,10 +194,10 @@ def _name(problem: Problem, progress: Progress) -> Naming:
     setting, base, found = settled(problem, setting, base, merged([*found, *more]))
     setting, found = finer(problem, setting, base, found, progress)
     if moves and first_of(admissible(setting, base, found)).s2 > OPEN * setting.floor:
-        more = apart(problem, setting, base, *_asked(around, base), progress)
+        more = apart(problem, setting, base, *around.asked(base), progress)
         setting, base, found = settled(problem, setting, base, merged([*found, *more]))
 
-    setting, base, found, replaced = _deepened(around, setting, base, found, parent, first, curves, progress)
+    setting, base, found, replaced = deepened(around, setting, base, found, parent, first, curves, progress)
     if problem.substeps == 1:  # of what was found since
         setting, found = finer(problem, setting, base, found, progress)
     setting, base, found = settled(problem, setting, base, found)
@@ -246,77 +207,7 @@ def _name(problem: Problem, progress: Progress) -> Naming:
     return Naming(base, tuple(found), setting)
 
 
-def _begun(around: _Around, setting: Setting, base: Fitted) -> list[Term]:
+def _begun(around: Around, setting: Setting, base: Fitted) -> list[Term]:
     """Laws begun from the force that the data ask for, where the model is far from the measurement."""
-    _, curves = _asked(around, base)
+    _, curves = around.asked(base)
     return starts(around.problem, setting, base, curves, AFRESH)
-
-
-def _asked(around: _Around, base: Fitted) -> tuple[dict[str, Asked], list[Curve]]:
-    """The forces that the data ask for, and the laws' candidates by what joints go through with them."""
-    found = asked(around.problem, base, around.moves)
-    pushed = {
-        name: found[name].motion if name in found else replace(motion, mark=0.0)
-        for name, motion in around.moves.items()
-    }
-    return found, around.curves(base, pushed)
-
-
-def _ranked(setting: Setting, base: Fitted, found: list[Fitted]) -> list[Fitted]:
-    """The admissible sets, likeliest first."""
-    return sorted(admissible(setting, base, found), key=lambda fitted: fitted.surprise)
-
-
-def _deepened(
-    around: _Around,
-    setting: Setting,
-    base: Fitted,
-    found: list[Fitted],
-    parent: Fitted,
-    first: Marks,
-    curves: list[Curve],
-    progress: Progress,
-) -> tuple[Setting, Fitted, list[Fitted], list[frozenset[tuple[str, str]]]]:
-    """Looks beside the best sets, and for what may stand in the place of their members, until nothing new comes of it. The sets
-    whose rivals were fitted come last."""
-    problem = around.problem
-    done, replaced, told_shorter = [names(parent)], [names(base)], [names(parent)]
-    while len(done) < LOOKS:
-        setting, base, found = settled(problem, setting, base, found)
-        base, found = pared(problem, setting, base, found)
-        likely = _ranked(setting, base, found)
-        best = likely[0]
-        far = float(np.square(best.model.base).max(initial=0.0)) > price(setting, 1)
-        if best.model.terms and (far or best.s2 > EXPLAINED * setting.floor):
-            progress("calibration", len(done), LOOKS)
-            moved = calibrated(problem, replace(setting, base=best.base), best)
-            found = merged([*found, *([] if moved is None else [moved]), *extended(problem, setting, likely[:BESIDE])])
-            best = _ranked(setting, base, found)[0]
-        if names(best) not in told_shorter:
-            told_shorter.append(names(best))
-            more = joined(problem, setting, best, around.moves, around.start)
-            more += [*regrouped(problem, setting, best), *condensed(problem, setting, best, curves)]
-            if explains(setting, best):
-                more += extended(problem, setting, [best])  # a law near enough to the noise may be part of a better one
-            else:
-                more += begun_again(problem, setting, best, curves)
-            found = merged([*found, *more])
-        base, found = pared(problem, setting, base, found)
-        kept = _ranked(setting, base, found)
-        looked = [fitted for fitted in kept if names(fitted) in done]
-        fresh = [fitted for fitted in distinct(kept)[:BESIDE] if not any(alike(fitted, one) for one in looked)]
-        beside = [fitted for fitted in fresh if has_room(fitted)]
-        finished = complete(setting, base, found, kept[0])
-        enough = EXPLAINED if has_room(kept[0]) else LITTLE  # a full set that leaves something may have a wrong member
-        if beside and not finished and (beside[0] is kept[0] or kept[0].s2 >= enough * setting.floor):
-            one = beside[0]
-            own = replace(setting, base=one.base)
-            _, more = look(problem, own, one, around.curves(one), LISTED[:1], progress)
-            done.append(names(one))
-        elif names(kept[0]) not in replaced and len(replaced) <= BESIDE:
-            replaced.append(names(kept[0]))
-            more = rivals(problem, setting, base, found, parent, first, progress)
-        else:
-            break
-        found = merged([*found, *more])
-    return setting, base, found, replaced

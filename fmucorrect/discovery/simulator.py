@@ -16,6 +16,7 @@ from jaxtyping import Float64
 from fmucorrect import sources
 from fmucorrect.catalogue import CATALOGUE, Law
 from fmucorrect.discovery.native import LAWS, Placed, Road, Solver
+from fmucorrect.discovery.resting import RESTS, STILL, ends, spans, still
 from fmucorrect.errors import FmuError
 from fmucorrect.fmu import FmuDescription, FmuStepper
 from fmucorrect.fmu.feedthrough import feedthrough
@@ -29,8 +30,6 @@ RUN_IN = 8.0
 """Seconds that a constant or periodic force has acted before a record begins."""
 LEAD = 1.0
 """Seconds at rest before the first motion of an input from which on it is simulated."""
-STILL, RESTS = 1e-9, 1e-3
-"""Share of a response's range that may move at rest: in rows that are left out, before a record."""
 PROBE = 1e-3
 """N or N.m, that shows whether anything holds a joint."""
 _NONE: Mapping[str, float] = MappingProxyType({})
@@ -136,7 +135,7 @@ class Simulator:
         rest = self._rest(given)
         if rest and self._can_wait():
             y = self._along(laws, condition, given[rest:], rest)
-            if _still(y, self._lead, STILL * _spans(y)):
+            if still(y, self._lead, STILL * spans(y)):
                 return np.concatenate([np.repeat(y[:1], rest, axis=0), y])
         return self._along(laws, condition, given, 0)
 
@@ -153,11 +152,11 @@ class Simulator:
             held = np.repeat(self._inputs[:1], self._early, axis=0)
             try:
                 y = self._along(probe, self._condition, held, -self._early)
-                most = RESTS * _spans(self._alone) if joint is None else None
+                most = RESTS * spans(self._alone) if joint is None else None
             except FmuError:
                 self._settled[joint] = True
             else:
-                self._settled[joint] = _ends(y) if most is None else _still(y, len(y), most)
+                self._settled[joint] = ends(y) if most is None else still(y, len(y), most)
         return self._settled[joint]
 
     @property
@@ -179,7 +178,7 @@ class Simulator:
             except FmuError:
                 return False
             far = np.abs(whole - np.concatenate([np.repeat(late[:1], rest, axis=0), late])).max(axis=0)
-            self._waits = rest > 0 and bool((far <= STILL * _spans(whole)).all())
+            self._waits = rest > 0 and bool((far <= STILL * spans(whole)).all())
         return self._waits
 
     @cached_property
@@ -298,23 +297,6 @@ class Simulator:
     def close(self) -> None:
         """Release the solver."""
         self._stepper.close()
-
-
-def _spans(y: Float64[np.ndarray, "T J"]) -> Float64[np.ndarray, " J"]:
-    """Peak to peak by column; turned first, since NumPy goes along short rows at a tenth of the pace."""
-    return np.ptp(np.ascontiguousarray(y.T), axis=1)
-
-
-def _still(y: Float64[np.ndarray, "T J"], rows: int, most: Float64[np.ndarray, " J"]) -> bool:
-    """Whether nothing moves by more than that in the first rows."""
-    return bool((_spans(y[:rows]) <= most).all())
-
-
-def _ends(y: Float64[np.ndarray, "T J"]) -> bool:
-    """Whether a motion comes to an end: no channel goes on one way, in the last quarter still by half as much as at first."""
-    steps = np.diff([part.mean(0) for part in np.array_split(y, 4)], axis=0)
-    one_way = (np.sign(steps) == np.sign(steps[0])).all(0)
-    return not bool((one_way & (np.abs(steps[-1]) > 0.5 * np.abs(steps[0]))).any())
 
 
 def place_of(fmu: FmuDescription, joint: Joint) -> Place:

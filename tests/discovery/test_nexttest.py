@@ -14,8 +14,9 @@ from one_mass import JOINT, MASS, NOISE, SECONDS, STEP, T, shown, term_at, write
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.fitted import Setting, begin
 from fmucorrect.discovery.model import Model
-from fmucorrect.discovery.nexttest import SPLIT, exciting, next_test, repeats
+from fmucorrect.discovery.nexttest import SPLIT, next_test
 from fmucorrect.discovery.problem import load
+from fmucorrect.discovery.repeats import exciting, repeats
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm
 from fmucorrect.signals import Condition
 from fmucorrect.study import Excitation, load_study
