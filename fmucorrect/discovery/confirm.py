@@ -12,7 +12,7 @@ from jaxtyping import Float64
 from fmucorrect import experiment, metrics
 from fmucorrect.discovery.model import Model, runner, simulate
 from fmucorrect.discovery.nuisances import GAIN, LAG
-from fmucorrect.discovery.trials import sensor_noise
+from fmucorrect.discovery.trials import lead_in, sensor_noise
 from fmucorrect.errors import SignalError
 from fmucorrect.signals import Condition
 from fmucorrect.study import Adjustable, Study
@@ -21,11 +21,14 @@ AGREES = 1.5
 """How far above the noise floor a gap counts as closed."""
 CLOSED = 0.6
 """Share of the gap that must be gone at the evaluation conditions, where the noise floor is not reached."""
+MOVES = 3.0
+"""Standard deviation of a channel before the excitation, in those of its noise, from which on its record begins in motion."""
 
 
 @dataclass(frozen=True)
 class Gap:
-    """One condition before and after, all measured rows. t: (T,) s. measured, before, after: (T, J) in the channels' units.
+    """One condition before and after, all measured rows; of a record that begins in motion what is looked at (trials.lead_in).
+    t: (T,) s. measured, before, after: (T, J) in the channels' units.
     Errors in % of the measured range, means over the channels that vary; noise_floor: what the sensors' noise alone gives."""
 
     condition: Condition
@@ -87,18 +90,21 @@ def _gap(
     finally:
         item.close()
     pair = experiment.pair(study, condition)
-    rows, measured, before = pair.rows, pair.measured, pair.response
+    t, rows, measured, before = pair.t_ns * 1e-9, pair.rows, pair.measured, pair.response
     step = study.simulation.step_size
     rate = np.gradient(new, step, axis=0)
     shown = (new * (1.0 + sensors[:, 0]) - rate * sensors[:, 1])[rows]
     sigma, _, _ = sensor_noise(study, condition, measured, before, rows.start * step)
+    skipped = lead_in(condition, rows.start, step)
+    if skipped and (measured[:skipped].std(axis=0) > MOVES * sigma).any():
+        t, measured, before, shown = (x[skipped:] for x in (t, measured, before, shown))
     varies = np.ptp(measured, axis=0) > 0.0
     if not varies.any():
         raise SignalError("the measurement does not vary", where=f"condition {condition.name!r}")
     was, now, floor = (metrics.score(y[:, varies], measured[:, varies]) for y in (before, shown, measured + sigma))
     return Gap(
         condition,
-        pair.t_ns[: len(measured)] * 1e-9,
+        t,
         measured,
         before,
         shown,

@@ -65,7 +65,7 @@ def read(study: Study, condition: Condition, settled: float = SETTLED) -> Trial:
     if condition.frequency > 0.0:
         seconds = condition.start + max(settled, PERIODS / condition.frequency)
         stop = min(stop, max(round(seconds / step) - first, 16))
-    begin = max(round((condition.start - 1.0) / step) - first, 0) if condition.start > 2.0 else 0
+    begin = lead_in(condition, first, step)
     measured = measured[begin:stop]
     return Trial(
         condition,
@@ -77,6 +77,12 @@ def read(study: Study, condition: Condition, settled: float = SETTLED) -> Trial:
         notes,
         pair.ratio,
     )
+
+
+def lead_in(condition: Condition, first: int, step: float) -> int:
+    """Rows of a measurement, from row `first` of the simulation on, that are not looked at: from the third second on what lies
+    more than one before the excitation."""
+    return max(round((condition.start - 1.0) / step) - first, 0) if condition.start > 2.0 else 0
 
 
 def sensor_noise(
