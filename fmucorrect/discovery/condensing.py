@@ -31,21 +31,26 @@ ROUGH = 0.03
 """By how much, as a share of it, what members do together may differ from what one other does alone, for sensitivities that are
 rough: those of a joint that sticks and slides."""
 SHOWN, FITTED = 24, 4
-"""Condensed sets that are simulated as the form has them, and those of them that are fitted."""
+"""Condensed sets of a kind that are simulated as the form has them, and those of all of them that are fitted."""
+KINDS = ("beside", "form", "rough")
+"""One more that takes back what base parameters moved; one for several by the form; the same by a rough comparison."""
 
 
 @dataclass(frozen=True)
 class _Listed:
-    """A set as the form has it. share: of the cost, what stays. new: what came in. out: coordinates that left."""
+    """A set as the form has it. kind: how it was told. share: of the cost, what stays. cost: by how much
+    less likely than the best set it should be, in -2 log p. new: what came in. out: coordinates that left."""
 
+    kind: str
     share: float
+    cost: float
     new: tuple[object, ...]
     out: frozenset[int]
     model: Model
 
     def goes_further(self, other: _Listed) -> bool:
-        """Whether for the same new member more can leave, at no larger a share."""
-        return self.new == other.new and self.out > other.out and self.share <= other.share
+        """Whether for the same new member more can leave, at no larger a cost."""
+        return self.new == other.new and self.out > other.out and self.cost <= other.cost
 
 
 def condensed(problem: Problem, setting: Setting, best: Fitted, curves: Sequence[Curve]) -> list[Fitted]:
@@ -78,20 +83,22 @@ def condensed(problem: Problem, setting: Setting, best: Fitted, curves: Sequence
         gain = float(change @ np.linalg.solve(C, change))
         if near and is_far and gain > price(setting, 1) and (new := _grown(curve, float(change[ends[-1]]))) is not None:
             beside = _beside(best.model, ends, change, new)
-            listed.append(_Listed(1.0 - gain / max(far, gain), curve.identity, frozenset(), beside))
+            listed.append(_Listed("beside", 1.0 - gain / max(far, gain), -gain, curve.identity, frozenset(), beside))
         for part, alone_cost, together, rough in zip(parts, costs, sums, told, strict=True):
             cost, change = put_back(C, part, x)
             share = cost / max(alone_cost, 1e-300)
             size, differs = _one_for(together, column)
-            if share >= most and rough and differs < ROUGH:
+            kind = "rough" if share >= most and rough and differs < ROUGH else "form"
+            if kind == "rough":
                 share, change = differs**2, size * np.eye(len(change))[ends[-1]]
             new = _grown(curve, float(change[ends[-1]])) if share < most else None
             if new is not None:
                 model = _with(best.model, part, ends, change, new)
-                listed.append(_Listed(share, curve.identity, frozenset(part), model))
+                cost = share * alone_cost - len(part) * price(setting, 1)
+                listed.append(_Listed(kind, share, cost, curve.identity, frozenset(part), model))
     listed = [one for one in listed if not any(other.goes_further(one) for other in listed)]
-    listed.sort(key=lambda one: one.share)
-    models = [one.model for one in listed[:SHOWN]]
+    listed.sort(key=lambda one: one.cost)  # shares of parts that cost more by themselves say less
+    models = [one.model for kind in KINDS for one in [x for x in listed if x.kind == kind][:SHOWN]]
     shown = [
         (judge_at(setting, best, model, y).surprise, model, y)
         for model, y in zip(models, problem.many(models), strict=True)

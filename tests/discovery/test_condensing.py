@@ -38,6 +38,8 @@ acceleration = "mass2.a"
 name = "both"
 joints = ["joint 1", "joint 2"]
 """
+PUSHED = ("mass1.f [N]", sweep(0.5))
+CUBIC = 1e6
 GAIN = ("excitation_gain", "excitation")
 MASS_2 = ("added_mass", "joint 2")
 
@@ -53,9 +55,9 @@ def apart(**values):
 TWO = apart(k2=K2, c2=C2)
 
 
-def problem_of(folder, library, truth, adjustable=TWO):
-    """The chain, measured with what `truth` makes of its study."""
-    write(folder / "force.csv", "mass1.f [N]", sweep(0.5))
+def problem_of(folder, library, truth, adjustable=TWO, drive=PUSHED):
+    """The chain, measured with what `truth` makes of its study. drive: names and values of its inputs."""
+    write(folder / "force.csv", *drive)
     write(folder / "measured.csv", "x1 [mm],x2 [mm]", np.zeros((len(T), 2)))
     (folder / "study.toml").write_text(CHAIN + JOINTS + adjustable + SWEEP, encoding="utf-8")
     study = load_study(folder / "study.toml")
@@ -156,6 +158,35 @@ def test_what_a_rough_comparison_cannot_see_is_not_condensed_with_the_others(lib
         three, best = condensed_from(problem, (*adjustables(problem), small))
     assert {term.key for term in best.model.terms} == {small.key, MASS_2}
     assert best.surprise < three.surprise
+
+
+def test_where_the_base_is_moved_all_others_too_weak_are_one_spring_too_stiff(library, tmp_path):
+    """The cubic spring that stays is weaker with them, and by itself worth far more than all of them."""
+    stiffer, cubic = 200.0, ("cubic_stiffness", "joint 2")
+    weak = 1000.0 / (1000.0 + stiffer)
+    nominal = {"m1": 1.0, "c1": 10.0, "m2": M2, "k2": K2, "c2": C2}
+
+    def truth(study):
+        return Model(
+            (
+                term_at(study, "linear_stiffness", "joint 1", stiffness=stiffer),
+                term_at(study, *cubic, cubic_stiffness=CUBIC),
+            ),
+            (),
+        )
+
+    drive = sweep(2e-3)
+    moved = np.stack([drive, np.gradient(drive, T)], axis=1)
+    with problem_of(tmp_path, library, truth, apart(**nominal), ("base.d [m],base.v [m/s]", moved)) as problem:
+        weaker_one = term_at(problem.study, *cubic, cubic_stiffness=CUBIC * weak)
+        off = [replace(t, values={"value": (weak - 1.0) * nominal[t.where]}) for t in adjustables(problem)]
+        six, best = condensed_from(problem, (*off, weaker_one))
+    assert six.s2 < 1.1
+    assert {term.key: term.values[term.main] for term in best.model.terms} == {
+        cubic: pytest.approx(CUBIC, rel=0.05),
+        ("linear_stiffness", "joint 1"): pytest.approx(stiffer, rel=0.05),
+    }
+    assert best.surprise < six.surprise
 
 
 def test_one_member_is_not_condensed(library, tmp_path):
