@@ -38,11 +38,10 @@ KINDS = ("beside", "form", "rough")
 
 @dataclass(frozen=True)
 class _Listed:
-    """A set as the form has it. kind: how it was told. share: of the cost, what stays. cost: by how much
-    less likely than the best set it should be, in -2 log p. new: what came in. out: coordinates that left."""
+    """A set as the form has it. kind: how it was told. cost: by how much less likely than the best set it should be, in
+    -2 log p. new: what came in. out: coordinates that left."""
 
     kind: str
-    share: float
     cost: float
     new: tuple[object, ...]
     out: frozenset[int]
@@ -61,8 +60,7 @@ def condensed(problem: Problem, setting: Setting, best: Fitted, curves: Sequence
     ends = np.cumsum([0, *(len(term.estimated) for term in best.model.terms)])
     near = explains(setting, best)  # only there a gain or a tolerance tells what it stands for
     own = [t for t, term in enumerate(best.model.terms) if proportional(term) or (near and _from_nothing(term))]
-    far = float(np.sum(np.square(best.model.base)))
-    is_far = far > price(setting, 1)
+    is_far = float(np.sum(np.square(best.model.base))) > price(setting, 1)
     least = max(2, len(own) - LEFT) if len(own) > MEMBERS else 2
     parts = [[int(ends[t]) for t in part] for n in range(least, len(own) + 1) for part in combinations(own, n)]
     if not (parts or is_far) or not (near or 2 <= len(own) <= MEMBERS):
@@ -83,7 +81,7 @@ def condensed(problem: Problem, setting: Setting, best: Fitted, curves: Sequence
         gain = float(change @ np.linalg.solve(C, change))
         if near and is_far and gain > price(setting, 1) and (new := _grown(curve, float(change[ends[-1]]))) is not None:
             beside = _beside(best.model, ends, change, new)
-            listed.append(_Listed("beside", 1.0 - gain / max(far, gain), -gain, curve.identity, frozenset(), beside))
+            listed.append(_Listed("beside", -gain, curve.identity, frozenset(), beside))
         for part, alone_cost, together, rough in zip(parts, costs, sums, told, strict=True):
             cost, change = put_back(C, part, x)
             share = cost / max(alone_cost, 1e-300)
@@ -95,7 +93,7 @@ def condensed(problem: Problem, setting: Setting, best: Fitted, curves: Sequence
             if new is not None:
                 model = _with(best.model, part, ends, change, new)
                 cost = share * alone_cost - len(part) * price(setting, 1)
-                listed.append(_Listed(kind, share, cost, curve.identity, frozenset(part), model))
+                listed.append(_Listed(kind, cost, curve.identity, frozenset(part), model))
     listed = [one for one in listed if not any(other.goes_further(one) for other in listed)]
     listed.sort(key=lambda one: one.cost)  # shares of parts that cost more by themselves say less
     models = [one.model for kind in KINDS for one in [x for x in listed if x.kind == kind][:SHOWN]]
