@@ -8,6 +8,7 @@
     ├── SignalError     values that must not enter a computation: NaN, Inf, wrong unit, wrong shape, wrong time step
     ├── TrainingError   a training cannot be done as it was asked for
     ├── WrapError       a corrected FMU cannot be made as it was asked for
+    ├── OutputError     what would be written is an input, or somebody else's
     └── MissingExtra    an optional package is not installed; carries the pip command
 
 All of them are the user's to mend: the command line prints the message alone and exits with 2.
@@ -15,9 +16,17 @@ All of them are the user's to mend: the command line prints the message alone an
 
 from __future__ import annotations
 
+from typing import Any
+
 
 class FmucorrectError(Exception):
-    """Base of the tree. `FmucorrectError(what, where=..., expected=..., got=..., remedy=...)` joins what is known."""
+    """Base of the tree. `FmucorrectError(what, where=..., expected=..., got=..., remedy=...)` joins what is known.
+
+    finished: the rows (a Record) that `Stepper.process` had computed of its chunk when the error came, None where there are
+    none; whoever writes the results down writes them too.
+    """
+
+    finished: Any = None
 
     def __init__(
         self,
@@ -68,6 +77,10 @@ class TrainingError(FmucorrectError):
 
 class WrapError(FmucorrectError):
     """A corrected FMU cannot be made as it was asked for."""
+
+
+class OutputError(FmucorrectError):
+    """What would be written is an input, or there already and made by something else."""
 
 
 class MissingExtra(FmucorrectError, ImportError):

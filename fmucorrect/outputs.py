@@ -1,0 +1,215 @@
+"""What a command writes: never over an input, over an older result only where the same command made it, and always whole.
+
+A command calls `check_file` or `check_folder` before its first byte, with everything that it was told to read. What it then
+writes goes through `write` (beside the target, then renamed), or grows as a `Growing` file that keeps its rows whatever ends
+the run. That a command made what is there is known by its mark: a folder has a file `.fmucorrect`, a file carries
+`mark(command)` in itself, where its format has a place for it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import secrets
+import shutil
+import stat
+import zipfile
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import final
+
+from fmucorrect.errors import OutputError
+
+Inputs = Iterable[tuple[str, Path | None]]
+"""What is read: what it is, as "the corrector", and its file; None where there is none."""
+
+MARKER = ".fmucorrect"
+"""The file in a folder that says which commands made it."""
+
+FACTS = "resources/fmucorrect.json"
+"""The entry of a wrapped FMU that says how it was made."""
+
+_HEAD = 65536
+"""Bytes at the beginning of a file among which its mark stands: HTML's <head>, JSON's first keys, MCAP's header."""
+
+
+def mark(command: str) -> str:
+    """What a file that `command` made carries in itself; nothing that a text would say by chance."""
+    return f"fmucorrect:{command}"
+
+
+def check_file(out: Path, inputs: Inputs, command: str, overwrite: bool) -> None:
+    """Raises OutputError where `out` is an input, a folder, or there already and not made by `command`."""
+    if out.is_dir():
+        raise OutputError("this is a folder", where=str(out), expected="the name of the file to write")
+    _none_is_read([(out, out)], inputs)
+    if not overwrite and _is_there(out) and not _made_by(out, command):
+        raise OutputError(
+            f"this file is there already, and nothing in it says that `fmucorrect {command}` made it",
+            where=str(out),
+            remedy="Choose another name for -o, or give --overwrite.",
+        )
+
+
+def check_folder(
+    out: Path,
+    writes: Sequence[str],
+    inputs: Inputs,
+    command: str,
+    overwrite: bool,
+    *,
+    shared: Sequence[str] = (),
+    away_from: Path | None = None,
+) -> None:
+    """Raises OutputError where `out` is a file, where one of what it `writes` there is an input, and where it holds something
+    and neither `command` nor one of those it is `shared` with made it.
+
+    writes: names in `out`; a folder's name ends with "/", and everything in it counts as written. away_from: a file beside
+    which nothing is written at all.
+    """
+    if out.exists() and not out.is_dir():
+        raise OutputError("this is a file", where=str(out), expected="the name of a folder to write to")
+    if away_from is not None and _same(out, away_from.resolve().parent):
+        raise OutputError(
+            f"this folder holds {away_from.name} itself", where=str(out), remedy="Choose another folder for -o."
+        )
+    _none_is_read([(out / name, out / name) for name in (*writes, MARKER)], inputs)
+    if not overwrite and out.is_dir() and any(out.iterdir()) and {command, *shared}.isdisjoint(_makers(out)):
+        raise OutputError(
+            f"this folder is not empty, and `fmucorrect {command}` did not make it",
+            where=str(out),
+            remedy="Choose another folder for -o, or give --overwrite: files of the same names in it are then replaced.",
+        )
+
+
+def make_folder(out: Path, command: str) -> None:
+    """Make the folder, and note in it that `command` did."""
+    out.mkdir(parents=True, exist_ok=True)
+    makers = _makers(out)
+    if command not in makers:
+        write(out / MARKER, json.dumps({"format": 1, "made_by": [*makers, command]}) + "\n")
+
+
+def write(path: str | Path, content: str | bytes) -> Path:
+    """Write a whole file, text as UTF-8: either the new one is there afterwards, or what was there before.
+
+    A link is followed. What is no regular file (a terminal, a pipe) is written to as it is. Raises OSError.
+    """
+    target = Path(path).resolve()
+    data = content.encode() if isinstance(content, str) else content
+    if target.exists() and not target.is_file():
+        target.write_bytes(data)
+        return Path(path)
+    with Replacing(target) as beside:
+        beside.write_bytes(data)
+    return Path(path)
+
+
+@final
+class Replacing:
+    """`with Replacing(path) as beside:` gives a new file's name to write to, which becomes `path` at the end of the block, and
+    is gone after an exception. The file is this process's own: created here, under a name that was free."""
+
+    def __init__(self, path: str | Path) -> None:
+        self._target = Path(path).resolve()
+        self._beside = self._target.with_name(f".{secrets.token_hex(6)}.partial{self._target.suffix}")
+
+    def __enter__(self) -> Path:
+        _create(self._beside)
+        return self._beside
+
+    def __exit__(self, kind: type[BaseException] | None, error: object, traceback: object) -> None:
+        if kind is None:
+            _rename(self._beside, self._target)
+        else:
+            self._beside.unlink(missing_ok=True)
+
+
+@final
+class Growing:
+    """A file that is worth keeping before it is finished, at `beside`, `<stem>.partial<suffix>` in the target's folder; where
+    that is taken, with a number behind `partial`. A killed process leaves it there."""
+
+    def __init__(self, path: Path) -> None:
+        """Creates the file. Raises OSError where it cannot."""
+        self._target = path.resolve()
+        stem, suffix = self._target.stem, self._target.suffix
+        number = 1
+        while True:
+            self.beside = self._target.with_name(f"{stem}.partial{number if number > 1 else ''}{suffix}")
+            try:
+                _create(self.beside)
+                break
+            except FileExistsError:
+                number += 1
+
+    def finish(self) -> None:
+        """It becomes the target."""
+        _rename(self.beside, self._target)
+
+    def discard(self) -> None:
+        """It is gone."""
+        self.beside.unlink(missing_ok=True)
+
+
+def _create(path: Path) -> None:
+    os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+
+
+def _rename(beside: Path, target: Path) -> None:
+    if target.exists():
+        shutil.copymode(target, beside)
+    beside.replace(target)
+
+
+def _none_is_read(targets: Sequence[tuple[Path, Path]], inputs: Inputs) -> None:
+    for what, path in inputs:
+        for target, named in targets if path is not None else ():
+            assert path is not None
+            resolved, read = target.resolve(), path.resolve()
+            inside = target.is_dir() and read.is_relative_to(resolved)
+            if _same(target, path) or inside or resolved.is_relative_to(read):
+                raise OutputError(
+                    f"{what} {path} would be written over",
+                    where=str(named),
+                    remedy="Choose another name for -o.",
+                )
+
+
+def _same(one: Path, other: Path) -> bool:
+    """Whether two names are one file: by their links, by what they are on the disk (hard links, names that differ in case)."""
+    try:
+        return one.resolve() == other.resolve() or one.samefile(other)
+    except OSError:  # one of them is not there
+        return False
+
+
+def _is_there(out: Path) -> bool:
+    """Whether there is a file with content; what is no regular file holds none."""
+    try:
+        found = out.stat()
+    except OSError:
+        return False
+    return stat.S_ISREG(found.st_mode) and found.st_size > 0
+
+
+def _made_by(out: Path, command: str) -> bool:
+    wanted = mark(command).encode()
+    with out.open("rb") as stream:
+        head = stream.read(_HEAD)
+    if not head.startswith(b"PK"):
+        return wanted in head
+    try:
+        with zipfile.ZipFile(out) as archive:
+            return wanted in archive.open(FACTS).read(_HEAD)
+    except (OSError, zipfile.BadZipFile, KeyError, ValueError, NotImplementedError, RuntimeError):
+        return False  # no FMU of ours, whatever it is
+
+
+def _makers(out: Path) -> list[str]:
+    """The commands that a folder's marker names."""
+    try:
+        found = json.loads((out / MARKER).read_bytes())
+        return [str(name) for name in found["made_by"]]
+    except (OSError, ValueError, TypeError, LookupError, RecursionError):
+        return []
