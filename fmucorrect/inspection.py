@@ -91,9 +91,13 @@ def study_problems(study: Study) -> list[str]:
             if path is None or path in columns:
                 continue
             try:
-                columns[path] = record_columns(records.describe(path))
+                contents = records.describe(path)
             except FmucorrectError as error:
                 problems.append(str(error))
+                continue
+            columns[path] = record_columns(contents)
+            if contents.damage:
+                problems.append(str(records.damaged(str(path), contents.damage)))
     problems += [
         f"joint {joint.name!r}: kinds names {kind!r}, expected any of {', '.join(FAMILIES)}{nearest(kind, FAMILIES)}"
         for joint in study.joints

@@ -101,6 +101,8 @@ def _record(contents: Contents) -> dict[str, Any]:
         "path": contents.path,
         "kind": f"record ({contents.format})",
         "cut off": contents.truncated,
+        "damage": contents.damage,
+        "left out": list(contents.left_out),
         "topics": {item.topic.name: topic(item) for item in contents.topics},
     }
 

@@ -9,7 +9,8 @@ A column is named `topic.field.subfield`. The topic's leading slash goes, its in
 dots; entries of lists are `field[i]`. A name matches in full, or as the end (after a dot) of the full name of one
 column only. Stamps that repeat or go back, and NaN, are errors that say where, unless a repair rule of
 `fmucorrect.records.timebase` was chosen. What a file's metadata gives is in `Record.metadata`, with `path`, `topic`
-and, for a file that was cut off, `truncated` = "true".
+and, for a file that was cut off, `truncated` = "true". What a damaged file lost stands in words in `damage`, what a
+repair rule changed in `repaired`; both are written on into files made from the record.
 """
 
 from __future__ import annotations
@@ -21,14 +22,15 @@ from pathlib import Path
 from fmucorrect.errors import RecordError
 from fmucorrect.records import assemble
 from fmucorrect.records.contents import Contents, TopicContents
-from fmucorrect.records.source import Sink, Source
+from fmucorrect.records.guarded import Guarded, damaged
+from fmucorrect.records.source import Sink
 from fmucorrect.records.writing import Writer
 from fmucorrect.signals import Record
 
 SUFFIXES = (".mcap", ".csv", ".parquet", ".mf4", ".tdms", ".mat")
 """The suffixes of files that can be read and written."""
 
-__all__ = ["SUFFIXES", "describe", "read", "stream", "writer"]
+__all__ = ["SUFFIXES", "damaged", "describe", "read", "stream", "writer"]
 
 
 def read(
@@ -37,16 +39,21 @@ def read(
     *,
     topic: str | None = None,
     repair: str | Sequence[str] | None = None,
+    allow_damaged: bool = True,
 ) -> Record:
     """The whole file, or these columns of it, as one record whose channels have the requested names.
 
     columns: names in the order wanted; None: all numeric columns of the only topic (or of `topic`). Columns from
     several topics are joined when their stamps agree, or by the repair rule `interpolate`. repair: rules by name, as
-    "sort,drop" or ("sort", "drop"), applied in that order. Raises RecordError, with place and remedy.
+    "sort,drop" or ("sort", "drop"), applied in that order. allow_damaged: whether a file that lost something is read
+    (and says so in its metadata) or refused. Raises RecordError, with place and remedy.
     """
     source = _source(path)
     try:
-        return assemble.whole(source, columns, topic, repair)
+        record = assemble.whole(source, columns, topic, repair)
+        if not allow_damaged:
+            source.require_whole()
+        return record
     finally:
         source.close()
 
@@ -58,8 +65,12 @@ def stream(
     topic: str | None = None,
     repair: str | Sequence[str] | None = None,
     rows: int = 4096,
+    allow_damaged: bool = True,
 ) -> Iterator[Record]:
     """The same in chunks of at most `rows` rows, which joined equal `read`. Errors come when their row is reached.
+
+    A chunk's metadata holds the damage that is known when it is read, the last one's all of it. With `allow_damaged` off
+    no chunk comes from behind a damage.
 
     Memory does not grow with the file for MCAP (chunk by chunk), CSV (block of lines), Parquet (batch) and TDMS
     (slices). MDF4 and .mat files are read whole, and so is any file with a repair rule other than `drop`.
@@ -68,7 +79,12 @@ def stream(
         raise RecordError("a chunk has at least one row", where=fspath(path), got=rows)
     source = _source(path)
     try:
-        yield from assemble.chunks(source, columns, topic, repair, rows)
+        for chunk in assemble.chunks(source, columns, topic, repair, rows):
+            if not allow_damaged:
+                source.require_whole()
+            yield chunk
+        if not allow_damaged:
+            source.require_whole()
     finally:
         source.close()
 
@@ -92,7 +108,7 @@ def describe(path: str | PathLike[str]) -> Contents:
     source = _source(path)
     try:
         topics = tuple(TopicContents(topic, source.extent(topic.name)) for topic in source.topics())
-        return Contents(source.path, source.format, topics, source.truncated)
+        return Contents(source.path, source.format, topics, source.truncated, source.damage, source.left_out)
     finally:
         source.close()
 
@@ -109,7 +125,7 @@ def _suffix(path: str | PathLike[str]) -> str:
     return suffix
 
 
-def _source(path: str | PathLike[str]) -> Source:
+def _source(path: str | PathLike[str]) -> Guarded:
     suffix, name = _suffix(path), fspath(path)
     if not Path(path).is_file():
         raise RecordError("there is no such file", where=name)
@@ -125,7 +141,7 @@ def _source(path: str | PathLike[str]) -> Source:
         from fmucorrect.records.tdms import TdmsSource as Opened
     else:
         from fmucorrect.records.mat import MatSource as Opened
-    return Opened(name)
+    return Guarded(name, Opened)
 
 
 def _sink(suffix: str, name: str) -> Sink:

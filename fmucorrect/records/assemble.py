@@ -17,7 +17,7 @@ _STREAMED = {"drop"}
 """Rules that need only what came before a row; the others need the whole file."""
 
 RESERVED = ("path", "topic", "truncated")
-"""Metadata that reading sets and writing leaves out."""
+"""Metadata that reading sets and writing leaves out. What was lost ("damage") and mended ("repaired") is written on."""
 
 
 def whole(
@@ -55,6 +55,8 @@ def _record(source: Source, found: Plan, block: Block) -> Record:
         metadata["topic"] = found.parts[0].topic.name
     if source.truncated:
         metadata["truncated"] = "true"
+    if damage := source.damage:
+        metadata["damage"] = "; ".join(filter(None, [damage, metadata.get("damage")]))
     return Record(block.t_ns, block.values, channels, metadata)
 
 

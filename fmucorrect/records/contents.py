@@ -54,9 +54,15 @@ class TopicContents:
 
 @dataclass(frozen=True)
 class Contents:
-    """A record file at a glance. truncated: the file was cut off, and only its complete part is counted."""
+    """A record file at a glance. truncated: the file was cut off, and only its complete part is counted.
+
+    damage: what is lost, in words with counts; "" when the file is whole. left_out: one entry for each thing in the file
+    that is not offered as a column, with the reason.
+    """
 
     path: str
     format: str
     topics: tuple[TopicContents, ...]
     truncated: bool
+    damage: str = ""
+    left_out: tuple[str, ...] = ()

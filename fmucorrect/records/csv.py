@@ -34,6 +34,8 @@ class CsvSource:
     """A CSV file opened for reading. Raises RecordError when its first column is not `time`."""
 
     format = "CSV"
+    damage = ""
+    left_out: tuple[str, ...] = ()
 
     def __init__(self, path: str) -> None:
         self.path = path

@@ -26,6 +26,8 @@ class MatSource:
 
     format = "MATLAB"
     truncated = False
+    damage = ""
+    left_out: tuple[str, ...] = ()
 
     def __init__(self, path: str) -> None:
         from scipy.io import loadmat

@@ -34,6 +34,8 @@ class McapSource:
     """An MCAP file opened for reading. Raises RecordError when it is no MCAP file or holds no topic."""
 
     format = "MCAP"
+    damage = ""
+    left_out: tuple[str, ...] = ()
 
     def __init__(self, path: str) -> None:
         self.path = path

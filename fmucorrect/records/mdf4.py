@@ -33,6 +33,8 @@ class Mdf4Source:
 
     format = "MDF4"
     truncated = False
+    damage = ""
+    left_out: tuple[str, ...] = ()
 
     def __init__(self, path: str) -> None:
         self.path = path

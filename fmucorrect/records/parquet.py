@@ -36,6 +36,8 @@ class ParquetSource:
 
     format = "Parquet"
     truncated = False
+    damage = ""
+    left_out: tuple[str, ...] = ()
 
     def __init__(self, path: str) -> None:
         self.path = path

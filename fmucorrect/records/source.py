@@ -32,11 +32,23 @@ class Block:
 
 @runtime_checkable
 class Source(Protocol):
-    """An open record file. Call order: topics, then blocks or extent any number of times, then close."""
+    """An open record file. Call order: topics, then blocks or extent any number of times, then close.
 
-    path: str
-    format: str
-    truncated: bool
+    truncated: the file was cut off. damage: what is lost, in words with counts ("cut off in its last chunk: 300 of 400
+    rows of /simulation are there"), as far as is known by now; "" when nothing is. left_out: one entry for each thing in
+    the file that is not offered as a column, with the reason.
+    """
+
+    @property
+    def path(self) -> str: ...
+    @property
+    def format(self) -> str: ...
+    @property
+    def truncated(self) -> bool: ...
+    @property
+    def damage(self) -> str: ...
+    @property
+    def left_out(self) -> tuple[str, ...]: ...
 
     def topics(self) -> tuple[Topic, ...]:
         """The topics in file order, with their numeric columns."""
