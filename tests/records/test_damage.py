@@ -21,7 +21,7 @@ def cut(folder: Path) -> Path:
         for start in range(0, 400, 100):
             file.write("/simulation", record.rows(start, start + 100))
     data = path.read_bytes()
-    path.write_bytes(data[: data.rindex(b"zstd") + 100])
+    path.write_bytes(data[: data.rindex(b"zstd", 0, data.index(b"\x0f\x04" + bytes(7))) + 100])  # before the data end
     return path
 
 
@@ -41,9 +41,9 @@ def test_a_cut_file_says_so_wherever_it_is_read(tmp_path: Path) -> None:
 
 def test_it_is_refused_where_that_is_asked(tmp_path: Path) -> None:
     path = cut(tmp_path)
-    with pytest.raises(RecordError, match="damaged.*cut off.*--allow-damaged"):
+    with pytest.raises(RecordError, match=r"damaged.*cut off.*--allow-damaged"):
         records.read(path, allow_damaged=False)
-    with pytest.raises(RecordError, match="damaged.*cut off.*--allow-damaged"):
+    with pytest.raises(RecordError, match=r"damaged.*cut off.*--allow-damaged"):
         list(records.stream(path, allow_damaged=False))
 
 
