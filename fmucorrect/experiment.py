@@ -69,7 +69,8 @@ def read_measurement(study: Study, condition: Condition) -> Record:
         if c.acceleration
     ]
     wanted = (*study.channels, *accelerations, *sources.excitation_channel(study))
-    raw = records.read(condition.measurement, [channel.measurement or channel.name for channel in wanted])
+    names = [channel.measurement or channel.name for channel in wanted]
+    raw = records.read(condition.measurement, names, allow_damaged=study.allow_damaged)
     timebase.require_uniform(raw, where=str(condition.measurement))
     factors, channels = [], []
     for have, want in zip(raw.channels, wanted, strict=True):
@@ -82,11 +83,16 @@ def read_measurement(study: Study, condition: Condition) -> Record:
     return resample(measured, study.simulation.step_ns)
 
 
-def pair(study: Study, condition: Condition, simulated: Record | None = None) -> Pair:
+def pair(
+    study: Study, condition: Condition, simulated: Record | None = None, *, allow_damaged: bool | None = None
+) -> Pair:
     """Simulation (run here unless given) and measurement of a condition, registered on the recorded excitation.
 
-    Without a recorded excitation the clocks are taken at their word: both first samples are the same instant.
+    Without a recorded excitation the clocks are taken at their word: both first samples are the same instant. Raises
+    RecordError for a record that lost something, unless `allow_damaged` (by default the study's).
     """
+    if allow_damaged is not None:
+        study = replace(study, allow_damaged=allow_damaged)
     simulated = simulate(study, condition) if simulated is None else simulated
     measured = read_measurement(study, condition)
     count = len(study.channels)

@@ -96,7 +96,7 @@ def study_problems(study: Study) -> list[str]:
                 problems.append(str(error))
                 continue
             columns[path] = record_columns(contents)
-            if contents.damage:
+            if contents.damage and not study.allow_damaged:
                 problems.append(str(records.damaged(str(path), contents.damage)))
     problems += [
         f"joint {joint.name!r}: kinds names {kind!r}, expected any of {', '.join(FAMILIES)}{nearest(kind, FAMILIES)}"

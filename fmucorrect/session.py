@@ -3,6 +3,7 @@ as soon as it is there. Memory does not grow with the length, and a killed run l
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -29,6 +30,9 @@ from fmucorrect.study import Study
 
 CORRECTED = "/corrected"
 FEATURES = ("speed", "amplitude", "frequency", "start")
+_LARGEST = 9e9
+"""No speed, amplitude, frequency or start is larger: int64 nanoseconds end at 9.2e9 s."""
+
 Progress = Callable[[int], object]
 """Called with the number of rows done since its last call."""
 
@@ -38,7 +42,8 @@ class Summary:
     """What a run wrote.
 
     rows: samples. seconds: simulated time from the first to the last sample. elapsed: wall clock, s. status: share of the
-    samples by status name, empty where nothing was corrected.
+    samples by status name, empty where nothing was corrected. damage, repaired: what the records that were read had lost,
+    and what repair rules changed in them, in words; "" for nothing.
     """
 
     path: Path
@@ -47,6 +52,8 @@ class Summary:
     seconds: float
     elapsed: float
     status: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    damage: str = ""
+    repaired: str = ""
 
     @property
     def real_time_factor(self) -> float:
@@ -63,6 +70,8 @@ class Summary:
             "elapsed": round(self.elapsed, 6),
             "real_time_factor": round(self.real_time_factor, 3),
             "status": dict(self.status),
+            "damage": self.damage,
+            "repaired": self.repaired,
         }
 
 
@@ -79,9 +88,11 @@ def run_study(
 
     duration: s from time zero, by default as long as the condition was measured; a simulated record is taken whole.
     """
+    lost = sources.damages(condition) if study.allow_damaged else {}
+    told = {"damage": "; ".join(f"{file.name}: {damage}" for file, damage in lost.items())}
     plant = sources.plant(study, condition)
     inputs = sources.inputs(study, condition, duration)
-    return _write(plant, corrector, condition, inputs, out, progress)
+    return _write(plant, corrector, condition, inputs, out, progress, told)
 
 
 def replay_log(
@@ -93,12 +104,20 @@ def replay_log(
     topic: str | None = None,
     repair: str | None = None,
     unit: str | None = None,
+    allow_damaged: bool = False,
     progress: Progress | None = None,
 ) -> Summary:
-    """Stream a logged simulation through `corrector` into a record file; `unit` is that of columns whose file says none."""
+    """Stream a logged simulation through `corrector` into a record file; `unit` is that of columns whose file says none.
+
+    Raises RecordError before anything is written where the log has lost something, unless `allow_damaged`.
+    """
     channels = corrector.channels
-    inputs = sources.log_inputs(log, channels, topic=topic, repair=repair, unit=unit)
-    return _write(ReplayStepper(channels), corrector, condition, inputs, out, progress)
+    damage = records.describe(log).damage
+    if damage and not allow_damaged:
+        raise records.damaged(str(log), damage)
+    inputs = sources.log_inputs(log, channels, topic=topic, repair=repair, unit=unit, allow_damaged=allow_damaged)
+    told = {"damage": damage, "repaired": sources.repaired(log, channels, topic=topic, repair=repair)}
+    return _write(ReplayStepper(channels), corrector, condition, inputs, out, progress, told)
 
 
 def logged_condition(log: Path, topic: str | None = None) -> Condition | None:
@@ -106,10 +125,27 @@ def logged_condition(log: Path, topic: str | None = None) -> Condition | None:
     for item in records.describe(log).topics:
         data = item.topic.metadata
         if topic in (None, item.topic.name) and {"condition", *FEATURES} <= set(data):
-            speed, amplitude, frequency, start = (float(data[key]) for key in FEATURES)
+            speed, amplitude, frequency, start = (_stated(log, data, key) for key in FEATURES)
             role = data.get("role", "development")
             return Condition(data["condition"], role, speed, amplitude, frequency, start)
     return None
+
+
+def _stated(log: Path, data: Mapping[str, str], key: str) -> float:
+    """A number that a log's metadata state."""
+    try:
+        value = float(data[key])
+    except ValueError:
+        value = math.nan
+    if not abs(value) <= _LARGEST:
+        raise RecordError(
+            f"the log's metadata state no usable {key}",
+            where=str(log),
+            expected=f"a number up to {_LARGEST:g}",
+            got=repr(data[key]),
+            remedy=f"Give --{key}, or --study and --condition.",
+        )
+    return value
 
 
 def metadata(condition: Condition) -> dict[str, str]:
@@ -128,10 +164,11 @@ class _Recorder:
     """Writes results as they come, and counts them."""
 
     def __init__(
-        self, file: Writer, condition: Condition, added: int, several: bool, progress: Progress | None
+        self, file: Writer, notes: Mapping[str, str], added: int, several: bool, progress: Progress | None
     ) -> None:
-        """added: columns of the correction, behind the simulation's. several: whether the file takes several topics."""
-        self._file, self._notes, self._added, self._several = file, metadata(condition), added, several
+        """notes: metadata of what is written. added: columns of the correction, behind the simulation's. several: whether
+        the file takes several topics."""
+        self._file, self._notes, self._added, self._several = file, notes, added, several
         self._progress = progress
         self.rows, self.first_ns, self.last_ns = 0, 0, 0
         self.counts = np.zeros(len(Status), np.int64)
@@ -169,13 +206,16 @@ def _write(
     inputs: Iterable[Record],
     out: Path,
     progress: Progress | None,
+    told: Mapping[str, str],
 ) -> Summary:
+    """told: what was lost and mended in what is read."""
     begun = time.perf_counter()
     try:
         stepper = plant if corrector is None else CorrectedStepper(plant, corrector)
         added = 0 if corrector is None else len(corrected_channels(corrector.channels))
         with records.writer(out) as file:
-            recorder = _Recorder(file, condition, added, out.suffix.lower() == ".mcap", progress)
+            notes = metadata(condition) | {key: text for key, text in told.items() if text}
+            recorder = _Recorder(file, notes, added, out.suffix.lower() == ".mcap", progress)
             run(stepper, condition, inputs, recorder.take)
     finally:
         plant.close()
@@ -183,4 +223,5 @@ def _write(
         raise RecordError("there was nothing to run: the input has no rows", where=str(out))
     shares = {} if corrector is None else {s.name.lower(): float(recorder.counts[s] / recorder.rows) for s in Status}
     seconds = (recorder.last_ns - recorder.first_ns) / NANOSECONDS
-    return Summary(out, recorder.topics, recorder.rows, seconds, time.perf_counter() - begun, shares)
+    elapsed = time.perf_counter() - begun
+    return Summary(out, recorder.topics, recorder.rows, seconds, elapsed, shares, **told)

@@ -41,26 +41,40 @@ def inputs(study: Study, condition: Condition, duration: float | None = None) ->
     if condition.simulated is not None or study.simulation.fmu is None:
         if condition.simulated is None:
             raise RecordError(f"condition {condition.name!r} has neither an FMU nor a simulated record")
-        yield from log_inputs(condition.simulated, (*study.channels, *excitation_channel(study)))
+        channels = (*study.channels, *excitation_channel(study))
+        yield from log_inputs(condition.simulated, channels, allow_damaged=study.allow_damaged)
         return
-    series = records.read(condition.inputs) if condition.inputs is not None else None
-    length = measured_duration(condition) if duration is None else duration
+    series = None
+    if condition.inputs is not None:
+        series = records.read(condition.inputs, allow_damaged=study.allow_damaged)
+    length = measured_duration(condition, study.allow_damaged) if duration is None else duration
     for chunk in grid(length, study.simulation.step_ns, ROWS):
         yield chunk if series is None else input_record(chunk.t_ns, series)
 
 
-def measured_duration(condition: Condition) -> float:
+def measured_duration(condition: Condition, allow_damaged: bool = False) -> float:
     """How long the measurement of a condition is, in seconds."""
     if condition.measurement is None:
         raise RecordError(f"condition {condition.name!r} has no measurement")
+    contents = records.describe(condition.measurement)
+    if contents.damage and not allow_damaged:
+        raise records.damaged(contents.path, contents.damage)
     lengths = [
-        (topic.extent.stop_ns or 0) - (topic.extent.start_ns or 0)
-        for topic in records.describe(condition.measurement).topics
-        if topic.extent.rows > 1
+        (topic.extent.stop_ns or 0) - (topic.extent.start_ns or 0) for topic in contents.topics if topic.extent.rows > 1
     ]
     if not lengths:
         raise RecordError("there are no readable rows", where=str(condition.measurement))
     return max(lengths) / NANOSECONDS
+
+
+def damages(condition: Condition) -> dict[Path, str]:
+    """What the records of a condition have lost, by file, in words; a file that is whole is not there."""
+    found: dict[Path, str] = {}
+    for path in (condition.measurement, condition.simulated, condition.inputs):
+        damage = records.describe(path).damage if path is not None else ""
+        if path is not None and damage:
+            found[path] = damage
+    return found
 
 
 def excitation_channel(study: Study) -> tuple[Channel, ...]:
@@ -78,7 +92,7 @@ def expected_rows(study: Study, condition: Condition, duration: float | None = N
     """How many samples `inputs` gives."""
     if condition.simulated is not None:
         return logged_rows(condition.simulated, None)
-    length = measured_duration(condition) if duration is None else duration
+    length = measured_duration(condition, study.allow_damaged) if duration is None else duration
     return round(length * NANOSECONDS / study.simulation.step_ns) + 1
 
 
@@ -95,19 +109,32 @@ def log_inputs(
     topic: str | None = None,
     repair: str | None = None,
     unit: str | None = None,
+    allow_damaged: bool = False,
 ) -> Iterator[Record]:
     """The columns of a logged simulation that `channels` name (by `simulation` or `name`), in their units.
 
     topic: by default /simulation where the file has it, else wherever the columns are. Raises RecordError for a column
-    that is not there, SignalError for a unit that does not fit or is not said.
+    that is not there or a file that is not whole (unless `allow_damaged`), SignalError for a unit that does not fit or is
+    not said.
     """
     chosen = topic or default_topic(log)
     factors: np.ndarray | None = None
-    for chunk in records.stream(log, columns(log, channels, chosen), topic=chosen, repair=repair, rows=ROWS):
+    names = columns(log, channels, chosen)
+    for chunk in records.stream(log, names, topic=chosen, repair=repair, rows=ROWS, allow_damaged=allow_damaged):
         if factors is None:
             pairs = zip(chunk.channels, channels, strict=True)
             factors = np.array([_factor(have, want, log, unit) for have, want in pairs])
         yield replace(chunk, values=chunk.values * factors if (factors != 1.0).any() else chunk.values)
+
+
+def repaired(log: Path, channels: tuple[Channel, ...], *, topic: str | None = None, repair: str | None = None) -> str:
+    """What repair rules change in these columns of a log, in words; "" for nothing. Reads the log once where there are any."""
+    told = ""
+    if repair:
+        chosen = topic or default_topic(log)
+        for chunk in records.stream(log, columns(log, channels, chosen), topic=chosen, repair=repair):
+            told = chunk.metadata.get("repaired", "")
+    return told
 
 
 def columns(log: Path, channels: tuple[Channel, ...], topic: str | None = None) -> list[str]:

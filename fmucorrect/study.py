@@ -112,7 +112,8 @@ class Adjustable:
 class Study:
     """A validated study file. All paths are absolute.
 
-    path: the file. hash: SHA-256 of its bytes, hex. places: where in the file each value stands.
+    path: the file. hash: SHA-256 of its bytes, hex. places: where in the file each value stands. allow_damaged: whether
+    records that lost something are taken for what is there; no key of the file, but said where it is loaded.
     """
 
     path: Path
@@ -128,6 +129,7 @@ class Study:
     adjustable: tuple[Adjustable, ...] = ()
     training: Training = field(default_factory=Training)
     places: Places = field(default_factory=dict, repr=False, compare=False)
+    allow_damaged: bool = False
 
     @property
     def fmu(self) -> Path | None:

@@ -4,15 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from fmucorrect import __version__
 from fmucorrect.errors import FmucorrectError
 
+if TYPE_CHECKING:
+    from fmucorrect.study import Study
+
 PATH = click.Path(path_type=Path)
+
+ALLOW_DAMAGED = click.option(
+    "--allow-damaged", is_flag=True, help="Go on with records that are cut off or damaged; what they lost is told."
+)
+"""The option of every command that reads records and writes what follows from them."""
 
 
 class UserError(click.ClickException):
@@ -45,6 +54,25 @@ def main() -> None:
 
     Start with: fmucorrect demo
     """
+
+
+def open_study(path: Path, allow_damaged: bool) -> Study:
+    """The study; with `allow_damaged` what its records have lost is told on standard error."""
+    from fmucorrect import sources
+    from fmucorrect.study import load_study
+
+    study = load_study(path)
+    if not allow_damaged:
+        return study
+    for condition in study.conditions:
+        for file, damage in sources.damages(condition).items():
+            tell_damage(file, damage)
+    return replace(study, allow_damaged=True)
+
+
+def tell_damage(file: Path, damage: str) -> None:
+    """On standard error, in one line."""
+    click.echo(f"{file}: damaged, {damage}", err=True)
 
 
 @contextmanager

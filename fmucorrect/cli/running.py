@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from fmucorrect.cli.group import PATH, UserError, progress_bar
+from fmucorrect.cli.group import ALLOW_DAMAGED, PATH, UserError, open_study, progress_bar, tell_damage
 
 if TYPE_CHECKING:
     from fmucorrect.session import Summary
@@ -61,8 +61,17 @@ def demo(out: Path, as_json: bool) -> None:
 @click.option("--corrector", type=PATH, help="The ONNX bundle; without it the bare simulation is written.")
 @click.option("--duration", type=click.FloatRange(min=0, min_open=True), help="s; default: as long as the measurement.")
 @click.option("-o", "--out", type=PATH, required=True, help="Record file to write; .mcap takes several topics.")
+@ALLOW_DAMAGED
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON.")
-def run(study: Path, condition: str, corrector: Path | None, duration: float | None, out: Path, as_json: bool) -> None:
+def run(
+    study: Path,
+    condition: str,
+    corrector: Path | None,
+    duration: float | None,
+    out: Path,
+    allow_damaged: bool,
+    as_json: bool,
+) -> None:
     """Run the FMU of a STUDY at a condition, through a corrector, into a record file.
 
     Topics /simulation and /corrected (the latter with a corrector only). Stopped at any moment, the MCAP stays readable.
@@ -70,9 +79,8 @@ def run(study: Path, condition: str, corrector: Path | None, duration: float | N
     Example: fmucorrect run study.toml --condition 385 --corrector corrector.onnx -o run.mcap
     """
     from fmucorrect import bundle, session, sources
-    from fmucorrect.study import load_study
 
-    the_study = load_study(study)
+    the_study = open_study(study, allow_damaged)
     chosen = the_study.condition(condition)
     model = bundle.load(corrector) if corrector is not None else None
     rows = sources.expected_rows(the_study, chosen, duration)
@@ -94,6 +102,7 @@ def run(study: Path, condition: str, corrector: Path | None, duration: float | N
 @click.option("--repair", help="Rules for a log with flaws: sort, drop, interpolate, resample; as 'sort,drop'.")
 @click.option("--unit", help="Unit of the columns for which the log says none, as 'mm'.")
 @click.option("-o", "--out", type=PATH, required=True, help="Record file to write; .mcap takes several topics.")
+@ALLOW_DAMAGED
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON.")
 def replay(
     log: Path,
@@ -104,6 +113,7 @@ def replay(
     repair: str | None,
     unit: str | None,
     out: Path,
+    allow_damaged: bool,
     as_json: bool,
     **features: float | None,
 ) -> None:
@@ -121,7 +131,19 @@ def replay(
     model = bundle.load(corrector)
     chosen = _condition(log, topic, study, condition, features)
     with progress_bar(sources.logged_rows(log, topic), "sample", log.name) as advance:
-        summary = session.replay_log(log, chosen, out, model, topic=topic, repair=repair, unit=unit, progress=advance)
+        summary = session.replay_log(
+            log,
+            chosen,
+            out,
+            model,
+            topic=topic,
+            repair=repair,
+            unit=unit,
+            allow_damaged=allow_damaged,
+            progress=advance,
+        )
+    if summary.damage:
+        tell_damage(log, summary.damage)
     _print_summary(summary, as_json)
 
 
@@ -174,6 +196,8 @@ def _print_summary(summary: Summary, as_json: bool) -> None:
         click.echo(json.dumps(summary.to_json(), indent=1))
         return
     click.echo(f"{summary.path}: {', '.join(summary.topics)}")
+    if summary.repaired:
+        click.echo(f"repaired: {summary.repaired}")
     click.echo(
         f"{summary.rows} samples, {summary.seconds:g} s simulated in {summary.elapsed:.2f} s, "
         f"{summary.real_time_factor:.0f} times real time"

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from fmucorrect.cli.group import PATH, UserError, progress_bar
+from fmucorrect.cli.group import ALLOW_DAMAGED, PATH, UserError, open_study, progress_bar
 
 if TYPE_CHECKING:
     from fmucorrect.study import Study
@@ -31,8 +31,11 @@ def _training_options(command: Callable[..., None]) -> Callable[..., None]:
 @click.option("-o", "--out", type=PATH, required=True, help="Folder for the model, its card, its page and its figures.")
 @click.option("--seed", type=click.IntRange(0), help="Of everything that is drawn; default: the study's.")
 @_training_options
+@ALLOW_DAMAGED
 @click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
-def train(study: Path, out: Path, seed: int | None, device: str, scheduler: str, as_json: bool) -> None:
+def train(
+    study: Path, out: Path, seed: int | None, device: str, scheduler: str, allow_damaged: bool, as_json: bool
+) -> None:
     """Train a corrector on the development conditions of a STUDY, then score it on all.
 
     TDNN baseline, amplitude factor and residual correction, several members, with a calibrated band; leaving one speed out
@@ -42,10 +45,9 @@ def train(study: Path, out: Path, seed: int | None, device: str, scheduler: str,
     Example: fmucorrect train study.toml -o model
     """
     from fmucorrect.report import training_page
-    from fmucorrect.study import load_study
 
     protocol, results, tasks = _training("protocol", "results", "tasks")
-    the_study = load_study(study)
+    the_study = open_study(study, allow_damaged)
     chosen = the_study.training if seed is None else replace(the_study.training, seed=seed)
     with progress_bar(protocol.total_epochs(the_study, chosen), "epoch", the_study.name) as advance:
         shop = tasks.Workshop(out / "work", tasks.CORES, scheduler, device, advance)
@@ -74,9 +76,17 @@ def train(study: Path, out: Path, seed: int | None, device: str, scheduler: str,
     "--ablate", is_flag=True, help="Also switch each loss term and stage off, one at a time. Of one study alone."
 )
 @_training_options
+@ALLOW_DAMAGED
 @click.option("--json", "as_json", is_flag=True, help="Print compare.json, or models.json.")
 def compare(
-    studies: tuple[Path, ...], out: Path, seeds: int | None, ablate: bool, device: str, scheduler: str, as_json: bool
+    studies: tuple[Path, ...],
+    out: Path,
+    seeds: int | None,
+    ablate: bool,
+    device: str,
+    scheduler: str,
+    allow_damaged: bool,
+    as_json: bool,
 ) -> None:
     """Train every compared case on a study and score it on the evaluation conditions: the paper's three, simpler ones, ours.
 
@@ -90,9 +100,7 @@ def compare(
 
     Example: fmucorrect compare study.toml found/study.toml -o models
     """
-    from fmucorrect.study import load_study
-
-    loaded = [load_study(path) for path in studies]
+    loaded = [open_study(path, allow_damaged) for path in studies]
     if len(loaded) > 1:
         if ablate or seeds is not None:
             raise UserError("--seeds and --ablate belong to the comparison of methods on one study")
@@ -131,8 +139,9 @@ def _compare_models(studies: Sequence[Study], out: Path, device: str, scheduler:
 @click.command()
 @click.argument("study", type=PATH)
 @click.option("-o", "--out", type=PATH, help="Write the page there, or the figures where it ends in .json.")
+@ALLOW_DAMAGED
 @click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
-def diagnose(study: Path, out: Path | None, as_json: bool) -> None:
+def diagnose(study: Path, out: Path | None, allow_damaged: bool, as_json: bool) -> None:
     """Ask whether each accelerometer of a STUDY fits the second derivative of its displacement.
 
     Direct R2 and correlation, lag search, spectral overlap and coherence at every condition; recommends channels and band
@@ -141,9 +150,8 @@ def diagnose(study: Path, out: Path | None, as_json: bool) -> None:
     Example: fmucorrect diagnose study.toml -o diagnosis.html
     """
     from fmucorrect import diagnosis
-    from fmucorrect.study import load_study
 
-    the_study = load_study(study)
+    the_study = open_study(study, allow_damaged)
     with progress_bar(len(the_study.conditions), "condition", the_study.name) as advance:
         found = diagnosis.diagnose(the_study, advance)
     text = json.dumps(found.to_json(), indent=1)

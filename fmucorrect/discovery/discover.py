@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ import numpy as np
 from jaxtyping import Float64
 from threadpoolctl import threadpool_limits
 
-from fmucorrect import experiment
+from fmucorrect import experiment, sources
 from fmucorrect.discovery import output
 from fmucorrect.discovery.augmented import Found, found_of, write_model
 from fmucorrect.discovery.confirm import Gap, carries_over, gaps, sensor_errors
@@ -46,16 +47,18 @@ def discover(
     *,
     progress: Progress = lambda stage, done, total: None,
     executor: Executor | None = None,
+    allow_damaged: bool = False,
 ) -> dict[str, Any]:
     """Everything of `fmucorrect discover`: returns the report, which is also OUT/report.json, with report.html beside it and,
     where something was found that an FMU can take, effects.toml, augmented.fmu and study.toml.
 
     The evaluation conditions are read after the naming is done. What is found on the way lies in OUT/.progress until the report
     is written: a run that was broken off goes on where it stopped, as far as nothing has changed since. executor: simulates
-    large batches of candidates, on other machines perhaps; None for this machine alone. Raises StudyError, RecordError,
+    large batches of candidates, on other machines perhaps; None for this machine alone. allow_damaged: whether records that
+    lost something are taken for what is there; the report's notes say what they lost. Raises StudyError, RecordError,
     SignalError, FmuError.
     """
-    study = load_study(study_file)
+    study = replace(load_study(study_file), allow_damaged=allow_damaged)
     problems = study_problems(study)
     if problems:
         raise StudyError(str(study.path), problems)
@@ -85,6 +88,10 @@ def discover(
         progress("augmented FMU", 0, 1)
         written, notes = write_model(study, found, folder)
     report["notes"] += notes
+    if allow_damaged:
+        for condition in study.conditions:
+            for file, damage in sources.damages(condition).items():
+                report["notes"].append(f"condition {condition.name}: {file.name} is damaged: {damage}")
     report["files"] = ["report.json", "report.html", *written]
     lap("write")
     report["stages"] = {stage: round(value, 3) for stage, value in seconds.items()}
