@@ -1,9 +1,9 @@
-"""CSV: the first column `time` in s, the header `name` or `name [unit]`, rows of numbers.
+"""CSV: a first column `time` in s, a header `name` or `name [unit]`, rows of numbers.
 
-Comma, semicolon or tab; a decimal comma where the semicolon separates. An empty cell is NaN. Times are read exactly
-from their decimals, and written with all nine. A last line without its end: files written here (nine decimals) always
-end their lines, so such a file was cut off and the line is left out; in other files a complete row counts, an
-incomplete one is left out as cut off.
+Comma, semicolon or tab; a decimal comma where one of the last two separates. A cell that is empty or says n/a is NaN.
+Times are numbers of any unit of time or ISO 8601 stamps, read exactly, and written in s with nine decimals. How other
+programs lay their files out is found in `fmucorrect.records.csv_layout`. A row with more or fewer cells than the header
+is an error; a last line without its end is left out as cut off unless it is surely whole (`CsvSource._end`).
 """
 
 from __future__ import annotations
@@ -12,26 +12,27 @@ import csv
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from itertools import islice
+from itertools import repeat
 from pathlib import Path
 from typing import IO
 
 import numpy as np
 
 from fmucorrect.errors import RecordError
-from fmucorrect.records import seconds
-from fmucorrect.records.contents import Column, Extent, Topic
-from fmucorrect.records.source import Block, extent_of
+from fmucorrect.records import naming, seconds
+from fmucorrect.records.contents import Extent, Topic
+from fmucorrect.records.csv_layout import MOST_CHARACTERS, layout, missing, number, opened, split, tail
+from fmucorrect.records.source import NO_TIME, Block, extent_of
 from fmucorrect.signals import NANOSECONDS, Record
 
-_SPACED = re.compile(r"^(.*\S)\s+\[([^\[\]]*)\]$")
-_TIGHT = re.compile(r"^(.*\S)\[([^\[\]]*\D[^\[\]]*)\]$")  # a number in brackets counts entries: wheel[0]
 _NINE = re.compile(r"^-?\d+\.\d{9}$")
 _LINES = 8192
+_COMPARED = 200
+"""Lines with which a last line without its end is compared."""
 
 
 class CsvSource:
-    """A CSV file opened for reading. Raises RecordError when its first column is not `time`."""
+    """A CSV file opened for reading. Raises RecordError when it has no header with a time."""
 
     format = "CSV"
     damage = ""
@@ -39,26 +40,11 @@ class CsvSource:
 
     def __init__(self, path: str) -> None:
         self.path = path
+        self._layout = layout(path)
         self._streams: list[IO[str]] = []
-        header = self._open().readline()
-        if not header.endswith("\n"):
-            self.close()
-            raise RecordError(
-                "the header is not complete", where=path, expected="a line 'time,name [unit],...' and rows"
-            )
-        self._delimiter = max(",;\t", key=header.count)
-        names = next(csv.reader([header.strip("\r\n")], delimiter=self._delimiter), [])
-        self._columns = [_column(name) for name in names]
-        if not self._columns or self._columns[0].name.lower() != "time" or self._columns[0].unit not in ("1", "s"):
-            self.close()
-            raise RecordError(
-                "the first column is wrong", where=path, expected="'time' in s", got=repr(names[0] if names else "")
-            )
-        self._last = self._last_line()
-        self.truncated = self._last is not None and self._cut(self._last)
-        lines = self._open().readlines(65536)[1:2]
-        first = self._cells([line for line in lines if line.endswith("\n") or not self.truncated])
-        self._numeric = [c for c in range(1, len(names)) if not first or c >= len(first[0]) or _is_number(first[0][c])]
+        self.damage = self._end()
+        self.truncated = bool(self.damage)
+        self.left_out = self._layout.left_out
 
     def close(self) -> None:
         """Release the file."""
@@ -66,20 +52,19 @@ class CsvSource:
             stream.close()
 
     def topics(self) -> tuple[Topic, ...]:
-        """One topic, of the columns whose first cell is a number or empty."""
-        return (Topic("", tuple(self._columns[c] for c in self._numeric), "text"),)
+        """One topic, of the columns whose first cell is a number or missing."""
+        found = self._layout
+        told = {"assumed": "; ".join(found.assumed), "preamble": found.preamble}
+        metadata = {key: text for key, text in told.items() if text}
+        note = "" if found.numeric else "; ".join(found.left_out)
+        return (Topic("", tuple(found.columns[c] for c in found.numeric), "text", metadata, note),)
 
     def blocks(self, topic: str, columns: Sequence[str]) -> Iterator[Block]:
         """Blocks of lines. Raises RecordError for a cell that is no number, with line and column."""
-        names = [column.name for column in self._columns]
-        used = [0, *(names.index(column) for column in columns)]
-        stream = self._open()
-        stream.readline()
-        line = 2
-        while lines := list(islice(stream, _LINES)):
-            first, line = line, line + len(lines)
-            if self.truncated and not lines[-1].endswith("\n"):
-                lines.pop()
+        found = self._layout
+        names = [column.name for column in found.columns]
+        used = [found.time, *(names.index(column) for column in columns)]
+        for first, lines in self._lines():
             block = self._block(lines, first, used)
             if len(block.t_ns):
                 yield block
@@ -88,67 +73,141 @@ class CsvSource:
         """By reading the times."""
         return extent_of(self.blocks(topic, []))
 
-    def _open(self) -> IO[str]:
-        try:
-            stream = Path(self.path).open(encoding="utf-8-sig", errors="replace", newline="")  # noqa: SIM115 (close() closes it)
-        except OSError as error:
-            raise RecordError(f"the file cannot be read: {error.strerror}", where=self.path) from error
+    def _lines(self) -> Iterator[tuple[int, list[str]]]:
+        """The rows as lines without their ends, by the megabyte, each time with the number of the first line."""
+        stream = opened(self.path, self._layout.encoding)
         self._streams.append(stream)
-        return stream
+        held, number, skipped = "", 1, self._layout.first_line - 1
+        while text := stream.read(MOST_CHARACTERS):
+            lines = (held + text).split("\n")
+            held = lines.pop()
+            first, number = number, number + len(lines)
+            if len(held) > MOST_CHARACTERS:
+                raise RecordError(
+                    f"line {number} is too long", where=self.path, expected=f"at most {MOST_CHARACTERS} characters"
+                )
+            if first <= skipped:
+                lines = lines[skipped + 1 - first :]
+                first = skipped + 1
+            if lines:
+                yield first, lines
+        if held and not self.truncated and number > skipped:
+            yield number, [held]
 
-    def _last_line(self) -> str | None:
-        """The last line, if it has no end."""
-        with Path(self.path).open("rb") as stream:
-            size = stream.seek(0, 2)
-            stream.seek(max(0, size - 2**20))
-            tail = stream.read()
-        return None if tail.endswith(b"\n") else tail.rsplit(b"\n", 1)[-1].decode("utf-8", "replace")
+    def _end(self) -> str:
+        """What is wrong with the end of the file, in words.
 
-    def _cut(self, line: str) -> bool:
-        cells = self._cells([line])
-        if not cells or len(cells[0]) < len(self._columns):
-            return True
-        return bool(_NINE.match(cells[0][0]))
+        A last line without its end may be cut off in the middle of a number, which nothing in it tells. It counts only
+        if its cells are all there and its last one is as long (behind the decimal mark, if it has one) as in all lines
+        before it; otherwise it is left out. Files written here, with nine decimals of the time, always end their lines.
+        """
+        found = self._layout
+        lines = tail(self.path, found.encoding)
+        last = lines.pop()
+        if not last.strip():
+            return ""
+        rows = [cells for line in lines[-_COMPARED:] if len(cells := self._cells(line)) == len(found.columns)]
+        cells = self._cells(last)
+        complete = len(cells) == len(found.columns) and not _NINE.match(cells[0])
+        if complete and len(found.columns) - 1 in (found.time, *found.numeric):
+            lengths = {len(re.split("[.,]", row[-1])[-1]) for row in rows if not missing(row[-1])}
+            complete = lengths == {len(re.split("[.,]", cells[-1])[-1])}
+        return "" if complete else "cut off: the last line has no end and may be incomplete, so it is left out"
 
-    def _cells(self, lines: Sequence[str]) -> list[list[str]]:
-        rows = csv.reader((line.strip("\r\n") for line in lines), delimiter=self._delimiter)
-        return [[cell.strip() for cell in row] for row in rows if row]
+    def _cells(self, line: str) -> list[str]:
+        with suppress(csv.Error):
+            return split(line, self._layout.delimiter)
+        return []
 
     def _block(self, lines: list[str], first: int, used: list[int]) -> Block:
-        plain = [line.replace(",", ".") for line in lines] if self._delimiter == ";" else lines
+        found = self._layout
         numbers: np.ndarray | None = None
-        if any(line.strip() for line in plain):
+        if not found.stamps and set(map(str.count, lines, repeat(found.delimiter))) == {len(found.columns) - 1}:
             with suppress(ValueError):  # an empty cell, a quote, a word: cell by cell below
-                numbers = np.loadtxt(plain, delimiter=self._delimiter, usecols=used, ndmin=2, comments=None)
+                numbers = np.loadtxt(
+                    self._plain(lines), delimiter=found.delimiter, usecols=used, ndmin=2, comments=None
+                )
         if numbers is None:
-            return self._slow(plain, first, used)
-        t_ns = seconds.to_ns(np.ascontiguousarray(numbers[:, 0]))
-        if len(t_ns) and np.abs(t_ns).max() >= seconds.EXACT_SECONDS * NANOSECONDS:
-            t_ns = np.array([seconds.parse(row[0]) for row in self._cells(plain)], np.int64)
+            return self._slow(lines, first, used)
+        t_ns = seconds.to_ns(np.ascontiguousarray(numbers[:, 0]), found.per)
+        if len(t_ns) and np.abs(t_ns.astype(np.float64)).max() >= seconds.EXACT_SECONDS * NANOSECONDS:
+            times = [
+                (line.split(found.delimiter)[found.time], n) for n, line in enumerate(lines, first) if line.strip()
+            ]
+            t_ns = np.array([self._time(cell, n) for cell, n in times], np.int64)
         return Block(t_ns, np.ascontiguousarray(numbers[:, 1:]))
+
+    def _plain(self, lines: list[str]) -> list[str]:
+        """The lines with decimal points. Raises ValueError where that cannot be done for all of them at once."""
+        found = self._layout
+        if found.unnamed_last and not all(line.endswith(found.delimiter * found.unnamed_last) for line in lines):
+            raise ValueError
+        if found.mark != ",":
+            return lines
+        text = "\n".join(lines)
+        if "." in text:
+            raise ValueError
+        return text.replace(",", ".").split("\n")
 
     def _slow(self, lines: list[str], first: int, used: list[int]) -> Block:
         t_ns: list[int] = []
         rows: list[list[float]] = []
-        for number, line in enumerate(lines, first):
-            for cells in self._cells([line]):
-                if len(cells) != len(self._columns):
-                    raise RecordError(
-                        f"line {number} is wrong",
-                        where=self.path,
-                        expected=f"{len(self._columns)} cells",
-                        got=len(cells),
-                    )
-                t_ns.append(seconds.parse(cells[0]))
-                rows.append([self._number(cells[c], number, c) for c in used[1:]])
+        for n, line in enumerate(lines, first):
+            if not line.strip(" "):
+                continue
+            cells = self._row(line, n)
+            t_ns.append(self._time(cells[used[0]], n))
+            rows.append([self._number(cells[c], n, c) for c in used[1:]])
         return Block(np.array(t_ns, np.int64), np.array(rows, np.float64).reshape(len(t_ns), len(used) - 1))
 
-    def _number(self, cell: str, line: int, column: int) -> float:
+    def _row(self, line: str, at: int) -> list[str]:
+        found = self._layout
         try:
-            return float(cell) if cell else np.nan
-        except ValueError:
-            name = self._columns[column].name
-            raise RecordError(f"line {line}, column {name!r} is no number", where=self.path, got=repr(cell)) from None
+            cells = split(line, found.delimiter)
+        except csv.Error as error:
+            raise RecordError(f"line {at} cannot be read: {error}", where=self.path) from error
+        if len(cells) != len(found.columns):
+            raise RecordError(
+                f"line {at} is wrong",
+                where=self.path,
+                expected=f"{len(found.columns)} cells, as in the header",
+                got=len(cells),
+                remedy="A decimal comma needs the semicolon or the tab between cells, and every column its name."
+                if len(cells) > len(found.columns) and found.delimiter == ","
+                else None,
+            )
+        for c in range(len(cells) - found.unnamed_last, len(cells)):
+            if cells[c]:
+                raise RecordError(
+                    f"line {at}, column {c + 1} has no name but a value", where=self.path, got=repr(cells[c][:60])
+                )
+        return cells
+
+    def _time(self, cell: str, line: int) -> int:
+        found = self._layout
+        if missing(cell):
+            return NO_TIME
+        if found.stamps:
+            stamp = seconds.parse_stamp(cell.strip())
+            if stamp and stamp[1] == found.stamps:
+                return stamp[0]
+        elif number(cell, found.mark) is not None:
+            t_ns = seconds.parse(cell.replace(",", "."), found.per)
+            if t_ns != NO_TIME:
+                return t_ns
+        raise RecordError(
+            f"line {line}: the time cannot be read",
+            where=self.path,
+            expected={"": "a number", "midnight": "a clock time"}.get(found.stamps, "a stamp like the first one"),
+            got=repr(cell[:60]),
+        )
+
+    def _number(self, cell: str, line: int, column: int) -> float:
+        value = np.nan if missing(cell) else number(cell, self._layout.mark)
+        if value is None:
+            name = self._layout.columns[column].name
+            raise RecordError(f"line {line}, column {name!r} is no number", where=self.path, got=repr(cell[:60]))
+        return value
 
 
 class CsvSink:
@@ -163,7 +222,7 @@ class CsvSink:
         if self._stream is None:
             self._stream = Path(self._path).open("w", encoding="utf-8", newline="")  # noqa: SIM115 (close() closes it)
             header = [
-                c.name if c.unit == "1" and _column(c.name).name == c.name else f"{c.name} [{c.unit}]"
+                c.name if c.unit == "1" and naming.column(c.name).name == c.name else f"{c.name} [{c.unit}]"
                 for c in record.channels
             ]
             csv.writer(self._stream, lineterminator="\n").writerow(["time", *header])
@@ -178,16 +237,3 @@ class CsvSink:
         """Close the file."""
         if self._stream is not None:
             self._stream.close()
-
-
-def _column(header: str) -> Column:
-    match = _SPACED.match(header.strip()) or _TIGHT.match(header.strip())
-    return Column(match.group(1), match.group(2).strip() or "1") if match else Column(header.strip())
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell.replace(",", ".") or 0)
-    except ValueError:
-        return False
-    return True

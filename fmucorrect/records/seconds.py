@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from datetime import date
+
 import numpy as np
 from jaxtyping import Float64, Int64
 
@@ -11,19 +14,71 @@ from fmucorrect.signals import NANOSECONDS
 EXACT_SECONDS = 2.0**22
 """Below this (48 days) a double holds seconds finely enough to give back every nanosecond."""
 
-_LARGEST = 9.2e9
+_LARGEST_NS = 2**63 - 1
+_LONGEST = 64
+"""Characters of a time that is read exactly: more are no time, and a decimal of a million digits would take minutes."""
+
+_SYMBOLS = {
+    "s": NANOSECONDS,
+    "ms": 1_000_000,
+    "us": 1_000,
+    "µs": 1_000,  # micro sign
+    "μs": 1_000,  # Greek mu
+    "ns": 1,
+    "min": 60 * NANOSECONDS,
+    "h": 3600 * NANOSECONDS,
+    "d": 86400 * NANOSECONDS,
+}
+_WORDS = {
+    "sec secs second seconds sek sekunde sekunden": "s",
+    "msec msecs millisec millisecond milliseconds millisekunde millisekunden": "ms",
+    "usec usecs microsec microsecond microseconds mikrosekunden": "us",
+    "nsec nsecs nanosec nanosecond nanoseconds nanosekunden": "ns",
+    "mins minute minutes minuten": "min",
+    "hr hrs hour hours std stunde stunden": "h",
+    "day days tag tage": "d",
+}
+_BY_WORD = {word: _SYMBOLS[symbol] for words, symbol in _WORDS.items() for word in words.split()}
+
+_EPOCHS = ((1e11, 1e13, 1_000_000, "ms"), (1e14, 1e16, 1_000, "us"), (1e17, 9.2e18, 1, "ns"))
+"""Sizes of ms, us and ns since 1970 between 1973 and 2262; as seconds they would be beyond every stamp."""
+
+_STAMP = re.compile(
+    r"(\d{4})-(\d\d)-(\d\d)[T ](\d\d):(\d\d)(?::(\d\d)(?:[.,](\d{1,30}))?)? ?(Z|UTC|[+-]\d\d(?::?\d\d)?)?",
+    re.ASCII | re.IGNORECASE,
+)
+_CLOCK = re.compile(r"(\d{1,6}):([0-5]\d):([0-5]\d)(?:[.,](\d{1,30}))?", re.ASCII)
+_EPOCH_DAY = date(1970, 1, 1).toordinal()
 
 
-def to_ns(seconds: Float64[np.ndarray, " T"]) -> Int64[np.ndarray, " T"]:
-    """The nearest nanosecond of each double; NO_TIME where it is NaN, Inf or beyond int64.
+def unit_ns(unit: str) -> int | None:
+    """Nanoseconds in a unit of time, as `s`, `ms` or `minutes`; None when it is none."""
+    unit = unit.strip()
+    return _SYMBOLS.get(unit) or _BY_WORD.get(unit.lower().rstrip("."))
 
-    The whole seconds are taken off before scaling, so nothing is lost far from zero.
+
+def epoch_unit(value: float) -> tuple[int, str] | None:
+    """ns in the unit, and its name, in which a number too large for seconds counts from 1970; None when in none."""
+    return next(((per, name) for low, high, per, name in _EPOCHS if low <= value < high), None)
+
+
+def to_ns(times: Float64[np.ndarray, " T"], per: int = NANOSECONDS) -> Int64[np.ndarray, " T"]:
+    """The nearest nanosecond of each double; NO_TIME where it is NaN, Inf or beyond int64. per: ns in a unit.
+
+    The whole units are taken off before scaling, so nothing is lost far from zero.
     """
-    good = np.abs(seconds) < _LARGEST  # false for NaN
-    known = seconds if good.all() else np.where(good, seconds, 0.0)
+    good = np.abs(times) < _LARGEST_NS / per - 1  # false for NaN
+    known = times if good.all() else np.where(good, times, 0.0)
     whole = np.floor(known)
-    t_ns = whole.astype(np.int64) * NANOSECONDS + np.rint((known - whole) * NANOSECONDS).astype(np.int64)
+    t_ns = whole.astype(np.int64) * per + np.rint((known - whole) * per).astype(np.int64)
     return t_ns if good.all() else np.where(good, t_ns, NO_TIME)
+
+
+def whole_to_ns(times: np.ndarray, per: int = NANOSECONDS) -> Int64[np.ndarray, " T"]:
+    """The same of integers of any width, exactly."""
+    most = _LARGEST_NS // per
+    good = (times <= most) & (times >= -most if times.dtype.kind == "i" else True)
+    return np.where(good, np.where(good, times, 0).astype(np.int64) * per, NO_TIME)
 
 
 def from_ns(t_ns: Int64[np.ndarray, " T"], origin_ns: int = 0) -> Float64[np.ndarray, " T"]:
@@ -33,11 +88,28 @@ def from_ns(t_ns: Int64[np.ndarray, " T"], origin_ns: int = 0) -> Float64[np.nda
     return whole + (difference - whole * NANOSECONDS) / NANOSECONDS
 
 
+def shifted(t_ns: Int64[np.ndarray, " T"], origin_ns: int) -> Int64[np.ndarray, " T"]:
+    """Stamps counted from an origin; NO_TIME stays, and stands where the sum would be beyond int64."""
+    if not origin_ns:
+        return t_ns
+    room = _LARGEST_NS - abs(origin_ns)
+    good = (t_ns != NO_TIME) & (t_ns <= room) & (t_ns >= -room)
+    return np.where(good, np.where(good, t_ns, 0) + (origin_ns if room >= 0 else 0), NO_TIME)
+
+
 def origin_for(t_ns: Int64[np.ndarray, " T"]) -> int:
     """0, or the whole second in ns that a file of doubles must subtract so that its stamps stay exact."""
     if not len(t_ns) or abs(int(t_ns[0])) < EXACT_SECONDS / 2 * NANOSECONDS:
         return 0
     return int(t_ns[0]) // NANOSECONDS * NANOSECONDS
+
+
+def origin_from(text: object) -> int:
+    """The origin in ns that a file states, 0 when it states none. Raises ValueError when it is no such number."""
+    origin = int(str(text)[:_LONGEST]) if text is not None and str(text) else 0
+    if abs(origin) > _LARGEST_NS:
+        raise ValueError(f"the time origin {origin} is beyond 2262")
+    return origin
 
 
 def text(t_ns: int) -> str:
@@ -46,12 +118,43 @@ def text(t_ns: int) -> str:
     return f"{sign}{t_ns // NANOSECONDS}.{t_ns % NANOSECONDS:09d}"
 
 
-def parse(text: str) -> int:
-    """The nearest nanosecond to a decimal number of seconds, exactly; NO_TIME when it is none."""
+def parse(text: str, per: int = NANOSECONDS) -> int:
+    """The nearest nanosecond to a decimal number of units of `per` ns, exactly; NO_TIME when it is none."""
     from decimal import ROUND_HALF_EVEN, Decimal, InvalidOperation
 
     try:
-        value = (Decimal(text.strip()) * NANOSECONDS).to_integral_value(ROUND_HALF_EVEN)
-        return int(value) if abs(value) < 2**63 else NO_TIME
+        value = Decimal(text.strip()[:_LONGEST]) * per if len(text) <= _LONGEST else Decimal("nan")
+        return int(value.to_integral_value(ROUND_HALF_EVEN)) if abs(value) < 2**63 - 1 else NO_TIME
     except (InvalidOperation, ValueError, OverflowError):
         return NO_TIME
+
+
+def parse_stamp(text: str) -> tuple[int, str] | None:
+    """ns, and from where they count: "UTC" (a zone was given), "no zone" (taken as UTC) or "midnight" (a clock time).
+
+    ISO 8601 with T or a blank, any number of decimals (the nearest ns); None when the text is none, or beyond 2262.
+    """
+    if match := _CLOCK.fullmatch(text):
+        hours, minutes, whole, decimals = match.groups()
+        return (int(hours) * 3600 + int(minutes) * 60 + int(whole)) * NANOSECONDS + _fraction(decimals), "midnight"
+    match = _STAMP.fullmatch(text)
+    if not match:
+        return None
+    year, month, day, hour, minute, second, decimals, zone = match.groups()
+    try:
+        days = date(int(year), int(month), int(day)).toordinal() - _EPOCH_DAY
+    except ValueError:
+        return None
+    if int(hour) > 23 or int(minute) > 59 or int(second or 0) > 59:
+        return None
+    seconds = days * 86400 + int(hour) * 3600 + int(minute) * 60 + int(second or 0)
+    if zone and zone[0] in "+-":
+        digits = zone[1:].replace(":", "")
+        offset = int(digits[:2]) * 3600 + int(digits[2:] or 0) * 60
+        seconds -= offset if zone[0] == "+" else -offset
+    t_ns = seconds * NANOSECONDS + _fraction(decimals)
+    return (t_ns, "UTC" if zone else "no zone") if abs(t_ns) <= _LARGEST_NS else None
+
+
+def _fraction(decimals: str | None) -> int:
+    return round(int((decimals or "0").ljust(10, "0")) / 10 ** (max(len(decimals or "0"), 10) - 9))

@@ -49,12 +49,11 @@ def test_text_columns_are_left_out(tmp_path: Path) -> None:
     ("text", "message"),
     [
         ("a,b\n0,1\n", "first column is wrong.*'time'"),
-        ("time [ms],b\n0,1\n", "first column is wrong"),
         ("time,a", "header is not complete"),
         ("time,a\n0,1\n1,x\n", r"line 3, column 'a' is no number, got 'x'"),
-        ("time,a\n0,1\n1\n2,2\n", r"line 3 is wrong, expected 2 cells, got 1"),
+        ("time,a\n0,1\n1\n2,2\n", r"line 3 is wrong, expected 2 cells, as in the header, got 1"),
         ("time,a\n0,1\n1,\n", r"column 'a' is nan at row 1 \(t = 1 s\)"),
-        ("time,a\n0,1\nx,2\n", "time is not a number at row 1"),
+        ("time,a\n0,1\nx,2\n", "line 3: the time cannot be read, expected a number, got 'x'"),
     ],
 )
 def test_what_is_wrong_is_said(text: str, message: str, tmp_path: Path) -> None:

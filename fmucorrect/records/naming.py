@@ -1,0 +1,150 @@
+"""What the name of a column says: its unit, and whether it is the time. Used by formats without a place for either."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+
+from fmucorrect import units
+from fmucorrect.errors import SignalError
+from fmucorrect.records import seconds
+from fmucorrect.records.contents import Column
+
+_SPACED = re.compile(r"^(.*\S)\s+\[([^\[\]]*)\]$", re.DOTALL)
+_TIGHT = re.compile(r"^(.*\S)\[([^\[\]]*)\]$", re.DOTALL)
+_ROUND = re.compile(r"^(.*\S)\s*\(([^()]*)\)$", re.DOTALL)
+_SLASH = re.compile(r"^(.*\S)\s+/\s+(\S+)$", re.DOTALL)
+_TIME_SUFFIX = re.compile(r"^(.*?)(?:_|\s*/\s*|,\s*|\s+in\s+)([A-Za-zµμ]+)$")
+
+_MORE_UNITS = frozenset(
+    [
+        "bar",
+        "mbar",
+        "hPa",
+        "°C",
+        "degC",
+        "C",
+        "°F",
+        "degF",
+        "F",
+        "K/s",
+        "dB",
+        "rpm",
+        "U/min",
+        "1/min",
+        "mm/m",
+        "um/m",
+        "µm/m",
+        "l",
+        "l/min",
+        "l/s",
+        "Ohm",
+        "ohm",
+        "Ω",
+        "mol",
+        "cd",
+        "lx",
+        "ppm",
+        "‰",
+    ]
+)
+"""Units that measurement files name and that nothing here computes with."""
+
+_TIMES = frozenset(
+    [
+        "time",
+        "t",
+        "timestamp",
+        "time stamp",
+        "time_stamp",
+        "datetime",
+        "date time",
+        "date_time",
+        "date/time",
+        "tout",
+        "zeit",
+        "zeitstempel",
+        "zeitpunkt",
+        "temps",
+        "tiempo",
+        "tempo",
+        "time axis",
+        "time channel",
+        "elapsed time",
+    ]
+)
+_DATES = frozenset(["date", "datum", "utc"])
+
+
+def is_unit(text: str) -> bool:
+    """Whether the text is a unit that is known, so that it can be no index and no word of a name."""
+    text = text.strip()
+    if text in _MORE_UNITS or seconds.unit_ns(text) is not None:
+        return True
+    try:
+        units.parse(text)
+    except SignalError:
+        return False
+    return bool(text)
+
+
+def column(header: str) -> Column:
+    """The name and unit that one cell of a header writes: `x [mm]`, `x[mm]`, `x (mm)`, `x / mm`.
+
+    A bracket behind a blank holds the unit, whatever it is. One without a blank, and round ones, hold a unit only if
+    it is known: `wheel[0]`, `R[1,1]` and `X[water]` are names; so is `f(s)` without a blank.
+    """
+    text = header.strip()
+    if match := _SPACED.match(text):
+        return Column(match.group(1), match.group(2).strip() or "1")
+    if match := _TIGHT.match(text):
+        name, inside = match.groups()
+        named = is_unit(inside) and not re.fullmatch(r"\s*\d+\s*", inside)
+        return Column(name, inside.strip()) if named else Column(text)
+    if match := _ROUND.match(text):
+        name, inside = match.groups()
+        spaced = text[len(name)].isspace() or len(inside) > 1
+        return Column(name, inside.strip()) if spaced and is_unit(inside) else Column(text)
+    if (match := _SLASH.match(text)) and is_unit(match.group(2)):
+        return Column(match.group(1), match.group(2))
+    return Column(text)
+
+
+def time_column(header: str) -> Column | None:
+    """The same of a name that says time, as `time`, `t_ms`, `Zeit [s]` or `timestamp`; None of another."""
+    text = header.strip()
+    match = re.fullmatch(r"(.*\S)\s*[\[(]([^\[\]()]*)[\])]", text)
+    found = Column(match.group(1), match.group(2).strip() or "1") if match else Column(text)
+    suffix = _TIME_SUFFIX.match(found.name)
+    if found.unit == "1" and suffix and seconds.unit_ns(suffix.group(2)) is not None:
+        found = Column(suffix.group(1), suffix.group(2))
+    return found if is_time(found.name) else None
+
+
+def is_time(name: str) -> bool:
+    """Whether a bare name means the time."""
+    return name.strip().lower() in _TIMES | _DATES
+
+
+def is_date(name: str) -> bool:
+    """Whether the name asks for a date, so that a plain number under it is no time in s."""
+    return name.strip().lower() in _DATES
+
+
+def numbered(names: Sequence[str]) -> tuple[list[str], str]:
+    """The names, equal ones told apart as `x#1`, `x#2`, and a sentence about that, "" when all are different."""
+    count = Counter(name for name in names if name)
+    twice = [name for name, times in count.items() if times > 1]
+    if not twice:
+        return list(names), ""
+    seen: Counter[str] = Counter()
+    made: list[str] = []
+    for name in names:
+        seen[name] += 1
+        made.append(name if count[name] <= 1 else f"{name}#{seen[name]}")
+    shown = ", ".join(repr(name) for name in twice[:8]) + (" and more" if len(twice) > 8 else "")
+    if len(set(filter(None, made))) < len([name for name in made if name]):
+        made = [name and f"{name}#{i}" for i, name in enumerate(names, 1)]
+        return made, f"names that stand there several times: all are numbered by place ({shown})"
+    return made, f"names that stand there several times are numbered in file order: {shown}"
