@@ -8,6 +8,7 @@ from fmucorrect import units
 from fmucorrect.bundle import Info
 from fmucorrect.fmu import Variable
 from fmucorrect.signals import NANOSECONDS
+from fmucorrect.wrapping import description_xml
 from fmucorrect.wrapping.conversion import TIME, Wired
 from fmucorrect.wrapping.wiring import CONDITIONS, Source, Wiring
 
@@ -64,7 +65,7 @@ def model_description(info: Info, fmi: int) -> bytes:
         else:
             ET.SubElement(variables, "Float64", common | value)
     ET.SubElement(root, "ModelStructure")
-    return ET.tostring(root, encoding="UTF-8", xml_declaration=True)
+    return description_xml.write(root)
 
 
 def _middle(values: list[float]) -> float:

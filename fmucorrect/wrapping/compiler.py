@@ -32,7 +32,17 @@ _HOSTS = {
 }
 
 # No symbols or debug information, so no paths either.
-_FLAGS = ["-std=c11", "-fvisibility=hidden", "-fPIC", "-shared", "-s", "-Wall", "-Wextra", "-Wno-unused-parameter"]
+_FLAGS = [
+    "-std=c11",
+    "-fno-trigraphs",
+    "-fvisibility=hidden",
+    "-fPIC",
+    "-shared",
+    "-s",
+    "-Wall",
+    "-Wextra",
+    "-Wno-unused-parameter",
+]
 EXACT = ["-O2", "-ffp-contract=off"]
 """No fused multiply-add, so that the platforms round alike."""
 

@@ -7,6 +7,8 @@ import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping
 
+from fmucorrect.errors import WrapError
+
 _ORDER = {
     2: (
         "ModelExchange",
@@ -32,6 +34,8 @@ _ORDER = {
         "Annotations",
     ),
 }
+_NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+"""What is no Char of XML 1.0 (section 2.2)."""
 _STRUCTURE = ("Outputs", "Derivatives", "InitialUnknowns")
 _FOREIGN = ("Annotations", "VendorAnnotations")
 
@@ -50,7 +54,16 @@ def read(xml: bytes) -> ET.Element:
 
 
 def write(root: ET.Element) -> bytes:
-    """UTF-8, indented but for annotations, which may be text that must not change."""
+    """UTF-8, indented but for annotations, which may be text that must not change. Raises WrapError for a text that XML 1.0 has
+    no way to write, escaped or not."""
+    for element in root.iter():
+        for text in (*element.attrib.values(), element.text or "", element.tail or ""):
+            if _NO_XML.search(text):
+                raise WrapError(
+                    f"{text[:80]!a} holds a character that no XML file can hold",
+                    where=f"{element.tag} {element.get('name', '')!a}",
+                    remedy="Give it a name without control characters.",
+                )
     _indent(root, "\n")
     return ET.tostring(root, encoding="UTF-8", xml_declaration=True) + b"\n"
 

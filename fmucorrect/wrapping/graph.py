@@ -57,19 +57,38 @@ def prepare(content: bytes, where: str) -> onnx.ModelProto:
             expected=f"{', '.join(INPUTS)} to {', '.join(OUTPUTS)}",
             got=f"{', '.join(inputs)} to {', '.join(outputs)}",
         )
-    for names, found, field in ((INPUTS, inputs, graph.input), (OUTPUTS, outputs, graph.output)):
-        kept = [found[name] for name in names]
-        for item in kept:
-            first = item.type.tensor_type.shape.dim[0]
-            first.Clear()
-            first.dim_value = 1
+    rows, channels = (axis.dim_value for axis in inputs["window"].type.tensor_type.shape.dim[1:])
+    shapes = {"window": [1, rows, channels], "condition": [1, 3], "time": [1, 1], "in_envelope": [1, 1]}
+    for names, field in ((INPUTS, graph.input), (OUTPUTS, graph.output)):
         del field[:]
-        field.extend(kept)
+        for name in names:
+            kind = onnx.TensorProto.DOUBLE if name == "time" else onnx.TensorProto.FLOAT
+            field.append(helper.make_tensor_value_info(name, kind, shapes.get(name, [1, channels])))
     del graph.value_info[:], model.metadata_props[:]
-    graph.doc_string = model.doc_string = model.producer_version = ""
+    for text in ("doc_string", "producer_name", "producer_version", "domain"):
+        model.ClearField(text)
     _replace_nodes(graph, _needed(graph))
+    _rename(graph)
     _divide_products(model)
     return model
+
+
+def _rename(graph: onnx.GraphProto) -> None:
+    """Every value but the inputs and outputs is called `v1`, `v2`, ..., and no node has a name or a text: emx-onnx-cgen writes
+    them into comments as they are, and whoever made the file chose them."""
+    names = {name: name for name in ("", *INPUTS, *OUTPUTS)}
+
+    def name(old: str) -> str:
+        return names.setdefault(old, f"v{len(names)}")
+
+    graph.name, graph.doc_string = "network", ""
+    for item in graph.initializer:
+        item.name, item.doc_string = name(item.name), ""
+    for node in graph.node:
+        node.name = node.doc_string = node.overload = ""
+        del node.metadata_props[:]
+        node.input[:] = map(name, node.input)
+        node.output[:] = map(name, node.output)
 
 
 def _needed(graph: onnx.GraphProto) -> list[onnx.NodeProto]:

@@ -14,6 +14,7 @@ from fmucorrect.catalogue import PORTS, Law
 from fmucorrect.catalogue.law import load_sympy
 from fmucorrect.effects import Effects, Instance
 from fmucorrect.errors import WrapError
+from fmucorrect.wrapping import ctext
 from fmucorrect.wrapping.compiler import Sources
 
 UNITS: Mapping[str, tuple[str, ...]] = {
@@ -168,21 +169,10 @@ def _source(effects: Effects, instances: Sequence[Instance]) -> str:
 
 
 def _table(name: str, instance: Instance) -> str:
-    names, numbers = ", ".join(instance.values), ", ".join(map(repr, instance.values.values()))
-    return (
-        f"/* {instance.law.name} at {_comment(instance.effect.joint)}: {names}; SI */\n"
-        f"static const double {name}[] = {{{numbers}}};\n"
-    )
-
-
-def _comment(text: str) -> str:
-    """Text that cannot end a comment or continue a line."""
-    return (
-        "".join(c if c.isprintable() else " " for c in text)
-        .replace("*/", "* /")
-        .replace("\\", " ")
-        .replace("/*", "/ *")
-    )
+    names = ", ".join(instance.values)
+    numbers = ", ".join(ctext.number(value, f"{key} of {instance.law.name}") for key, value in instance.values.items())
+    joint = ctext.comment(instance.effect.joint, "a joint's name")
+    return f"/* {instance.law.name} at {joint}: {names}; SI */\nstatic const double {name}[] = {{{numbers}}};\n"
 
 
 def _start(instances: Sequence[Instance]) -> str:

@@ -46,10 +46,21 @@ def sources(path: str | Path) -> NetworkSources:
             raise MissingExtra(package, "wrap")
     from fmucorrect.wrapping import graph
 
-    model = graph.prepare(Path(path).read_bytes(), str(path))
-    shape = model.graph.input[0].type.tensor_type.shape.dim
-    rows, channels = shape[1].dim_value, shape[2].dim_value
-    text, data = _generate(model, str(path))
+    try:
+        model = graph.prepare(Path(path).read_bytes(), str(path))
+        shape = model.graph.input[0].type.tensor_type.shape.dim
+        rows, channels = shape[1].dim_value, shape[2].dim_value
+        text, data = _generate(model, str(path))
+    except WrapError:
+        raise
+    except (
+        Exception
+    ) as error:  # neither onnx nor emx-onnx-cgen has a base for what it raises at a graph that is not usual
+        raise WrapError(
+            f"the network cannot be written as C: {type(error).__name__}: {error}",
+            where=str(path),
+            remedy="Export the corrector with other operators, or use it from Python.",
+        ) from error
     size = f"#define NETWORK_ROWS {rows}\n#define NETWORK_CHANNELS {channels}\n"
     files = {name: (_HERE / "c" / name).read_bytes() for name in _HAND_WRITTEN}
     files["network_size.h"] = f"/* The window's shape. */\n{size}".encode()

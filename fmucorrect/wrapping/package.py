@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import re
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -18,7 +17,7 @@ from fmucorrect.effects import Effects
 from fmucorrect.errors import FmuError, WrapError
 from fmucorrect.fmu import FmuDescription, archive, open_fmu, state_check
 from fmucorrect.fmu.state_check import StateCheck
-from fmucorrect.wrapping import alone, compiler, description_xml, generated, laws, network, places, proof, solver
+from fmucorrect.wrapping import alone, compiler, ctext, description_xml, generated, laws, network, places, proof, solver
 from fmucorrect.wrapping.added import Added
 from fmucorrect.wrapping.description import Capabilities, Description, Outer, describe
 from fmucorrect.wrapping.generated import Facts
@@ -190,7 +189,7 @@ def _generate(parts: _Parts, net: Mapping[str, bytes]) -> tuple[dict[str, bytes]
     stem, suffix = (parts.inner.name, "corrected" if parts.model else "augmented") if parts.inner else ("corrector", "")
     outer = Outer(
         fmi=parts.fmi,
-        identifier=re.sub(r"\W", "_", f"{parts.inner.identifier}_{suffix}") if parts.inner else "corrector",
+        identifier=ctext.identifier(f"{parts.inner.identifier}_{suffix}") if parts.inner else "corrector",
         name=f"{stem} ({suffix})" if suffix else stem,
         token="",
         tool=f"fmucorrect {fmucorrect.__version__}",

@@ -199,7 +199,7 @@ def test_names_cannot_break_out_of_a_comment():
         Effects((ForceEffect("preload", joint.name, {"force": 1.0}, remarks=Remarks(equation="*/")),), joints=(joint,))
     ).files["effects.c"]
     assert text.count(b"*/") == text.count(b"/*") == 3
-    assert b"\\" not in text
+    assert b"\\\n" not in text
 
 
 def test_a_law_that_turns_sees_the_vehicles_speed_in_the_place_of_the_joints(tmp_path):
