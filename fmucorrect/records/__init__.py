@@ -89,8 +89,10 @@ def stream(
         source.close()
 
 
-def writer(path: str | PathLike[str]) -> Writer:
+def writer(path: str | PathLike[str], *, made_by: str = "") -> Writer:
     """A file to write records to, over what may be there. To be used as a context manager.
+
+    made_by: what MCAP names as its writer, "fmucorrect" by default; other formats have no place for it.
 
     MCAP takes several topics, the others one. A killed process leaves every finished `write` readable in MCAP, CSV and
     TDMS; Parquet, MDF4 and .mat files are complete only once closed (the last two are held in memory until then). A
@@ -98,7 +100,7 @@ def writer(path: str | PathLike[str]) -> Writer:
     """
     suffix = _suffix(path)
     try:
-        return Writer(_sink(suffix, fspath(path)), fspath(path), topics=suffix == ".mcap")
+        return Writer(_sink(suffix, fspath(path), made_by), fspath(path), topics=suffix == ".mcap")
     except OSError as error:
         raise RecordError(f"the file cannot be written: {error.strerror}", where=fspath(path)) from error
 
@@ -144,10 +146,12 @@ def _source(path: str | PathLike[str]) -> Guarded:
     return Guarded(name, Opened)
 
 
-def _sink(suffix: str, name: str) -> Sink:
+def _sink(suffix: str, name: str, made_by: str) -> Sink:
     if suffix == ".mcap":
-        from fmucorrect.records.mcap_writer import McapSink as Opened
-    elif suffix == ".csv":
+        from fmucorrect.records.mcap_writer import McapSink
+
+        return McapSink(name, made_by)
+    if suffix == ".csv":
         from fmucorrect.records.csv import CsvSink as Opened
     elif suffix == ".parquet":
         from fmucorrect.records.parquet import ParquetSink as Opened

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from itertools import repeat
 from pathlib import Path
@@ -233,7 +233,7 @@ class CsvSink:
             self._stream.write("".join(f"{t},{','.join(map(repr, row))}\n" if row else f"{t}\n" for t, row in rows))
         self._stream.flush()
 
-    def close(self) -> None:
-        """Close the file."""
+    def close(self, notes: Mapping[str, str]) -> None:
+        """Close the file; CSV has no place for notes."""
         if self._stream is not None:
             self._stream.close()

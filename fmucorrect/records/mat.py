@@ -6,7 +6,7 @@ Members of structures are `structure.member`, columns of a matrix `name[i]`. Uni
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -18,7 +18,7 @@ from fmucorrect.records.contents import Column, Extent, Topic
 from fmucorrect.records.source import Block, extent_of
 from fmucorrect.signals import Record
 
-_OWN = ("units", "variables", "names", "time_origin_ns")
+_OWN = ("units", "variables", "names", "time_origin_ns", "notes")
 
 
 class MatSource:
@@ -51,6 +51,8 @@ class MatSource:
                 "there is no variable 'time'", where=path, got=", ".join(k for k in content if k[0] != "_")
             )
         origin = int(str(content.get("time_origin_ns", "0")))
+        notes: Any = content.get("notes")
+        self._notes = {str(k): str(v) for k, v in notes.items()} if isinstance(notes, dict) else {}  # pyright: ignore[reportUnknownMemberType, reportUnknownVariableType]
         self._t_ns = seconds.to_ns(np.atleast_1d(np.asarray(content[time], np.float64)).ravel()) + origin
         self._series: dict[str, np.ndarray] = {}
         self._units: dict[str, str] = {}
@@ -64,7 +66,8 @@ class MatSource:
 
     def topics(self) -> tuple[Topic, ...]:
         """One topic, of all vectors as long as the time."""
-        return (Topic("", tuple(Column(name, self._units[name]) for name in self._series), "variables"),)
+        columns = tuple(Column(name, self._units[name]) for name in self._series)
+        return (Topic("", columns, "variables", self._notes),)
 
     def blocks(self, topic: str, columns: Sequence[str]) -> Iterator[Block]:
         """All rows at once."""
@@ -103,8 +106,8 @@ class MatSink:
         """Keep a copy of the rows."""
         self._parts.append(replace(record, t_ns=record.t_ns.copy(), values=record.values.copy()))
 
-    def close(self) -> None:
-        """Write the file."""
+    def close(self, notes: Mapping[str, str]) -> None:
+        """Write the file; notes become fields of a variable `notes`."""
         from scipy.io import savemat
 
         if not self._parts:
@@ -120,6 +123,8 @@ class MatSink:
         content["variables"] = np.array(variables, dtype=object)
         content["names"] = np.array([channel.name for channel in channels], dtype=object)
         content["units"] = {variable: channel.unit for variable, channel in zip(variables, channels, strict=True)}
+        if notes:
+            content["notes"] = dict(notes)
         if origin:
             content["time_origin_ns"] = str(origin)
         savemat(self._path, content, do_compression=True, long_field_names=True)

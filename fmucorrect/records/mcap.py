@@ -16,7 +16,7 @@ from typing import IO
 import numpy as np
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import Channel, ChunkIndex, Footer, Schema, Statistics
+from mcap.records import Channel, ChunkIndex, Footer, Metadata, MetadataIndex, Schema, Statistics
 
 from fmucorrect.errors import RecordError
 from fmucorrect.records.bulk import Messages, walk
@@ -24,6 +24,9 @@ from fmucorrect.records.chunks import MAGIC, Frame, frames, unpacked
 from fmucorrect.records.contents import Column, Extent, Topic
 from fmucorrect.records.decode import Decoder, JsonDecoder, Rows
 from fmucorrect.records.source import Block
+
+NOTES = "fmucorrect"
+"""Name of the metadata record that holds what was known of the whole file only at its end."""
 
 _FOOTER_SIZE = 9 + 20 + len(MAGIC)
 _SAMPLES = 32
@@ -42,6 +45,7 @@ class McapSource:
         self._streams: list[IO[bytes]] = []
         self._channels: dict[int, Channel] = {}
         self._schemas: dict[int, Schema] = {}
+        self._notes: dict[str, str] = {}
         self._counts: dict[int, int] | None = None
         self._holds: dict[int, set[int]] = {}
         self._decoders: dict[int, Decoder | str] = {}
@@ -131,6 +135,11 @@ class McapSource:
             if frame.opcode == Opcode.STATISTICS:
                 statistics = Statistics.read(_data(body))
                 self._counts, declared = statistics.channel_message_counts, statistics.channel_count
+            elif frame.opcode == Opcode.METADATA_INDEX:
+                index = MetadataIndex.read(_data(body))
+                if index.name == NOTES:
+                    self._stream.seek(index.offset + 9)
+                    self._notes = Metadata.read(_data(self._stream.read(index.length - 9))).metadata
             elif frame.opcode == Opcode.CHUNK_INDEX:
                 index = ChunkIndex.read(_data(body))
                 self._holds[index.chunk_start_offset] = set(index.message_index_offsets)
@@ -266,6 +275,7 @@ class McapSource:
         schema = self._schemas.get(channel.schema_id)
         encoding = channel.message_encoding + (f" {schema.name}" if schema and schema.name else "")
         metadata = {key: value for key, value in channel.metadata.items() if not key.startswith(("unit.", "name."))}
+        metadata |= self._notes
         decoder = self._decoder_or_why(channel.id)
         if isinstance(decoder, str):
             return Topic(channel.topic, (), encoding, metadata, decoder)

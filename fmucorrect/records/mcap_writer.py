@@ -8,19 +8,33 @@ from __future__ import annotations
 
 import struct
 import zlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import zstandard
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
-from mcap.records import Channel, ChunkIndex, DataEnd, Footer, Header, McapRecord, Schema, Statistics, SummaryOffset
+from mcap.records import (
+    Channel,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    Header,
+    McapRecord,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
 
 from fmucorrect.errors import RecordError
 from fmucorrect.records import _protobuf
 from fmucorrect.records.assemble import RESERVED
 from fmucorrect.records.bulk import assemble, assemble_index
 from fmucorrect.records.chunks import MAGIC
+from fmucorrect.records.mcap import NOTES
 from fmucorrect.signals import Record
 
 CHUNK_ROWS = 2**14
@@ -43,13 +57,14 @@ class _Written:
 class McapSink:
     """An MCAP file being written."""
 
-    def __init__(self, path: str) -> None:
+    def __init__(self, path: str, made_by: str = "") -> None:
+        """made_by: the header's `library`."""
         self._path = path
         self._topics: dict[str, _Written] = {}
         self._chunks: list[ChunkIndex] = []
         self._compressor = zstandard.ZstdCompressor(level=_LEVEL)
         self._stream = Path(path).open("wb")  # noqa: SIM115 (close() closes it)
-        self._stream.write(MAGIC + _bytes(Header(profile="", library="fmucorrect")))
+        self._stream.write(MAGIC + _bytes(Header(profile="", library=made_by or "fmucorrect")))
         self._stream.flush()
 
     def append(self, topic: str, record: Record) -> None:
@@ -63,17 +78,23 @@ class McapSink:
             self._chunk(written, record.rows(start, min(start + rows, len(record))), size)
         self._stream.flush()
 
-    def close(self) -> None:
-        """Write the summary, statistics and footer, and close."""
+    def close(self, notes: Mapping[str, str]) -> None:
+        """Write notes as a metadata record, then the summary, statistics and footer, and close."""
         if self._stream.closed:
             return
+        indexes: list[McapRecord] = []
+        if notes:
+            at, record = self._stream.tell(), _bytes(Metadata(name=NOTES, metadata=dict(notes)))
+            indexes.append(MetadataIndex(offset=at, length=len(record), name=NOTES))
+            self._stream.write(record)
         self._stream.write(_bytes(DataEnd(0)))
         start = self._stream.tell()
         summary, offsets = b"", b""
         for opcode, records in (
             (Opcode.SCHEMA, [written.schema for written in self._topics.values()]),
             (Opcode.CHANNEL, [written.channel for written in self._topics.values()]),
-            (Opcode.STATISTICS, [self._statistics()]),
+            (Opcode.STATISTICS, [self._statistics(len(indexes))]),
+            (Opcode.METADATA_INDEX, indexes),
             (Opcode.CHUNK_INDEX, self._chunks),
         ):
             group = b"".join(_bytes(record) for record in records)
@@ -128,7 +149,7 @@ class McapSink:
         )
         written.rows += len(record)
 
-    def _statistics(self) -> Statistics:
+    def _statistics(self, metadata: int) -> Statistics:
         counts = {written.channel.id: written.rows for written in self._topics.values()}
         return Statistics(
             attachment_count=0,
@@ -138,7 +159,7 @@ class McapSink:
             message_count=sum(counts.values()),
             message_start_time=min((chunk.message_start_time for chunk in self._chunks), default=0),
             message_end_time=max((chunk.message_end_time for chunk in self._chunks), default=0),
-            metadata_count=0,
+            metadata_count=metadata,
             schema_count=len(self._topics),
         )
 

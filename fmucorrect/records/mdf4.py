@@ -5,8 +5,10 @@ Read and written whole. Samples that the file marks invalid are NaN.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import json
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from html import unescape
 from typing import Any
 
 import numpy as np
@@ -18,6 +20,7 @@ from fmucorrect.records.source import Block, extent_of
 from fmucorrect.signals import Record
 
 _ORIGIN = "time_origin_ns="
+_NOTES = "fmucorrect_notes="
 
 
 def _asammdf() -> Any:
@@ -43,6 +46,7 @@ class Mdf4Source:
             self._file: Any = module.MDF(path)
         except Exception as error:  # asammdf raises its own and struct's errors on damaged files
             raise RecordError(f"this cannot be read as MDF4: {error}", where=path) from error
+        self._notes = _noted(str(self._file.header.comment or ""))
         self._groups: dict[str, dict[str, tuple[int, int]]] = {}
         self._origins: dict[str, int] = {}
         self._topics = tuple(self._group(number, group) for number, group in enumerate(self._file.groups))
@@ -93,7 +97,7 @@ class Mdf4Source:
         self._groups[name] = places
         comment = group.channel_group.comment or ""
         self._origins[name] = int(comment.split(_ORIGIN)[1].split()[0]) if _ORIGIN in comment else 0
-        return Topic(name, tuple(columns), "channel group", note="" if columns else "no time or no numbers")
+        return Topic(name, tuple(columns), "channel group", self._notes, note="" if columns else "no time or no numbers")
 
 
 class Mdf4Sink:
@@ -110,8 +114,8 @@ class Mdf4Sink:
         self._parts.append(replace(record, t_ns=record.t_ns.copy(), values=record.values.copy()))
         self._topic = topic
 
-    def close(self) -> None:
-        """Write the file."""
+    def close(self, notes: Mapping[str, str]) -> None:
+        """Write the file; notes stand in the comment of its header."""
         if not self._parts:
             return
         t_ns = np.concatenate([part.t_ns for part in self._parts])
@@ -130,4 +134,15 @@ class Mdf4Sink:
                 comment=f"{_ORIGIN}{origin}" if origin else "",
                 common_timebase=True,
             )
+            if notes:
+                file.header.comment = _NOTES + json.dumps(dict(notes))
             file.save(self._path, overwrite=True)
+
+
+def _noted(comment: str) -> dict[str, str]:
+    """The notes that Mdf4Sink left in a comment, which is XML."""
+    try:
+        found = json.JSONDecoder().raw_decode(unescape(comment).partition(_NOTES)[2])[0]
+    except (ValueError, RecursionError):
+        return {}
+    return {str(key): str(text) for key, text in found.items()} if isinstance(found, dict) else {}

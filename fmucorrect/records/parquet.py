@@ -6,7 +6,7 @@ seconds of the first stamp are subtracted and stand in the file's metadata as `t
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -56,7 +56,8 @@ class ParquetSource:
                 "there is no column 'time'", where=path, expected="'time' in s", got=", ".join(self._schema.names)
             )
         self._time = times[0]
-        metadata = {k.decode(): v.decode() for k, v in (self._schema.metadata or {}).items()}
+        noted = {**(self._schema.metadata or {}), **(self._file.metadata.metadata or {})}
+        metadata = {k.decode(): v.decode() for k, v in noted.items()}
         self._origin = int(metadata.pop(_ORIGIN, 0))
         self._metadata = {k: v for k, v in metadata.items() if k not in ("pandas", "ARROW:schema")}
 
@@ -134,7 +135,9 @@ class ParquetSink:
             arrays = [seconds.from_ns(record.t_ns, self._origin), *record.values.T]
             self._writer.write_table(self._arrow.table([self._arrow.array(a) for a in arrays], schema=self._schema))
 
-    def close(self) -> None:
-        """Write the index and close."""
-        if self._writer is not None:
+    def close(self, notes: Mapping[str, str]) -> None:
+        """Write the index, with notes in the file's metadata, and close."""
+        if self._writer is not None and self._writer.is_open:
+            if notes:
+                self._writer.add_key_value_metadata(notes)
             self._writer.close()

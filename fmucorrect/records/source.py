@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -75,8 +75,9 @@ class Sink(Protocol):
         """Write the rows of a record behind those of the topic."""
         ...
 
-    def close(self) -> None:
-        """Finish the file."""
+    def close(self, notes: Mapping[str, str]) -> None:
+        """Finish the file. notes: what is known of all of it only now, as `complete`; a format without a place for them
+        leaves them out. May be called twice."""
         ...
 
 

@@ -6,7 +6,7 @@ channels have different lengths keep the channels as long as the time, or withou
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -108,7 +108,7 @@ class TdmsSink:
         self._path = path
         self._tdms = _nptdms()
         self._stream: Any = None
-        self._origin = 0
+        self._group, self._origin = "", 0
 
     def append(self, topic: str, record: Record) -> None:
         """Write a segment."""
@@ -116,7 +116,7 @@ class TdmsSink:
         first = self._stream is None
         if first:
             self._stream = Path(self._path).open("wb")  # noqa: SIM115 (close() closes it)
-            self._origin = seconds.origin_for(record.t_ns)
+            self._group, self._origin = name, seconds.origin_for(record.t_ns)
         objects: list[Any] = []
         if first:
             properties: dict[str, Any] = {k: v for k, v in record.metadata.items() if k not in RESERVED}
@@ -131,10 +131,14 @@ class TdmsSink:
             segment.write_segment(objects)
         self._stream.flush()
 
-    def close(self) -> None:
-        """Close the file."""
-        if self._stream is not None:
-            self._stream.close()
+    def close(self, notes: Mapping[str, str]) -> None:
+        """Close the file; notes become properties of the group."""
+        if self._stream is None or self._stream.closed:
+            return
+        if notes:
+            with self._tdms.TdmsWriter(self._stream) as segment:
+                segment.write_segment([self._tdms.GroupObject(self._group, dict(notes))])
+        self._stream.close()
 
 
 def _unit(channel: Any) -> str:

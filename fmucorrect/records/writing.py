@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from types import TracebackType
+from collections.abc import Mapping
+from types import MappingProxyType, TracebackType
 from typing import final
 
 import numpy as np
@@ -59,9 +60,10 @@ class Writer:
         if len(record):
             self._last[topic] = int(record.t_ns[-1])
 
-    def close(self) -> None:
-        """Finish the file. May be called twice."""
-        self._sink.close()
+    def close(self, notes: Mapping[str, str] = MappingProxyType({})) -> None:
+        """Finish the file. notes: go into its metadata, beside what the records brought; CSV has no place for them. May be
+        called twice."""
+        self._sink.close(notes)
 
     def __enter__(self) -> Writer:
         return self
