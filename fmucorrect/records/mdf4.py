@@ -97,7 +97,9 @@ class Mdf4Source:
         self._groups[name] = places
         comment = group.channel_group.comment or ""
         self._origins[name] = int(comment.split(_ORIGIN)[1].split()[0]) if _ORIGIN in comment else 0
-        return Topic(name, tuple(columns), "channel group", self._notes, note="" if columns else "no time or no numbers")
+        return Topic(
+            name, tuple(columns), "channel group", self._notes, note="" if columns else "no time or no numbers"
+        )
 
 
 class Mdf4Sink:
