@@ -44,7 +44,7 @@ _SYMBOLS: dict[str, tuple[float, Dimension]] = {
 }
 _PREFIXES = {"n": 1e-9, "u": 1e-6, "µ": 1e-6, "m": 1e-3, "c": 1e-2, "d": 1e-1, "k": 1e3, "M": 1e6, "G": 1e9}
 _PREFIXED = {"g", "m", "s", "A", "rad", "N", "Pa", "J", "W", "V", "Hz"}
-_ALIASES = {"°": "deg", "Nm": "N.m", "Ns": "N.s", "kNm": "kN.m", "kmh": "km/h", "kph": "km/h", "": "1"}
+_ALIASES = {"°": "deg", "Nm": "N.m", "Ns": "N.s", "kNm": "kN.m", "kmh": "km/h", "kph": "km/h"}
 _FACTOR = re.compile(r"([A-Za-zµ%]+|[1-])(?:\^?(-?\d+))?$")
 
 
@@ -61,7 +61,7 @@ class Unit:
 def parse(text: str) -> Unit:
     """The unit that `text` writes. Raises SignalError when a symbol is not known."""
     text = text.strip()
-    numerator, *denominators = _ALIASES.get(text, text).replace("²", "2").replace("³", "3").split("/")
+    numerator, *denominators = _ALIASES.get(text, text or "1").replace("²", "2").replace("³", "3").split("/")
     factor, dimension = 1.0, list(_ONE)
     for sign, group in [(1, numerator), *((-1, group) for group in denominators)]:
         for symbol in re.split(r"[.*· ]", _ALIASES.get(group, group).strip("()")):

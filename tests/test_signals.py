@@ -1,5 +1,7 @@
 """Units, records and conditions: what they mean and what they refuse."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -99,3 +101,92 @@ def test_a_condition_gives_its_features() -> None:
 def test_an_error_says_what_where_expected_got_remedy() -> None:
     error = FmucorrectError("it broke", where="file.csv", expected="3 columns", got=2, remedy="Add one.")
     assert str(error) == "file.csv: it broke, expected 3 columns, got 2. Add one."
+
+
+def test_what_is_not_said_of_a_channel_and_of_a_condition() -> None:
+    channel, condition = Channel("x"), Condition("c")
+    assert (channel.unit, channel.noise, channel.measurement_sign) == ("1", None, 1)
+    texts = (channel.quantity, channel.axis, channel.positive, channel.frame)
+    assert {*texts, channel.simulation, channel.measurement, channel.acceleration} == {""}
+    assert condition.role == "development"
+    assert condition.features == (0.0, 0.0, 0.0)
+    assert condition.start_ns == 0
+    assert (condition.inputs, condition.measurement, condition.simulated, condition.quiet) == (None,) * 4
+    assert not condition.parameters
+    assert not record().metadata
+
+
+def test_what_is_handed_around_cannot_be_changed() -> None:
+    for item in (Channel("x"), Condition("c"), record()):
+        with pytest.raises(dataclasses.FrozenInstanceError):
+            setattr(item, dataclasses.fields(item)[0].name, None)
+    for item in (Condition("c").parameters, record().metadata):
+        with pytest.raises(TypeError):
+            item["a"] = 1  # pyright: ignore[reportIndexIssue]
+    assert Channel("x") == Channel("x", unit="1")
+    assert hash(Channel("x")) == hash(Channel("x"))
+
+
+def test_the_excitation_begins_at_the_nearest_nanosecond() -> None:
+    assert Condition("c", start=1.5).start_ns == 1_500_000_000
+    assert Condition("c", start=-0.25).start_ns == -250_000_000
+    assert Condition("c", start=4e-10).start_ns == 0
+    assert Condition("c", start=0.1 + 0.2).start_ns == 300_000_000
+
+
+@pytest.mark.parametrize("row", [1, 2, 6])
+@pytest.mark.parametrize("back", [0, 1, 500])
+def test_the_first_row_that_goes_back_is_named(row: int, back: int) -> None:
+    t_ns = np.arange(9) * 10
+    t_ns[row:] = t_ns[row - 1] - back + np.arange(9 - row) * 10
+    t_ns[8] = 0
+    with pytest.raises(
+        RecordError, match=f"increase at row {row}, expected more than {t_ns[row - 1]} ns, got {t_ns[row]} ns"
+    ):
+        record(9, t_ns=t_ns)
+    assert len(record(9, t_ns=np.arange(9))) == 9  # a nanosecond is enough
+
+
+def test_every_name_that_occurs_twice_is_named() -> None:
+    channels = tuple(Channel(name) for name in ("b", "c", "b", "a", "d", "a"))
+    with pytest.raises(RecordError, match=r"occur twice: a, b$"):
+        Record(np.arange(3), np.zeros((3, 6)), channels)
+
+
+def test_a_channel_that_is_not_there_is_told_with_the_file() -> None:
+    with pytest.raises(RecordError, match=r"^run\.csv: there is no channel 'c'"):
+        record(metadata={"path": "run.csv"}).index("c")
+    with pytest.raises(RecordError, match=r"^run\.csv: a record of fewer than two rows"):
+        _ = record(0, metadata={"path": "run.csv"}).step_ns
+
+
+def test_the_step_is_the_median_interval() -> None:
+    assert record(2, t_ns=np.array([5, 12])).step_ns == 7
+    assert record(5, t_ns=np.array([0, 10, 20, 30, 900])).step_ns == 10
+
+
+def test_seconds_count_from_zero_unless_told() -> None:
+    item = record(3, t_ns=np.array([-500_000_000, 0, 2_000_000_000]))
+    assert np.array_equal(item.seconds(), [-0.5, 0.0, 2.0])
+    assert np.array_equal(item.seconds(1_000_000_000), [-1.5, -1.0, 1.0])
+
+
+def test_parts_of_a_record_keep_what_it_says_and_its_memory() -> None:
+    item = record(6, metadata={"path": "run.csv"})
+    part = item.rows(2, 4)
+    assert (part.names, dict(part.metadata), len(part)) == (("a", "b"), {"path": "run.csv"}, 2)
+    assert np.shares_memory(part.values, item.values)
+    assert np.shares_memory(item["a"], item.values)
+    chosen = item.select(["b"])
+    assert (chosen.channels, dict(chosen.metadata)) == ((AB[1],), {"path": "run.csv"})
+    assert np.array_equal(item.select(["b", "a"]).values, item.values[:, ::-1])
+
+
+def test_joining_looks_at_every_part() -> None:
+    item, other = record(9), record(9, channels=(AB[1], AB[0]))
+    with pytest.raises(RecordError, match="different channels"):
+        join([item.rows(0, 3), item.rows(3, 6), other.rows(6, 9)])
+    whole = join([item.rows(0, 3), item.rows(3, 4), item.rows(4, 9)])
+    assert np.array_equal(whole.t_ns, item.t_ns)
+    assert whole.channels == AB
+    assert len(join([item])) == 9

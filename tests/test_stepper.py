@@ -1,5 +1,7 @@
 """Laws of the stream: batch = stream = replay, zero corrector = plant, warm-up, envelope, and what is refused."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -8,7 +10,7 @@ from plants import CHANNELS, STEP_NS, LinearCorrector, SinePlant, response
 
 from fmucorrect.errors import SignalError
 from fmucorrect.signals import Channel, Condition, Record, join
-from fmucorrect.stepper import CorrectedStepper, ReplayStepper, Status, Window, grid, run
+from fmucorrect.stepper import CorrectedStepper, Correction, ReplayStepper, Status, Window, grid, run
 
 CONDITION = Condition("300", speed=300.0, frequency=2.0, start=0.05)
 NOTHING = np.zeros(0)
@@ -185,3 +187,183 @@ def test_grid_includes_both_ends_and_does_not_drift() -> None:
     record = join(list(grid(1e5, 1_000_000_000, rows=1000)))
     assert len(record) == 100_001
     assert record.t_ns[-1] == 100_000 * 1_000_000_000
+
+
+class TimedCorrector(LinearCorrector):
+    """Says in delta what it is told: seconds, and the sum of the condition's features. `admitted` is its envelope's share."""
+
+    def __init__(self, rows: int = 4, admitted: float = 1.0) -> None:
+        super().__init__(rows)
+        self._admitted = admitted
+
+    def correct(self, windows: np.ndarray, condition: np.ndarray, seconds: np.ndarray) -> Correction:
+        delta = np.stack([seconds, np.full(len(windows), condition.sum())], axis=1).astype(np.float32)
+        sigma = np.tile(np.array([0.1, 0.2], np.float32), (len(windows), 1))
+        return Correction(delta, sigma, np.full(len(windows), self._admitted, np.float32))
+
+
+@given(rows=st.integers(1, 6), count=st.integers(1, 30), data=st.data())
+def test_push_and_extend_mix_freely(rows: int, count: int, data: st.DataObject) -> None:
+    values = np.random.default_rng(count).normal(size=(count, 2))
+    window, seen = Window(rows, 2), 0
+    array = window.array
+    while seen < count:
+        more = data.draw(st.integers(0, count - seen))
+        if more:
+            windows = window.extend(values[seen : seen + more])
+            assert not windows.flags.writeable
+            ends = range(seen + more - len(windows), seen + more)
+            expected = [values[end + 1 - rows : end + 1] for end in ends]
+            assert len(windows) == max(0, min(more, seen + more - rows + 1))
+            assert np.array_equal(windows, np.array(expected, np.float32).reshape(-1, rows, 2))
+        else:
+            more = 1
+            assert window.push(values[seen]) == (seen + 1 >= rows)
+        seen += more
+        assert window.full == (seen >= rows)
+        held = min(seen, rows)
+        assert np.array_equal(window.array[0, rows - held :], values[seen - held : seen].astype(np.float32))
+    assert window.array is array
+    window.clear()
+    assert not window.full
+    assert not window.array.any()
+    assert len(window.extend(values[:1])) == (rows == 1)
+
+
+@pytest.mark.parametrize("streamed", [True, False])
+def test_the_corrector_is_told_the_time_since_the_excitation_began_and_the_condition(streamed: bool) -> None:
+    condition = Condition("c", speed=200.0, amplitude=0.5, frequency=3.0, start=2.0)
+    t_ns = 5_000_000_000 + np.arange(8) * STEP_NS
+    stepper = CorrectedStepper(ReplayStepper(CHANNELS), TimedCorrector())
+    stepper.reset(condition)
+    if streamed:
+        steps = [stepper.step(int(t), np.zeros(2)) for t in t_ns]
+        corrected, sigma = np.array([s.corrected for s in steps]), np.array([s.sigma for s in steps])
+        assert {step.sigma.dtype for step in steps} == {np.dtype(float)}
+    else:
+        result = stepper.process(Record(t_ns, np.zeros((8, 2)), CHANNELS))
+        corrected, sigma = result.values[:, 2:4], result.values[:, 4:6]
+    assert np.allclose(corrected[3:, 0], 3.0 + np.arange(3, 8) * 1e-3, atol=1e-6)
+    assert np.allclose(corrected[3:, 1], 203.5)
+    assert not corrected[:3].any()
+    assert np.allclose(sigma, [[0.3, 0.4]] * 3 + [[0.1, 0.2]] * 5)
+
+
+@pytest.mark.parametrize(
+    ("admitted", "status"), [(1.0, Status.OK), (0.999, Status.OUTSIDE), (0.5, Status.OUTSIDE), (0.0, Status.OUTSIDE)]
+)
+def test_less_than_the_whole_correction_is_outside(admitted: float, status: Status) -> None:
+    stepper = CorrectedStepper(SinePlant(), TimedCorrector(rows=2, admitted=admitted))
+    stepper.reset(CONDITION)
+    assert stepper.step(0, NOTHING).status is Status.WARMUP
+    assert stepper.step(STEP_NS, NOTHING).status is status
+    result = run(stepper, CONDITION, grid(0.004, STEP_NS))
+    assert result is not None
+    assert list(result["corrector_status"]) == [1.0] + [float(status)] * 4
+
+
+def test_the_numbers_of_the_status_are_those_of_the_files() -> None:
+    assert (Status.OK, Status.WARMUP, Status.OUTSIDE) == (0, 1, 2)
+
+
+@pytest.mark.parametrize("streamed", [True, False])
+@pytest.mark.parametrize("bad", [np.inf, -np.inf, np.nan])
+def test_what_is_not_finite_is_named_wherever_it_stands(streamed: bool, bad: float) -> None:
+    values = np.zeros((6, 2))
+    values[4, 0], values[5, 1] = bad, -bad
+    stepper = CorrectedStepper(ReplayStepper(CHANNELS), LinearCorrector())
+    stepper.reset(CONDITION)
+
+    def go() -> None:
+        if streamed:
+            for i, row in enumerate(values):
+                stepper.step(i * STEP_NS, row)
+        else:
+            stepper.process(Record(np.arange(6) * STEP_NS, values, CHANNELS))
+
+    with pytest.raises(SignalError, match=rf"'FW' is {bad} at t = 0\.004 s, expected finite numbers"):
+        go()
+    if streamed:  # in one row: two that cancel
+        stepper.reset(CONDITION)
+        with pytest.raises(SignalError, match="'FW' is inf"):
+            stepper.step(0, np.array([np.inf, -np.inf]))
+
+
+@pytest.mark.parametrize(("first", "second", "named"), [(3, 7, 7), (3, 2, 2), (3, 3, 3)])
+def test_a_gap_or_a_step_back_between_chunks_is_named(first: int, second: int, named: int) -> None:
+    for streamed in (True, False):
+        stepper = CorrectedStepper(ReplayStepper(CHANNELS), LinearCorrector())
+        stepper.reset(CONDITION)
+        stepper.process(Record((first - np.arange(3)[::-1]) * STEP_NS, np.zeros((3, 2)), CHANNELS))
+        message = rf"t = {named * 1e-3:.9g} s.*expected 0\.001 s, got {(second - first) * 1e-3:.9g} s"
+        after = Record(np.array([second]) * STEP_NS, np.zeros((1, 2)), CHANNELS)
+        go = partial(stepper.step, second * STEP_NS, np.zeros(2)) if streamed else partial(stepper.process, after)
+        with pytest.raises(SignalError, match=message):
+            go()
+
+
+def test_the_first_wrong_step_of_several_is_named() -> None:
+    stepper = CorrectedStepper(ReplayStepper(CHANNELS), LinearCorrector())
+    stepper.reset(CONDITION)
+    t_ns = np.array([0, 1, 3, 4, 9]) * STEP_NS
+    with pytest.raises(SignalError, match=r"t = 0\.003 s.*got 0\.002 s"):
+        stepper.process(Record(t_ns, np.zeros((5, 2)), CHANNELS))
+    stepper.reset(CONDITION)  # whatever came before, a run may begin anywhere
+    assert stepper.step(77 * STEP_NS, np.zeros(2)).status is Status.WARMUP
+
+
+@pytest.mark.parametrize("streamed", [True, False])
+def test_the_corrector_sees_its_own_channels_whatever_their_order(streamed: bool) -> None:
+    wide = (Channel("yaw", unit="deg"), CHANNELS[1], CHANNELS[0])
+    values = np.random.default_rng(0).normal(size=(20, 3))
+    plain = CorrectedStepper(ReplayStepper(CHANNELS), LinearCorrector())
+    mixed = CorrectedStepper(ReplayStepper(wide), LinearCorrector())
+    assert mixed.channels == CHANNELS
+    expected = np.array([s.corrected for s in stepped(plain, np.arange(20) * STEP_NS, values[:, [2, 1]])])
+    if streamed:
+        found = np.array([s.corrected for s in stepped(mixed, np.arange(20) * STEP_NS, values)])
+    else:
+        result = run(mixed, CONDITION, [Record(np.arange(20) * STEP_NS, values, wide)])
+        assert result is not None
+        assert result.names[:3] == ("yaw", "FB", "FW")
+        found = np.stack([result["FW_corrected"], result["FB_corrected"]], axis=1)
+    assert np.array_equal(found, expected)
+
+
+def test_columns_that_correction_adds() -> None:
+    result = run(CorrectedStepper(SinePlant(), LinearCorrector()), CONDITION, grid(0.01, STEP_NS))
+    assert result is not None
+    assert result.names == ("FW", "FB", "FW_corrected", "FB_corrected", "FW_sigma", "FB_sigma", "corrector_status")
+    assert [channel.unit for channel in result.channels] == ["mm"] * 6 + ["1"]
+    assert result.channels[-1].quantity == "status"
+    assert result.channels[2].quantity == "displacement"
+
+
+def test_closing_closes_the_plant() -> None:
+    plant = SinePlant()
+    CorrectedStepper(plant, LinearCorrector()).close()
+    assert plant.closed == 1
+
+
+def test_a_log_is_repeated_in_its_own_unit_where_none_is_said() -> None:
+    stepper = ReplayStepper((Channel("a", unit=""), Channel("b", unit="m")))
+    log = Record(np.arange(3), np.arange(6.0).reshape(3, 2), (Channel("a", unit="kN"), Channel("b", unit="mm")))
+    assert [channel.unit for channel in stepper.process(log).channels] == ["kN", "m"]
+    step = stepper.step(7, log.values[1])
+    assert (step.t_ns, step.status) == (7, Status.OK)
+    assert np.array_equal(step.simulated, log.values[1])
+    assert np.array_equal(step.corrected, log.values[1])
+    assert np.array_equal(step.sigma, [0.0, 0.0])
+
+
+@pytest.mark.parametrize(("rows", "sizes"), [(4, [4, 4, 3]), (11, [11]), (10, [10, 1]), (1, [1] * 11)])
+def test_grid_in_chunks_from_anywhere(rows: int, sizes: list[int]) -> None:
+    chunks = list(grid(0.01, STEP_NS, rows, origin_ns=3_000_000))
+    assert [len(chunk) for chunk in chunks] == sizes
+    assert np.array_equal(join(chunks).t_ns, 3_000_000 + np.arange(11) * STEP_NS)
+    assert chunks[0].values.shape == (sizes[0], 0)
+
+
+def test_grid_of_no_length_and_of_more_than_a_chunk() -> None:
+    assert [list(chunk.t_ns) for chunk in grid(0.0, STEP_NS)] == [[0]]
+    assert [len(chunk) for chunk in grid(5.0, STEP_NS)] == [4096, 905]
