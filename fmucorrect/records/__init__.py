@@ -27,7 +27,7 @@ from fmucorrect.records.source import Sink
 from fmucorrect.records.writing import Writer
 from fmucorrect.signals import Record
 
-SUFFIXES = (".mcap", ".csv", ".parquet", ".mf4", ".tdms", ".mat")
+SUFFIXES = (".mcap", ".csv", ".parquet", ".mf4", ".mdf", ".tdms", ".mat")
 """The suffixes of files that can be read and written."""
 
 __all__ = ["SUFFIXES", "damaged", "describe", "read", "stream", "writer"]
@@ -137,8 +137,8 @@ def _source(path: str | PathLike[str]) -> Guarded:
         from fmucorrect.records.csv import CsvSource as Opened
     elif suffix == ".parquet":
         from fmucorrect.records.parquet import ParquetSource as Opened
-    elif suffix == ".mf4":
-        from fmucorrect.records.mdf4 import Mdf4Source as Opened
+    elif suffix in (".mf4", ".mdf"):
+        from fmucorrect.records.mdf4 import opened as Opened
     elif suffix == ".tdms":
         from fmucorrect.records.tdms import TdmsSource as Opened
     else:
@@ -155,7 +155,7 @@ def _sink(suffix: str, name: str, made_by: str) -> Sink:
         from fmucorrect.records.csv import CsvSink as Opened
     elif suffix == ".parquet":
         from fmucorrect.records.parquet import ParquetSink as Opened
-    elif suffix == ".mf4":
+    elif suffix in (".mf4", ".mdf"):
         from fmucorrect.records.mdf4 import Mdf4Sink as Opened
     elif suffix == ".tdms":
         from fmucorrect.records.tdms import TdmsSink as Opened

@@ -1,26 +1,36 @@
-"""MDF4 (.mf4): channel groups are topics, the master channel is the time, units are the channels' own.
+"""MDF 3 and 4 (.mf4, .mdf): channel groups are topics, the master channel is the time, units are the channels' own.
 
-Read and written whole. Samples that the file marks invalid are NaN.
+Read and written whole. Samples that the file marks invalid are NaN. A group whose master is an angle, a distance or an
+index has no time and is left out. Reading is done in a process of its own (`fmucorrect.records.child`): asammdf can
+take the interpreter down with it on a damaged file.
 """
 
 from __future__ import annotations
 
+import importlib.util
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from html import unescape
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from fmucorrect.errors import MissingExtra, RecordError
-from fmucorrect.records import seconds
+from fmucorrect.records import naming, seconds
+from fmucorrect.records.child import ChildSource
 from fmucorrect.records.contents import Column, Extent, Topic
 from fmucorrect.records.source import Block, extent_of
 from fmucorrect.signals import Record
 
 _ORIGIN = "time_origin_ns="
 _NOTES = "fmucorrect_notes="
+_TIME_V3 = 1
+_MASTERS = (2, 3)
+"""Kinds of channel in MDF 4 that are a master, stored and counted."""
+_SYNCS = {0: "nothing", 2: "an angle", 3: "a distance", 4: "an index"}
+"""What a master of MDF 4 counts, other than 1, the time."""
 
 
 def _asammdf() -> Any:
@@ -31,13 +41,24 @@ def _asammdf() -> Any:
     return asammdf
 
 
-class Mdf4Source:
-    """An MDF4 file opened for reading. Raises RecordError when it is none."""
+def opened(path: str) -> ChildSource:
+    """An MDF file, read in a process of its own. Raises MissingExtra, and RecordError as `Mdf4Source`."""
+    if importlib.util.find_spec("asammdf") is None:
+        raise MissingExtra("asammdf", "formats")
+    return ChildSource(path, "fmucorrect.records.mdf4:Mdf4Source")
 
-    format = "MDF4"
+
+class Mdf4Source:
+    """An MDF file opened for reading. Raises RecordError when it is none."""
+
+    format = "MDF"
     truncated = False
     damage = ""
-    left_out: tuple[str, ...] = ()
+
+    @staticmethod
+    def load() -> None:
+        """Import the library. Raises MissingExtra."""
+        _asammdf()
 
     def __init__(self, path: str) -> None:
         self.path = path
@@ -45,11 +66,14 @@ class Mdf4Source:
         try:
             self._file: Any = module.MDF(path)
         except Exception as error:  # asammdf raises its own and struct's errors on damaged files
-            raise RecordError(f"this cannot be read as MDF4: {error}", where=path) from error
-        self._notes = _noted(str(self._file.header.comment or ""))
+            raise RecordError(f"this cannot be read as MDF: {error}", where=path) from error
+        self.format = f"MDF {self._file.version}"
+        self._notes = _noted(str(self._file.header.comment or "")) if self._is_v4() else {}
         self._groups: dict[str, dict[str, tuple[int, int]]] = {}
-        self._origins: dict[str, int] = {}
+        self._times: dict[str, tuple[int, int, int]] = {}
+        self._left_out: list[str] = []
         self._topics = tuple(self._group(number, group) for number, group in enumerate(self._file.groups))
+        self.left_out = tuple(self._left_out)
 
     def close(self) -> None:
         """Release the file."""
@@ -62,44 +86,89 @@ class Mdf4Source:
     def blocks(self, topic: str, columns: Sequence[str]) -> Iterator[Block]:
         """All rows at once."""
         places = self._groups[topic]
+        if not places:
+            return
         t_ns = self._stamps(topic)
         values = np.empty((len(t_ns), len(columns)))
         for c, name in enumerate(columns):
-            group, index = places[name]
-            signal = self._file.get(group=group, index=index, ignore_invalidation_bits=True)
-            values[:, c] = np.asarray(signal.samples, np.float64)
-            if signal.invalidation_bits is not None:
-                values[np.asarray(signal.invalidation_bits, bool), c] = np.nan
+            values[:, c] = self._samples(places[name], len(t_ns))
         yield Block(t_ns, values)
 
     def extent(self, topic: str) -> Extent:
         """By reading the times."""
         return extent_of(self.blocks(topic, []))
 
+    def _samples(self, place: tuple[int, int], rows: int) -> np.ndarray:
+        group, index = place
+        signal = self._file.get(group=group, index=index, ignore_invalidation_bits=True)
+        values = np.asarray(signal.samples, np.float64)
+        if len(values) != rows:
+            raise RecordError(
+                f"channel {signal.name!r} has {len(values)} samples, its time has {rows}", where=self.path
+            )
+        if signal.invalidation_bits is not None:
+            values = np.where(np.asarray(signal.invalidation_bits, bool), np.nan, values)
+        return values
+
     def _stamps(self, topic: str) -> np.ndarray:
-        number = next(iter(self._groups[topic].values()))[0] if self._groups[topic] else 0
-        return seconds.to_ns(np.asarray(self._file.get_master(number), np.float64)) + self._origins[topic]
+        number, index, per = self._times[topic]
+        group = self._file.groups[number]
+        if self._file.masters_db.get(number) == index:
+            times = np.asarray(self._file.get_master(number))
+        else:
+            times = np.asarray(self._file.get(group=number, index=index).samples)
+        t_ns = seconds.whole_to_ns(times, per) if times.dtype.kind in "iu" else seconds.to_ns(times.astype(float), per)
+        return seconds.shifted(t_ns, _origin(group))
 
     def _group(self, number: int, group: Any) -> Topic:
-        name = group.channel_group.acq_name or f"group{number}"
+        name = getattr(group.channel_group, "acq_name", "") or f"group{number}"
         name = f"{name}_{number}" if name in self._groups else name
-        master = self._file.masters_db.get(number)
-        places: dict[str, tuple[int, int]] = {}
-        columns: list[Column] = []
+        self._groups[name] = {}
+        master, why = self._master(number, group)
+        if master is None:
+            rows = int(group.channel_group.cycles_nr)
+            self._left_out.append(f"group {name!r} ({len(group.channels)} channels, {rows} rows): {why}")
+            return Topic(name, (), "channel group", self._notes, why)
+        self._times[name] = (number, *master)
+        found: list[tuple[int, Column]] = []
         for index, channel in enumerate(group.channels):
-            if index == master or master is None:
+            kind = getattr(channel, "channel_type", 0)
+            if index == master[0]:
                 continue
-            signal = self._file.get(group=number, index=index, record_count=1)
-            label = channel.name if channel.name not in places else f"{channel.name}_{index}"
-            if signal.samples.ndim == 1 and signal.samples.dtype.kind in "fiub":
-                places[label] = (number, index)
-                columns.append(Column(label, signal.unit or "1"))
-        self._groups[name] = places
-        comment = group.channel_group.comment or ""
-        self._origins[name] = int(comment.split(_ORIGIN)[1].split()[0]) if _ORIGIN in comment else 0
-        return Topic(
-            name, tuple(columns), "channel group", self._notes, note="" if columns else "no time or no numbers"
-        )
+            signal = self._file.get(group=number, index=index, record_count=1, ignore_invalidation_bits=True)
+            samples = np.asarray(signal.samples)
+            if self._is_v4() and kind in _MASTERS:
+                counts = _SYNCS.get(channel.sync_type, "the time, too")
+                self._left_out.append(f"channel '{name}.{channel.name}': a master that counts {counts}")
+            elif samples.ndim != 1 or samples.dtype.kind not in "fiub":
+                self._left_out.append(f"channel '{name}.{channel.name}': {_kind(samples)}")
+            else:
+                found.append((index, Column(channel.name, str(signal.unit or "1"))))
+        names, told = naming.numbered([column.name for _, column in found])
+        self._groups[name] = {label: (number, index) for label, (index, _) in zip(names, found, strict=True)}
+        columns = tuple(Column(label, column.unit) for label, (_, column) in zip(names, found, strict=True))
+        metadata = {**self._notes, **({"assumed": told} if told else {})}
+        return Topic(name, columns, "channel group", metadata, "" if columns else "no numbers")
+
+    def _master(self, number: int, group: Any) -> tuple[tuple[int, int] | None, str]:
+        """The channel that is the time, with ns in its unit; or None, and why there is none."""
+        if self._is_v4():
+            masters = [(i, c) for i, c in enumerate(group.channels) if c.channel_type in _MASTERS]
+            times = [(i, c) for i, c in masters if c.sync_type == 1]
+            if not times and masters:
+                index, channel = masters[0]
+                return None, f"its master {channel.name!r} is {_SYNCS.get(channel.sync_type, 'unknown')}, not the time"
+        else:
+            times = [(i, c) for i, c in enumerate(group.channels) if c.channel_type == _TIME_V3]
+        if len(times) != 1:
+            return None, "it has no time" if not times else "it has several channels that are its time"
+        index, channel = times[0]
+        unit = str(self._file.get(group=number, index=index, record_count=1).unit or channel.unit or "s")
+        per = seconds.unit_ns(unit)
+        return (None, f"the unit of its time is not known: {unit!r}") if per is None else ((index, per), "")
+
+    def _is_v4(self) -> bool:
+        return str(self._file.version) >= "4"
 
 
 class Mdf4Sink:
@@ -138,7 +207,10 @@ class Mdf4Sink:
             )
             if notes:
                 file.header.comment = _NOTES + json.dumps(dict(notes))
-            file.save(self._path, overwrite=True)
+            # the library knows no other suffix for MDF 4, and would write beside
+            saved = self._path if self._path.lower().endswith(".mf4") else f"{self._path}.mf4"
+            file.save(saved, overwrite=True)
+        Path(saved).replace(self._path)
 
 
 def _noted(comment: str) -> dict[str, str]:
@@ -148,3 +220,16 @@ def _noted(comment: str) -> dict[str, str]:
     except (ValueError, RecursionError):
         return {}
     return {str(key): str(text) for key, text in found.items()} if isinstance(found, dict) else {}
+
+
+def _kind(samples: np.ndarray) -> str:
+    if samples.dtype.kind in "SUO":
+        return "text"
+    return (
+        "complex numbers" if samples.dtype.kind == "c" else f"no series of numbers ({samples.dtype}, {samples.ndim}-D)"
+    )
+
+
+def _origin(group: Any) -> int:
+    comment = str(getattr(group.channel_group, "comment", "") or "")
+    return seconds.origin_from(comment.split(_ORIGIN)[1].split()[0]) if _ORIGIN in comment else 0

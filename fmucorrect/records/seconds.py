@@ -97,6 +97,11 @@ def shifted(t_ns: Int64[np.ndarray, " T"], origin_ns: int) -> Int64[np.ndarray, 
     return np.where(good, np.where(good, t_ns, 0) + (origin_ns if room >= 0 else 0), NO_TIME)
 
 
+def shifted_each(t_ns: Int64[np.ndarray, " T"], by_ns: Int64[np.ndarray, " T"]) -> Int64[np.ndarray, " T"]:
+    """Stamps and at most a second each on top; NO_TIME stays."""
+    return np.where(t_ns == NO_TIME, NO_TIME, t_ns + by_ns)
+
+
 def origin_for(t_ns: Int64[np.ndarray, " T"]) -> int:
     """0, or the whole second in ns that a file of doubles must subtract so that its stamps stay exact."""
     if not len(t_ns) or abs(int(t_ns[0])) < EXACT_SECONDS / 2 * NANOSECONDS:

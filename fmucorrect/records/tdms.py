@@ -1,26 +1,37 @@
 """TDMS: groups are topics; the unit is the property `unit_string` (or `NI_UnitDescription`).
 
-Time is a channel `time` in s of the group, or the waveform properties wf_start_offset and wf_increment. Groups whose
-channels have different lengths keep the channels as long as the time, or without one as the first.
+Time is a channel `time` of the group, in its unit or as time stamps, or else the waveform properties wf_start_time,
+wf_start_offset and wf_increment. Waveforms of a group that differ in these or in length are topics of their own,
+`group/1`, `group/2` and so on. Stamps of waveforms count from the only wf_start_time of the file or, where there are
+several, from the earliest, so that they can be joined. Channels that do not fit are named in `left_out`.
 """
 
 from __future__ import annotations
 
+import logging
+import struct
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from fmucorrect.errors import MissingExtra, RecordError
-from fmucorrect.records import seconds
+from fmucorrect.records import naming, seconds
 from fmucorrect.records.assemble import RESERVED
 from fmucorrect.records.contents import Column, Extent, Topic
-from fmucorrect.records.source import NO_TIME, RAM_ROWS, Block, extent_of
-from fmucorrect.signals import Record
+from fmucorrect.records.source import RAM_ROWS, Block, extent_of
+from fmucorrect.signals import NANOSECONDS, Record
 
 _ORIGIN = "time_origin_ns"
 _UNITS = ("unit_string", "NI_UnitDescription")
+_EPOCH_1904 = 2_082_844_800
+"""Seconds from the start of 1904, from which TDMS counts, to that of 1970."""
+_LEAD_IN = struct.Struct("<4sIIQQ")
+_MOST_SEGMENTS = 1_000_000
+"""Segments that are looked at: a year of one in half a minute."""
+_OTHERS = {"S": "text", "U": "text", "O": "text", "c": "complex numbers", "M": "time stamps", "V": "time stamps"}
 
 
 def _nptdms() -> Any:
@@ -28,77 +39,182 @@ def _nptdms() -> Any:
         import nptdms
     except ImportError as error:
         raise MissingExtra("nptdms", "formats") from error
+    logging.getLogger("nptdms").setLevel(logging.CRITICAL)  # it warns of what `damage` says
     return nptdms
+
+
+@dataclass(frozen=True)
+class _Series:
+    """Channels that share their stamps. time: their time channel, with ns in its unit (0: time stamps); else a grid.
+
+    offset_ns, step_ns: of the grid. rows: that all channels have.
+    """
+
+    topic: Topic
+    group: str
+    channels: dict[str, Any]
+    rows: int
+    time: Any = None
+    per: int = 0
+    offset_ns: int = 0
+    step_ns: float = 0.0
+
+
+@dataclass(frozen=True)
+class _Grid:
+    """The times of a waveform. start_ns: since 1970, None without wf_start_time. rows: that its channel should have."""
+
+    start_ns: int | None
+    offset_ns: int
+    step_ns: float
+    rows: int
 
 
 class TdmsSource:
     """A TDMS file opened for reading. Raises RecordError when it is none."""
 
     format = "TDMS"
-    truncated = False
-    damage = ""
-    left_out: tuple[str, ...] = ()
 
     def __init__(self, path: str) -> None:
         self.path = path
+        self.damage = _damage(path)
+        self.truncated = bool(self.damage)
         try:
-            self._file: Any = _nptdms().TdmsFile.open(path)
+            self._file: Any = _nptdms().TdmsFile.open(path, raw_timestamps=True)
         except (ValueError, KeyError, EOFError, OSError) as error:
             raise RecordError(f"this cannot be read as TDMS: {error}", where=path) from error
-        self.truncated = bool(getattr(self._file.file_status, "incomplete_final_segment", False))
+        self._left_out: list[str] = []
+        groups = [(group, _time_channel(group)) for group in self._file.groups()]
+        self._from_ns = self._earliest([group for group, time in groups if time is None])
+        self._series = {
+            series.topic.name: series
+            for group, time in groups
+            for series in (self._waveforms(group) if time is None else self._timed(group, time))
+        }
+        self.left_out = tuple(self._left_out)
+        if self.damage:
+            there = "; ".join(f"{series.rows} rows of {name!r} are there" for name, series in self._series.items())
+            self.damage = f"{self.damage}: {there or 'nothing is there'}"
 
     def close(self) -> None:
         """Release the file."""
         self._file.close()
 
     def topics(self) -> tuple[Topic, ...]:
-        """One topic a group, of its numeric channels."""
-        found: list[Topic] = []
-        for group in self._file.groups():
-            time, columns = self._channels(group)
-            note = "" if columns else "no time channel, no wf_increment, or no numbers"
-            kept = {k: str(v) for k, v in group.properties.items() if k != _ORIGIN}
-            named = tuple(Column(channel.name, _unit(channel)) for channel in columns)
-            found.append(Topic(group.name, named, "time channel" if time is not None else "waveform", kept, note))
-        return tuple(found)
+        """One topic a group, or several where its channels have times of their own."""
+        return tuple(series.topic for series in self._series.values())
 
     def blocks(self, topic: str, columns: Sequence[str]) -> Iterator[Block]:
         """Slices of the channels."""
-        group = self._file[topic]
-        time, channels = self._channels(group)
-        rows = len(time) if time is not None else len(channels[0]) if channels else 0
-        origin = int(group.properties.get(_ORIGIN, 0))
-        for start in range(0, rows, RAM_ROWS):
-            stop = min(start + RAM_ROWS, rows)
+        series = self._series[topic]
+        origin = seconds.origin_from(self._file[series.group].properties.get(_ORIGIN))
+        for start in range(0, series.rows, RAM_ROWS):
+            stop = min(start + RAM_ROWS, series.rows)
             values = np.empty((stop - start, len(columns)))
             for c, name in enumerate(columns):
-                values[:, c] = group[name][start:stop]
-            yield Block(self._stamps(time, channels, start, stop, origin), values)
+                values[:, c] = series.channels[name][start:stop]
+            yield Block(_stamps(series, start, stop, origin), values)
 
     def extent(self, topic: str) -> Extent:
         """By reading the times."""
         return extent_of(self.blocks(topic, []))
 
-    def _stamps(self, time: Any, channels: list[Any], start: int, stop: int, origin: int) -> np.ndarray:
-        if time is None:
-            properties = channels[0].properties
-            offset = round(float(properties.get("wf_start_offset", 0.0)) * 1e9)
-            step = float(properties["wf_increment"]) * 1e9
-            return offset + np.rint(step * np.arange(start, stop)).astype(np.int64)
-        t_ns = seconds.to_ns(np.asarray(time[start:stop], np.float64))
-        return t_ns if not origin else np.where(t_ns == NO_TIME, NO_TIME, t_ns + origin)
+    def _timed(self, group: Any, time: Any) -> list[_Series]:
+        """The channels as long as the time channel of their group."""
+        metadata = _metadata(group)
+        unit = _unit(time)
+        per = 0 if _is_stamps(time) else seconds.unit_ns("s" if unit == "1" else unit)
+        rows = self._whole_length(time)
+        fitting: list[Any] = []
+        for channel in group.channels():
+            if channel is time:
+                continue
+            if why := _no_numbers(channel):
+                self._leave_out(channel, why)
+            elif self._whole_length(channel) != rows:
+                self._leave_out(channel, f"{len(channel)} values, but {len(time)} times")
+            else:
+                fitting.append(channel)
+        if per is None:
+            note = f"the unit of its time is not known: {unit!r}"
+            self._left_out += [f"channel '{group.name}/{channel.name}': {note}" for channel in fitting]
+            return [_Series(Topic(group.name, (), "time channel", metadata, note), group.name, {}, 0)]
+        there = min([len(time), *(len(channel) for channel in fitting)])
+        self._require_room(group.name, [time, *fitting], there)
+        topic = Topic(group.name, _columns(fitting), "time channel", metadata, "" if fitting else "no numbers")
+        return [_Series(topic, group.name, {c.name: c for c in fitting}, there, time, per)]
 
-    def _channels(self, group: Any) -> tuple[Any, list[Any]]:
-        """The time channel (None for waveforms) and the numeric channels that go with it."""
-        every = [c for c in group.channels() if c.dtype is not None and c.dtype.kind in "fiub"]
-        time = next((c for c in every if c.name.lower() == "time"), None)
-        others = [c for c in every if c is not time]
-        if time is None:
-            others = [c for c in others if "wf_increment" in c.properties]
-            steps = {c.properties["wf_increment"] for c in others[:1]}
-            others = [c for c in others if c.properties["wf_increment"] in steps]
-        rows = len(time) if time is not None else len(others[0]) if others else 0
-        return time, [c for c in others if len(c) == rows]
+    def _waveforms(self, group: Any) -> list[_Series]:
+        """The channels of a group without a time channel, by their times."""
+        metadata = _metadata(group)
+        sets: dict[_Grid, list[Any]] = {}
+        for channel in group.channels():
+            grid = self._grid(channel)
+            why = _no_numbers(channel) or (grid if isinstance(grid, str) else "")
+            if isinstance(grid, str) or why:
+                self._leave_out(channel, why)
+            else:
+                sets.setdefault(grid, []).append(channel)
+        if not sets:
+            note = "no time channel, no wf_increment, or no numbers"
+            return [_Series(Topic(group.name, (), "waveform", metadata, note), group.name, {}, 0)]
+        found: list[_Series] = []
+        for i, (grid, channels) in enumerate(sets.items(), 1):
+            name = group.name if len(sets) == 1 else f"{group.name}/{i}"
+            there = min(len(channel) for channel in channels)
+            self._require_room(name, channels, there)
+            told = dict(metadata)
+            offset = grid.offset_ns
+            if grid.start_ns is not None:
+                told["wf_start_time"] = str(np.datetime64(grid.start_ns, "ns"))
+                offset += grid.start_ns - (grid.start_ns if self._from_ns is None else self._from_ns)
+            if self._from_ns is not None and grid.start_ns != self._from_ns:
+                start = "times count from the earliest wf_start_time of the file"
+                told["assumed"] = start if grid.start_ns is not None else "it has no wf_start_time: times count from 0"
+            if abs(offset) + grid.step_ns * there >= 2**63 - 1:
+                raise RecordError(f"the times of {name!r} are beyond what can be counted in ns", where=self.path)
+            topic = Topic(name, _columns(channels), "waveform", told)
+            found.append(
+                _Series(topic, group.name, {c.name: c for c in channels}, there, None, 0, offset, grid.step_ns)
+            )
+        return found
+
+    def _earliest(self, groups: Sequence[Any]) -> int | None:
+        """The earliest start of a waveform; None without any."""
+        starts = [_start_ns(channel) for group in groups for channel in group.channels() if not _no_numbers(channel)]
+        return min((start for start in starts if start is not None), default=None)
+
+    def _grid(self, channel: Any) -> _Grid | str:
+        """The times of a waveform, or why it has none."""
+        properties = channel.properties
+        if "wf_increment" not in properties:
+            return "no time channel in its group, and no wf_increment"
+        unit = str(properties.get("wf_xunit_string") or "s")
+        per = seconds.unit_ns(unit)
+        if per is None:
+            return f"its axis is in {unit!r}, not a time"
+        step, offset = float(properties["wf_increment"]) * per, float(properties.get("wf_start_offset", 0.0)) * per
+        if not (0 < step < 2**63 and abs(offset) < 2**62):
+            return f"its wf_increment ({properties['wf_increment']}) or wf_start_offset cannot be"
+        return _Grid(_start_ns(channel), round(offset), step, self._whole_length(channel))
+
+    def _whole_length(self, channel: Any) -> int:
+        """Values that the channel would have if the file were not cut off."""
+        statuses = self._file.file_status.channel_statuses
+        status = (statuses or {}).get(channel.path)
+        return len(channel) + (status.expected_length - status.read_length if status else 0)
+
+    def _leave_out(self, channel: Any, why: str) -> None:
+        self._left_out.append(f"channel '{channel.group_name}/{channel.name}': {why}")
+
+    def _require_room(self, name: str, channels: Sequence[Any], rows: int) -> None:
+        """A file cannot hold more values than it has bytes for: a header that says so is damaged."""
+        needed = rows * sum(1 if c.dtype is None else c.dtype.itemsize for c in channels if c.dtype.kind != "V")
+        size = Path(self.path).stat().st_size
+        if needed > 8 * size:  # raw numbers of data acquisition cards are stored in fewer bytes than they are read as
+            raise RecordError(
+                f"the file is damaged: {name!r} has {rows} rows", where=self.path, got=f"a file of {size} bytes"
+            )
 
 
 class TdmsSink:
@@ -143,3 +259,87 @@ class TdmsSink:
 
 def _unit(channel: Any) -> str:
     return next((str(channel.properties[key]) for key in _UNITS if channel.properties.get(key)), "1")
+
+
+def _columns(channels: Sequence[Any]) -> tuple[Column, ...]:
+    return tuple(Column(channel.name, _unit(channel)) for channel in channels)
+
+
+def _metadata(group: Any) -> dict[str, str]:
+    return {key: str(value) for key, value in group.properties.items() if key != _ORIGIN}
+
+
+def _is_stamps(channel: Any) -> bool:
+    return channel.data_type is _nptdms().types.TimeStamp
+
+
+def _no_numbers(channel: Any) -> str:
+    """Why the channel is no series of numbers; "" when it is one."""
+    if channel.dtype is None:
+        return "no values"
+    if _is_stamps(channel):
+        return "time stamps"
+    return "" if channel.dtype.kind in "fiub" else _OTHERS.get(channel.dtype.kind, f"no numbers ({channel.dtype})")
+
+
+def _time_channel(group: Any) -> Any:
+    """The channel that is the time of its group: named so, or the only one of time stamps; None without one."""
+    channels = [c for c in group.channels() if c.dtype is not None and (_is_stamps(c) or c.dtype.kind in "fiu")]
+    named = [c for c in channels if naming.is_time(c.name)]
+    stamps = [c for c in channels if _is_stamps(c)]
+    exact = [c for c in named if c.name.lower() == "time"]
+    for candidates in (exact, named, stamps):
+        if len(candidates) == 1:
+            return candidates[0]
+    return None
+
+
+def _start_ns(channel: Any) -> int | None:
+    start = channel.properties.get("wf_start_time")
+    if start is None:
+        return None
+    if hasattr(start, "second_fractions"):
+        return _since_1970(np.array([start.seconds]), np.array([start.second_fractions], np.uint64)).tolist()[0]
+    return int(np.datetime64(start, "ns").astype(np.int64))
+
+
+def _since_1970(whole: np.ndarray, fractions: np.ndarray) -> np.ndarray:
+    """ns of seconds since 1904 and 2^-64 parts of one."""
+    t_ns = seconds.whole_to_ns(whole.astype(np.int64) - _EPOCH_1904)
+    # 2^-64 s are far below a ns: the upper 53 bits are enough for the nearest one
+    return seconds.shifted_each(t_ns, np.rint(fractions.astype(np.float64) / 2.0**64 * NANOSECONDS).astype(np.int64))
+
+
+def _stamps(series: _Series, start: int, stop: int, origin: int) -> np.ndarray:
+    if series.time is None:
+        return series.offset_ns + np.rint(series.step_ns * np.arange(start, stop)).astype(np.int64)
+    times = series.time[start:stop]
+    if not series.per:
+        return _since_1970(np.asarray(times["seconds"]), np.asarray(times["second_fractions"]))
+    times = np.asarray(times)
+    whole = times.dtype.kind in "iu"
+    t_ns = seconds.whole_to_ns(times, series.per) if whole else seconds.to_ns(times.astype(np.float64), series.per)
+    return seconds.shifted(t_ns, origin)
+
+
+def _damage(path: str) -> str:
+    """What is wrong with the segments of a file as a whole, in words; their contents are not looked at."""
+    size = Path(path).stat().st_size
+    position = 0
+    with Path(path).open("rb") as stream:
+        for number in range(1, _MOST_SEGMENTS):
+            if position == size and number > 1:
+                return ""
+            stream.seek(position)
+            head = stream.read(_LEAD_IN.size)
+            if len(head) < _LEAD_IN.size:
+                return f"cut off in segment {number}"
+            tag, _, _, length, raw = _LEAD_IN.unpack(head)
+            if tag != b"TDSm":
+                return f"damaged: no segment begins at byte {position}" if number > 1 else ""
+            position += _LEAD_IN.size + length
+            if length == 2**64 - 1 or position > size:
+                return f"cut off in segment {number}"
+            if raw > length:
+                return f"damaged: segment {number} is shorter than what describes it"
+    return ""
