@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import ast
-import compileall
 import contextlib
 import json
 import multiprocessing
@@ -40,7 +39,16 @@ MEMORY = 8 << 30
 """Bytes of address space that the tests of a mutant may take; one that collects for ever ends there."""
 SAID = "said.txt"
 """What the tests said, in the copy."""
-PRELOADED = ["numpy", "scipy.signal", "scipy.interpolate", "scipy.stats", "hypothesis", "pytest", "jaxtyping", "beartype"]
+PRELOADED = [
+    "numpy",
+    "scipy.signal",
+    "scipy.interpolate",
+    "scipy.stats",
+    "hypothesis",
+    "pytest",
+    "jaxtyping",
+    "beartype",
+]
 """Imported once, in the process that those of the mutants are forked from."""
 LEFT_OUT = ("ZeroIterationForLoop_NoOp", "VariableReplacer", "VariableInserter", "NoOp")
 """Operators that are not drawn: they want to be told a variable, or change nothing."""
@@ -62,9 +70,19 @@ GROUPS: Mapping[str, Group] = {
     "stepper": Group(("stepper.py",), ("tests/test_stepper.py",)),
     "registration": Group(("registration.py",), ("tests/test_registration.py",)),
     "evidence": Group(("discovery/evidence.py",), ("tests/discovery/test_evidence.py",)),
-    "laws as C": Group(("wrapping/laws.py",), ("tests/wrapping/test_laws_as_c.py",), ("sympy",)),
+    "laws as C": Group(
+        ("wrapping/laws.py",),
+        (
+            "tests/wrapping/test_laws_as_c.py::test_the_wiring_names_what_each_law_needs",
+            "tests/wrapping/test_laws_as_c.py",
+            "-k=not 0.0 and not 0.2 and not another_process and not other_compilers",
+        ),
+        ("sympy",),
+    ),
     "network as C": Group(
-        ("wrapping/network.py",), ("tests/wrapping/test_network.py",), ("onnx", "torch", "onnxruntime")
+        ("wrapping/network.py",),
+        ("tests/wrapping/test_network.py", "-k=shipped-0 or generation or allocated or operator or another_compiler"),
+        ("onnx", "torch", "onnxruntime"),
     ),
     "tables as C": Group(
         ("wrapping/generated.py", "wrapping/wiring.py"),
@@ -182,14 +200,13 @@ def copy_tree(folder: Path) -> Path:
         if shared.is_dir() and not (folder / "shared").exists():
             (folder / "shared").symlink_to(shared)
             (folder / "of" / "shared").symlink_to(shared)
-    compileall.compile_dir(root / "fmucorrect", quiet=1)
     return root
 
 
-def tests(root: Path, arguments: Sequence[str], patience: float) -> tuple[str, float]:
+def judge(root: Path, arguments: Sequence[str], patience: float, as_it_is: bool) -> tuple[str, float]:
     """Runs pytest in the copy: "passed", "failed" or "timeout", and the seconds that it took."""
     begin = time.monotonic()
-    process = multiprocessing.get_context("forkserver").Process(target=_pytest, args=(root, arguments))
+    process = multiprocessing.get_context("forkserver").Process(target=_pytest, args=(root, arguments, as_it_is))
     process.start()
     process.join(patience)
     running = process.is_alive()
@@ -202,13 +219,15 @@ def tests(root: Path, arguments: Sequence[str], patience: float) -> tuple[str, f
     return verdict, time.monotonic() - begin
 
 
-def _pytest(root: Path, arguments: Sequence[str]) -> None:
+def _pytest(root: Path, arguments: Sequence[str], as_it_is: bool) -> None:
     os.setsid()
     os.chdir(root)
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     sys.path.insert(0, str(root))
-    os.environ.update(PYTHONPATH=str(root), PYTHONDONTWRITEBYTECODE="1")
-    sys.dont_write_bytecode = True
+    os.environ["PYTHONPATH"] = str(root)
+    if not as_it_is:  # what is compiled of a mutant would outlive it
+        os.environ["PYTHONDONTWRITEBYTECODE"] = "1"
+    sys.dont_write_bytecode = not as_it_is
     with (root / SAID).open("w") as said:
         os.dup2(said.fileno(), 1)
         os.dup2(said.fileno(), 2)
@@ -242,7 +261,8 @@ def run(group: str, count: int, seed: int, again: bool) -> None:
         arguments = [
             word for word in GROUPS[group].tests if word.startswith("-") or (root / word.split("::")[0]).exists()
         ]
-        verdict, seconds = tests(root, arguments, 1200.0)
+        judge(root, arguments, 1200.0, as_it_is=True)
+        verdict, seconds = judge(root, arguments, 1200.0, as_it_is=True)
         print(f"{group}: as it is: {verdict} in {seconds:.1f} s", flush=True)
         if verdict != "passed":
             sys.exit(f"{(root / SAID).read_text()}\nthe tests of {group} fail without a change")
@@ -252,7 +272,7 @@ def run(group: str, count: int, seed: int, again: bool) -> None:
             for stale in (file.parent / "__pycache__").glob(f"{file.stem}.*.pyc"):
                 stale.unlink()
             file.write_text(mutant.code, encoding="utf-8")
-            verdict, took = tests(root, arguments, max(PATIENCE[0], PATIENCE[1] * seconds))
+            verdict, took = judge(root, arguments, max(PATIENCE[0], PATIENCE[1] * seconds), as_it_is=False)
             file.write_bytes(kept)
             row = asdict(mutant) | {
                 "verdict": {"passed": "survived", "failed": "killed"}.get(verdict, verdict),
