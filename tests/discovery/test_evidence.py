@@ -133,7 +133,7 @@ def test_channels_and_conditions_weigh_by_their_energy() -> None:
     expected = sum(energy * [direct(column) for column in columns]) / energy.sum()
     assert independent(blocks) == pytest.approx(expected, rel=1e-12)
     # what does not move, and what is too short to tell, has no say
-    still = [np.column_stack([np.full(50, 3.0)]), np.array([[1.0], [2.0], [9.0]])]
+    still = [np.tile([3.0, 4.0], (50, 1)), np.array([[1.0, 5.0], [2.0, 0.0], [9.0, 1.0]])]
     assert independent([still[0], *blocks, still[1]]) == pytest.approx(expected, rel=1e-12)
     assert independent(still) == independent([]) == 1.0
 
