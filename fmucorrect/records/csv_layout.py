@@ -16,12 +16,10 @@ from typing import IO
 from fmucorrect.errors import RecordError
 from fmucorrect.records import naming, seconds
 from fmucorrect.records.contents import Column
+from fmucorrect.records.source import MOST_COLUMNS
 
 MOST_CHARACTERS = 2**20
 """Of a line: room for 40 000 numbers. A line without end (a binary file, a lost line end) is refused here."""
-
-MOST_COLUMNS = 20_000
-"""Ten times what a large measurement has; each column costs memory in everything that is made from the file."""
 
 _PREAMBLE = 100
 """Lines among which the header must stand."""

@@ -1,5 +1,6 @@
-"""Parquet: a column `time` in s (or of a timestamp or duration type), units in the columns' metadata key `unit`.
+"""Parquet: a column `time` in s or its unit, or of a type of time, units in the columns' metadata key `unit`.
 
+Columns that are no numbers are named in `left_out`; equal names are numbered. Pages are written with checksums.
 Files written here hold `time` as doubles. Where those could not hold every nanosecond (beyond 24 days) the whole
 seconds of the first stamp are subtracted and stand in the file's metadata as `time_origin_ns`.
 """
@@ -7,18 +8,23 @@ seconds of the first stamp are subtracted and stand in the file's metadata as `t
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from fmucorrect.errors import MissingExtra, RecordError
-from fmucorrect.records import seconds
+from fmucorrect.records import naming, seconds
 from fmucorrect.records.assemble import RESERVED
 from fmucorrect.records.contents import Column, Extent, Topic
-from fmucorrect.records.source import NO_TIME, RAM_ROWS, Block, extent_of
+from fmucorrect.records.source import MOST_COLUMNS, NO_TIME, RAM_ROWS, Block, extent_of
 from fmucorrect.signals import Record
 
 _ORIGIN = "time_origin_ns"
+_FEW_ROWS, _ROWS_PER_BYTE = 2**20, 1000
+"""Rows that a file may have: even a regular time takes bits, so many more are a damaged or hostile file."""
+_CHUNK, _EXPANSION = 2**28, 100
+"""Bytes that one column of a row group may unfold to, as it is unfolded in memory."""
 _PER_SECOND = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1_000, "ns": 1}
 
 
@@ -32,34 +38,35 @@ def _pyarrow() -> tuple[Any, Any]:
 
 
 class ParquetSource:
-    """A Parquet file opened for reading. Raises RecordError when it has no column `time`."""
+    """A Parquet file opened for reading. Raises RecordError when it has no time."""
 
     format = "Parquet"
     truncated = False
     damage = ""
-    left_out: tuple[str, ...] = ()
 
     def __init__(self, path: str) -> None:
         self.path = path
         self._arrow, parquet = _pyarrow()
         try:
-            self._file: Any = parquet.ParquetFile(path)
+            self._file: Any = parquet.ParquetFile(path, page_checksum_verification=True)
         except (self._arrow.ArrowInvalid, OSError) as error:
             raise RecordError(
                 f"this cannot be read as Parquet: {error}", where=path, remedy="A file never closed has no index."
             ) from error
-        self._schema: Any = self._file.schema_arrow
-        times = [name for name in self._schema.names if name.lower() == "time"]
-        if not times:
-            self.close()
-            raise RecordError(
-                "there is no column 'time'", where=path, expected="'time' in s", got=", ".join(self._schema.names)
-            )
-        self._time = times[0]
-        noted = {**(self._schema.metadata or {}), **(self._file.metadata.metadata or {})}
-        metadata = {k.decode(): v.decode() for k, v in noted.items()}
-        self._origin = int(metadata.pop(_ORIGIN, 0))
-        self._metadata = {k: v for k, v in metadata.items() if k not in ("pandas", "ARROW:schema")}
+        self._require_bounded()
+        self._fields: list[Any] = list(self._file.schema_arrow)
+        self._assumed: list[str] = []
+        self._metadata = self._texts(
+            {**(self._file.schema_arrow.metadata or {}), **(self._file.metadata.metadata or {})}
+        )
+        self._origin = seconds.origin_from(self._metadata.pop(_ORIGIN, None))
+        for own in ("pandas", "ARROW:schema"):
+            self._metadata.pop(own, None)
+        self._time = self._time_place()
+        self._per = self._time_unit()
+        self._left_out: list[str] = []
+        self._places = self._columns()
+        self.left_out = tuple(self._left_out)
 
     def close(self) -> None:
         """Release the file."""
@@ -67,47 +74,165 @@ class ParquetSource:
 
     def topics(self) -> tuple[Topic, ...]:
         """One topic, of the columns of numbers and truth values."""
-        types = self._arrow.types
-        columns = [
-            Column(f.name, (f.metadata or {}).get(b"unit", b"1").decode())
-            for f in self._schema
-            if f.name != self._time
-            and (
-                types.is_integer(f.type)
-                or types.is_floating(f.type)
-                or types.is_boolean(f.type)
-                or types.is_decimal(f.type)
-            )
-        ]
-        return (Topic("", tuple(columns), "columns", self._metadata),)
+        columns = tuple(Column(name, self._unit(self._fields[place])) for name, place in self._places.items())
+        assumed = "; ".join(dict.fromkeys(self._assumed))
+        note = "" if columns else "; ".join(self.left_out)
+        return (Topic("", columns, "columns", self._metadata | ({"assumed": assumed} if assumed else {}), note),)
 
     def blocks(self, topic: str, columns: Sequence[str]) -> Iterator[Block]:
         """Batches of rows; null is NaN."""
-        names = list(dict.fromkeys([self._time, *columns]))
+        places = [self._places[name] for name in columns]
+        names = list(dict.fromkeys(self._fields[place].name for place in (self._time, *places)))
+        row = 0
         for batch in self._file.iter_batches(batch_size=RAM_ROWS, columns=names):
             if batch.num_rows:
                 values = np.empty((batch.num_rows, len(columns)))
-                for c, name in enumerate(columns):
-                    values[:, c] = self._floats(batch.column(name))
-                yield Block(self._stamps(batch.column(self._time)), values)
+                for c, place in enumerate(places):
+                    values[:, c] = self._floats(self._array(batch, place))
+                yield Block(self._stamps(self._array(batch, self._time), row), values)
+                row += batch.num_rows
 
     def extent(self, topic: str) -> Extent:
         """By reading the times."""
         return extent_of(self.blocks(topic, []))
 
-    def _floats(self, array: Any) -> np.ndarray:
-        return np.asarray(array.cast(self._arrow.float64()).to_numpy(zero_copy_only=False), np.float64)
-
-    def _stamps(self, array: Any) -> np.ndarray:
-        types = self._arrow.types
-        if types.is_timestamp(array.type) or types.is_duration(array.type):
-            whole = array.cast(self._arrow.int64())
-            t_ns = (
-                np.asarray(whole.fill_null(0).to_numpy(zero_copy_only=False), np.int64) * _PER_SECOND[array.type.unit]
+    def _require_bounded(self) -> None:
+        """Raise RecordError when a small file says that it unfolds to more than memory should be spent on."""
+        told, size = self._file.metadata, Path(self.path).stat().st_size
+        if told.num_columns > MOST_COLUMNS:
+            raise RecordError(
+                "the file has too many columns",
+                where=self.path,
+                expected=f"at most {MOST_COLUMNS}",
+                got=told.num_columns,
             )
-            return np.where(np.asarray(array.is_null().to_numpy(zero_copy_only=False)), NO_TIME, t_ns)
-        t_ns = seconds.to_ns(self._floats(array))
-        return t_ns if not self._origin else np.where(t_ns == NO_TIME, NO_TIME, t_ns + self._origin)
+        chunks = [told.row_group(g).column(c) for g in range(told.num_row_groups) for c in range(told.num_columns)]
+        largest = max((chunk.total_uncompressed_size for chunk in chunks), default=0)
+        if told.num_rows > _FEW_ROWS + _ROWS_PER_BYTE * size or largest > _CHUNK + _EXPANSION * size:
+            raise RecordError(
+                f"the file unfolds to more than is read: {told.num_rows} rows, {largest} bytes in one column",
+                where=self.path,
+                expected="at most some hundred times its size",
+                got=f"a file of {size} bytes",
+            )
+
+    def _array(self, batch: Any, place: int) -> Any:
+        """The column of a batch that is this field, by its name and its place among equal names."""
+        name = self._fields[place].name
+        before = sum(field.name == name for field in self._fields[:place])
+        array = batch.column([c for c, field in enumerate(batch.schema) if field.name == name][before])
+        return array.dictionary_decode() if self._arrow.types.is_dictionary(array.type) else array
+
+    def _time_place(self) -> int:
+        """The column `time`, or else the only one whose name says time, or that holds time stamps."""
+        named = [i for i, field in enumerate(self._fields) if naming.is_time(field.name)]
+        stamps = [i for i, field in enumerate(self._fields) if self._arrow.types.is_timestamp(field.type)]
+        exact = [i for i in named if self._fields[i].name.lower() == "time"]
+        for candidates in (exact, [i for i in named if i in stamps], named, stamps):
+            if len(candidates) == 1:
+                if not exact:
+                    self._assumed.append(f"the time is column {self._fields[candidates[0]].name!r}")
+                return candidates[0]
+        raise RecordError(
+            "there are several columns 'time'" if exact else "there is no column 'time'",
+            where=self.path,
+            expected="'time' in s",
+            got=", ".join(str(field.name) for field in self._fields[:20]),
+        )
+
+    def _time_unit(self) -> int:
+        """ns in a unit of the time. Raises RecordError when it is not known."""
+        field, types = self._fields[self._time], self._arrow.types
+        if types.is_timestamp(field.type):
+            if field.type.tz is None:
+                self._assumed.append("the time stamps name no zone: taken as UTC")
+            return _PER_SECOND[field.type.unit]
+        if types.is_duration(field.type):
+            return _PER_SECOND[field.type.unit]
+        if types.is_time(field.type):
+            self._assumed.append("the clock times count from midnight")
+            return _PER_SECOND[field.type.unit]
+        if not (types.is_integer(field.type) or types.is_floating(field.type) or types.is_decimal(field.type)):
+            raise RecordError(
+                "the column of the time is no time", where=self.path, expected="numbers or stamps", got=str(field.type)
+            )
+        unit = self._unit(field)
+        per = seconds.unit_ns("s" if unit == "1" else unit)
+        if per is None:
+            raise RecordError(
+                "the unit of the time is not known", where=self.path, expected="s, ms ...", got=repr(unit)
+            )
+        if unit == "1":
+            first = next(self._file.iter_batches(batch_size=1, columns=[field.name]), None)
+            value = self._floats(self._array(first, self._time))[0] if first is not None and first.num_rows else 0.0
+            if epoch := seconds.epoch_unit(float(value)):
+                self._assumed.append(f"the time has no unit: {value:.0f} is taken as {epoch[1]} since 1970")
+                return epoch[0]
+            if types.is_integer(field.type):
+                self._assumed.append("the time has no unit: taken as s")
+        return per
+
+    def _columns(self) -> dict[str, int]:
+        """The places of the columns of numbers by name; what is none goes into `left_out`."""
+        types, found = self._arrow.types, list[int]()
+        for place, field in enumerate(self._fields):
+            kind = field.type.value_type if types.is_dictionary(field.type) else field.type
+            if place == self._time:
+                continue
+            if types.is_integer(kind) or types.is_floating(kind) or types.is_boolean(kind) or types.is_decimal(kind):
+                found.append(place)
+            else:
+                self._left_out.append(f"column {field.name!r}: {str(kind)[:60]}, no numbers")
+        names, told = naming.numbered([self._fields[place].name for place in found])
+        if told:
+            self._assumed.append(told)
+        return dict(zip(names, found, strict=True))
+
+    def _texts(self, metadata: Mapping[bytes, bytes]) -> dict[str, str]:
+        try:
+            return {key.decode(): self._text(value) for key, value in metadata.items()}
+        except UnicodeDecodeError as error:
+            raise RecordError(
+                "the file is damaged: a key of its metadata is no UTF-8", where=self.path, got=repr(error.object[:60])
+            ) from error
+
+    def _text(self, raw: bytes) -> str:
+        try:
+            return raw.decode()
+        except UnicodeDecodeError:
+            self._assumed.append("some metadata is no UTF-8: read as Windows-1252 (Western European)")
+            return raw.decode("cp1252", "replace")
+
+    def _unit(self, field: Any) -> str:
+        return self._text((field.metadata or {}).get(b"unit", b"1")) or "1"
+
+    def _floats(self, array: Any) -> np.ndarray:
+        double = array.cast(self._arrow.float64(), safe=False)  # a whole number beyond 2^53 is rounded
+        return np.asarray(double.to_numpy(zero_copy_only=False), np.float64)
+
+    def _stamps(self, array: Any, row: int) -> np.ndarray:
+        types = self._arrow.types
+        missing = np.asarray(array.is_null().to_numpy(zero_copy_only=False))
+        if types.is_floating(array.type) or types.is_decimal(array.type):
+            floats = self._floats(array)
+            missing = missing | np.isnan(floats)
+            t_ns = seconds.to_ns(floats, self._per)
+        else:
+            if types.is_time32(array.type):
+                array = array.cast(self._arrow.int32())
+            elif not types.is_integer(array.type):
+                array = array.cast(self._arrow.int64())
+            t_ns = seconds.whole_to_ns(np.asarray(array.fill_null(0).to_numpy(zero_copy_only=False)), self._per)
+        t_ns = seconds.shifted(t_ns, self._origin)
+        beyond = (t_ns == NO_TIME) & ~missing
+        if beyond.any():
+            i = int(np.argmax(beyond))
+            raise RecordError(
+                f"the time at row {row + i} is beyond what can be counted in ns (years 1678 to 2262)",
+                where=self.path,
+                got=str(array[i])[:60],
+            )
+        return np.where(missing, NO_TIME, t_ns)
 
 
 class ParquetSink:
@@ -130,7 +255,9 @@ class ParquetSink:
             fields = [self._arrow.field("time", double, metadata={"unit": "s"})]
             fields += [self._arrow.field(c.name, double, metadata={"unit": c.unit}) for c in record.channels]
             self._schema = self._arrow.schema(fields, metadata=metadata)
-            self._writer = self._parquet.ParquetWriter(self._path, self._schema, compression="zstd")
+            self._writer = self._parquet.ParquetWriter(
+                self._path, self._schema, compression="zstd", write_page_checksum=True
+            )
         if len(record):
             arrays = [seconds.from_ns(record.t_ns, self._origin), *record.values.T]
             self._writer.write_table(self._arrow.table([self._arrow.array(a) for a in arrays], schema=self._schema))

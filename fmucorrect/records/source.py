@@ -19,6 +19,10 @@ RAM_ROWS = 65536
 """Rows that a format hands over at once where it can choose."""
 
 
+MOST_COLUMNS = 20_000
+"""Ten times what a large measurement has; each column costs memory in everything that is made from the file."""
+
+
 @dataclass(frozen=True)
 class Block:
     """Rows as they stand in a file: neither checked nor repaired.

@@ -39,8 +39,8 @@ def test_parquet_timestamps_nulls_and_other_types(kind: str, tmp_path: Path) -> 
 
 
 def test_parquet_without_time(tmp_path: Path) -> None:
-    pa.parquet.write_table(pa.table({"t": [0.0], "a": [1.0]}), tmp_path / "run.parquet")
-    with pytest.raises(RecordError, match="no column 'time', expected 'time' in s, got t, a"):
+    pa.parquet.write_table(pa.table({"q": [0.0], "a": [1.0]}), tmp_path / "run.parquet")
+    with pytest.raises(RecordError, match="no column 'time', expected 'time' in s, got q, a"):
         records.read(tmp_path / "run.parquet")
 
 
