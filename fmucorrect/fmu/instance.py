@@ -7,9 +7,10 @@ every argument must be a ctypes object of the C type, and nothing here accepts a
 from __future__ import annotations
 
 import ctypes
+import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from ctypes import byref, c_double, c_size_t, c_uint, c_uint32, c_void_p
+from ctypes import byref, c_double, c_int, c_size_t, c_uint, c_uint32, c_void_p
 from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
@@ -23,6 +24,19 @@ from fmucorrect.fmu.description import FmuDescription, Variable
 from fmucorrect.fmu.solverlog import STATUS, SolverLog
 
 WARNING, DISCARD, FATAL = 1, 2, 4
+
+
+def _loaded(library: Path) -> ctypes.CDLL:
+    """The library, loaded so that other threads go on meanwhile: its constructors may take any time, and ctypes' own loading
+    holds the interpreter. Raises OSError."""
+    if os.name != "posix":
+        return ctypes.CDLL(str(library))
+    system = ctypes.CDLL(None)
+    system.dlopen.restype, system.dlerror.restype = c_void_p, ctypes.c_char_p
+    handle = system.dlopen(os.fsencode(library), c_int(os.RTLD_NOW | os.RTLD_LOCAL))
+    if not handle:
+        raise OSError((system.dlerror() or b"no reason given").decode(errors="replace"))
+    return ctypes.CDLL(str(library), handle=handle)
 
 
 class Instance(ABC):
@@ -42,8 +56,10 @@ class Instance(ABC):
     STATE: ClassVar[str]
     DESERIALISE: ClassVar[str]
 
-    def __init__(self, description: FmuDescription, folder: Path, log: SolverLog) -> None:
-        self.time, self.size, self.flags = c_double(), c_double(), c_uint32()
+    def __init__(self, description: FmuDescription, folder: Path, log: SolverLog, clock: Any) -> None:
+        """folder: of the unpacked FMU. clock: memory of two doubles for time and size."""
+        self.time, self.size = c_double.from_buffer(clock), c_double.from_buffer(clock, ctypes.sizeof(c_double))
+        self.flags = c_uint32()
         self._description, self._folder, self._log = description, folder, log
         self._component = c_void_p()
         self._initialised = False
@@ -51,7 +67,7 @@ class Instance(ABC):
         name = description.identifier + fmpy.sharedLibraryExtension
         library = folder / "binaries" / description.binaries / name
         try:
-            self._library: ctypes.CDLL | None = ctypes.CDLL(str(library.absolute()))
+            self._library: ctypes.CDLL | None = _loaded(library.absolute())
         except OSError as error:
             raise FmuError(
                 f"its library {name} cannot be loaded ({error})",
@@ -80,6 +96,7 @@ class Instance(ABC):
 
     def begin(self) -> None:
         """A fresh instance: whatever an earlier run left behind is gone."""
+        self.time.value = self.size.value = 0.0
         if self._component and self._description.one_instance:
             if self._initialised:
                 self.call("Terminate")

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import logging
-import tempfile
+from dataclasses import dataclass
 from pathlib import Path
-from typing import final
+from typing import Any, final
 
 from fmucorrect.fmu import archive
 from fmucorrect.fmu.description import FmuDescription
@@ -13,23 +13,36 @@ from fmucorrect.fmu.fmi2 import Instance2
 from fmucorrect.fmu.fmi3 import Instance3
 from fmucorrect.fmu.instance import Instance
 from fmucorrect.fmu.solverlog import SolverLog
+from fmucorrect.fmu.workfolder import WorkFolder
+
+
+@dataclass(frozen=True)
+class Place:
+    """folder: where the FMU is unpacked already, by whoever removes it again. clock: two doubles of shared memory, where the
+    solver's time and step size (s) are seen from outside."""
+
+    folder: Path
+    clock: Any
 
 
 @final
 class LoadedFmu:
     """instance: of the FMU's library, until close(). log: where the solver's messages go, "fmucorrect.fmu" where None.
+    place: of an FMU that is unpacked already; else it is, into a folder that lives as long as this.
 
     Raises FmuError when the FMU has no library for this machine, or cannot be unpacked or loaded."""
 
-    def __init__(self, description: FmuDescription, log: logging.Logger | None) -> None:
+    def __init__(self, description: FmuDescription, log: logging.Logger | None, place: Place | None = None) -> None:
         binaries = description.binaries
-        self._folder = tempfile.TemporaryDirectory(prefix="fmucorrect-", ignore_cleanup_errors=True)
+        self._folder = None if place else WorkFolder()
         self._log = SolverLog(description.path.name, log)
         try:
-            folder = Path(self._folder.name)
-            archive.extract(description.path, folder, binaries)
+            if self._folder is not None:
+                archive.extract(description.path, self._folder.path, binaries)
+                place = Place(self._folder.path, bytearray(16))
+            assert place is not None
             kind = Instance3 if description.fmi.startswith("3") else Instance2
-            self.instance: Instance = kind(description, folder, self._log)
+            self.instance: Instance = kind(description, place.folder, self._log, place.clock)
         except BaseException:
             self._release()
             raise
@@ -43,4 +56,5 @@ class LoadedFmu:
 
     def _release(self) -> None:
         self._log.close()
-        self._folder.cleanup()
+        if self._folder is not None:
+            self._folder.close()

@@ -3,15 +3,81 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float64
 
-from fmucorrect.errors import FmuError
-from fmucorrect.fmu.description import FmuDescription, Variable
-from fmucorrect.signals import Channel
+from fmucorrect.errors import FmuError, SignalError
+from fmucorrect.fmu.description import FmuDescription, Variable, open_fmu
+from fmucorrect.signals import Channel, Record, Times, Values
 from fmucorrect.units import conversion
+
+SECOND = 1e9
+"""Nanoseconds. A float, so that Python and numpy round alike at any time: both convert first and then divide."""
+
+
+@dataclass(frozen=True)
+class Matched:
+    """What a stepper of an FMU moves, and the checks of what goes in.
+
+    channels: the responses, with units. outputs: their variables. factors: (J,) from the FMU's units to the channels',
+    None for 1. inputs: the variables of the columns of u.
+    """
+
+    description: FmuDescription
+    outputs: tuple[Variable, ...]
+    channels: tuple[Channel, ...]
+    factors: Float64[np.ndarray, " J"] | None
+    inputs: tuple[Variable, ...]
+
+    def input_values(self, record: Record) -> Float64[np.ndarray, "T U"]:
+        """The inputs of `record` in the FMU's order and units; without columns where it has none. Raises SignalError."""
+        if not record.channels:
+            return np.zeros((len(record), 0))
+        wanted = [variable.name for variable in self.inputs]
+        if sorted(wanted) != sorted(record.names):
+            raise SignalError(
+                "the columns are not the inputs of this stepper", where=str(self.description.path), expected=wanted,
+                got=list(record.names),
+            )  # fmt: skip
+        order = [record.index(name) for name in wanted]
+        values = np.ascontiguousarray(record.values[:, order])
+        factors = [
+            input_factor(record.channels[c].unit, v.unit, v.name) for c, v in zip(order, self.inputs, strict=True)
+        ]
+        return values if all(factor == 1.0 for factor in factors) else values * np.array(factors)
+
+    def check_row(self, t_ns: int, last_ns: int | None, width: int) -> None:
+        """Raises SignalError where time does not go on from `last_ns`, or a row of inputs is too long or too short."""
+        if last_ns is not None and t_ns <= last_ns:
+            raise SignalError(
+                "time does not increase", where=str(self.description.path), expected=f"> {last_ns} ns", got=f"{t_ns} ns"
+            )
+        if width and width != len(self.inputs):
+            names = [variable.name for variable in self.inputs]
+            raise SignalError("the row of inputs has the wrong length", expected=f"{len(names)}: {names}", got=width)
+
+    def require_finite(self, u: Values, t_ns: Times) -> None:
+        """Raises SignalError that names input and time of the first value that is no number."""
+        bad = np.argwhere(~np.isfinite(u))
+        if len(bad):
+            row, column = bad[0]
+            raise SignalError(
+                f"input {self.inputs[column].name!r} is {u[row, column]} at t = {t_ns[row] / SECOND:.9g} s",
+                where=str(self.description.path),
+                expected="finite numbers",
+            )
+
+
+def match(path: str | Path, channels: tuple[Channel, ...], input_names: Sequence[str]) -> Matched:
+    """The variables behind channels and inputs. Raises FmuError (the file, its platforms, names) and SignalError (units)."""
+    description = open_fmu(path)
+    _ = description.binaries  # refused now rather than when it is started
+    variables, complete = outputs(description, channels)
+    factors = output_factors(variables, complete)
+    return Matched(description, tuple(variables), complete, factors, tuple(inputs(description, input_names)))
 
 
 def input_factor(source: str, target: str, name: str) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from ctypes import c_void_p
+from itertools import repeat
 from typing import NamedTuple, final
 
 import numpy as np
@@ -66,14 +67,19 @@ class Port:
         return self._move()
 
     def rows_into(self, values: np.ndarray) -> Move:
-        """To get the variables for the rows of `values` (T, K); they are there after collect()."""
-        self._rows = values if self._direct else np.zeros((len(values), len(self._columns)), self._buffer.dtype)
-        return self._move()
+        """To get the variables for the rows of `values` (T, K), each written there at once, so that it is not lost with
+        what comes after."""
+        if self._direct:
+            self._rows = values
+            return self._move()
+        rows, call, columns, buffer = iter(values), self._call, self._columns, self._buffer
 
-    def collect(self, values: np.ndarray) -> None:
-        """The end of rows_into()."""
-        if self._rows is not values:
-            values[:, self._columns] = self._rows
+        def into() -> int:
+            status = call()
+            next(rows)[columns] = buffer
+            return status
+
+        return Move(self._pointer, repeat(self._address), into, self._function)
 
     def _cast(self, values: np.ndarray) -> np.ndarray:
         return values if self._buffer.dtype.kind == "f" else np.rint(values)

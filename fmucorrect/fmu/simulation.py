@@ -188,8 +188,6 @@ class Simulation:
                     pointer.value = next(addresses)
                     if status := call():
                         instance.check(status, function)
-            for port in self._readers:
-                port.collect(result)
         self._count += steps
         return result if self._factors is None else result * self._factors
 

@@ -14,18 +14,16 @@ from typing import final
 import numpy as np
 from jaxtyping import Float64
 
-from fmucorrect.errors import FmuError, SignalError
-from fmucorrect.fmu import matching
-from fmucorrect.fmu.description import FmuDescription, open_fmu
+from fmucorrect.errors import FmucorrectError, FmuError
+from fmucorrect.fmu.description import FmuDescription
 from fmucorrect.fmu.instance import Instance
-from fmucorrect.fmu.loaded import LoadedFmu
+from fmucorrect.fmu.loaded import LoadedFmu, Place
+from fmucorrect.fmu.matching import SECOND, match
 from fmucorrect.fmu.ports import Port, ports
 from fmucorrect.fmu.startvalues import start_values
-from fmucorrect.signals import Channel, Condition, Record, Times, Values
+from fmucorrect.signals import Channel, Condition, Record, Times
 from fmucorrect.stepper import Row, Status, Step
 
-SECOND = 1e9
-"""Nanoseconds. A float, so that Python and numpy round alike at any time: both convert first and then divide."""
 _NONE: Mapping[str, float] = MappingProxyType({})
 
 
@@ -49,14 +47,22 @@ class Native:
     fmi: int
 
 
+def finished(t_ns: Times, time: float, size: float) -> int:
+    """How many of these rows were done when the solver's step from `time` over `size` (s) ended badly; size is 0 before the
+    first step."""
+    return int(np.searchsorted(t_ns / SECOND, time, side="right")) if size > 0.0 else 0
+
+
 @final
 class FmuStepper:
-    """An FMU for co-simulation, streamed sample by sample.
+    """An FMU for co-simulation, streamed sample by sample, inside this process: a solver that crashes or hangs takes this
+    process with it. IsolatedStepper is the one for solvers that are not known to be harmless.
 
     channels: the responses; each one's `simulation` (or `name`) is an FMU variable, whose values are converted to the
     channel's unit, or left in the variable's own for "". inputs: FMU inputs, in the order of the columns of u, which is
     in the FMU's own units. parameters: start values that hold in every condition. log: where the solver's messages go,
-    the logger "fmucorrect.fmu" by default; at level DEBUG the solver says all.
+    the logger "fmucorrect.fmu" by default; at level DEBUG the solver says all. place: where somebody else unpacked the FMU and
+    looks at its clock; a folder of its own by default.
 
     The FMU starts at the first sample's time, with that sample's inputs: errors of initialisation come from the first
     step() or process() after reset(). After an exception everything is released, and reset() starts anew.
@@ -72,21 +78,21 @@ class FmuStepper:
         inputs: Sequence[str] = (),
         parameters: Mapping[str, float] = _NONE,
         log: logging.Logger | None = None,
+        place: Place | None = None,
     ) -> None:
-        self._description = open_fmu(path)
-        _ = self._description.binaries  # refused now rather than at reset()
-        self._outputs, self._channels = matching.outputs(self._description, channels)
-        self._factors = matching.output_factors(self._outputs, self._channels)
-        self._inputs = matching.inputs(self._description, inputs)
+        self._matched = match(path, channels, inputs)
+        self._description, self._place = self._matched.description, place
+        self._channels, self._factors = self._matched.channels, self._matched.factors
         self._parameters, self._logger = parameters, log
         start_values(self._description, parameters)
         self._loaded: LoadedFmu | None = None
         self._instance: Instance | None = None
         self._readers: list[Port] = []
         self._writers: list[Port] = []
-        self._row, self._given = np.zeros(len(self._channels)), np.zeros(len(self._inputs))
+        self._row, self._given = np.zeros(len(self._channels)), np.zeros(len(self._matched.inputs))
         self._zeros = np.zeros(len(channels))
         self._last_ns: int | None = None
+        self._stopped = (0.0, 0.0)
 
     @property
     def channels(self) -> tuple[Channel, ...]:
@@ -100,12 +106,17 @@ class FmuStepper:
     @property
     def references(self) -> tuple[int, ...]:
         """Value references of the channels."""
-        return tuple(variable.reference for variable in self._outputs)
+        return tuple(variable.reference for variable in self._matched.outputs)
 
     @property
     def factors(self) -> Float64[np.ndarray, " J"]:
         """From the solver's units to the channels'."""
         return np.ones(len(self._channels)) if self._factors is None else self._factors
+
+    def load(self) -> None:
+        """Unpack and load the library, which reset() does by itself."""
+        if self._instance is None:
+            self._open()
 
     def reset(self, condition: Condition) -> None:
         """Start the solver with the start values of `parameters` and `condition.parameters`, the latter going first."""
@@ -125,7 +136,7 @@ class FmuStepper:
             instance = self._advancing(t_ns, width)
         if width:
             if not math.isfinite(sum(u.tolist())):
-                self._require_finite(u[None], np.array([t_ns]))
+                self._matched.require_finite(u[None], np.array([t_ns]))
             self._given[:] = u
         try:
             if last is None:
@@ -149,26 +160,43 @@ class FmuStepper:
 
     def process(self, record: Record) -> Record:
         """Columns of `record` are inputs by name, in any order and fitting unit; a record without columns leaves the
-        inputs as they are. What comes back: the responses."""
-        u = self._input_values(record)
+        inputs as they are. What comes back: the responses. An error carries the rows before it in `finished`."""
+        u = self._matched.input_values(record)
+        self._matched.require_finite(u, record.t_ns)
         values = np.zeros((len(record), len(self._channels)))
-        if len(record):
-            instance = self._advancing(int(record.t_ns[0]), u.shape[1])
-            self._require_finite(u, record.t_ns)
-            try:
-                self._run(instance, record.t_ns, u, values)
-            except BaseException:
-                self.close()
-                raise
-            self._last_ns = int(record.t_ns[-1])
-            if self._factors is not None:
-                values *= self._factors
+        try:
+            self.advance(record.t_ns, u, values)
+        except FmucorrectError as error:
+            values = values[: finished(record.t_ns, *self._stopped)]
+            error.finished = self._responses(record.rows(0, len(values)), values)
+            raise
+        return self._responses(record, values)
+
+    def _responses(self, record: Record, values: Float64[np.ndarray, "T J"]) -> Record:
+        if self._factors is not None:
+            values *= self._factors
         return replace(record, values=values, channels=self._channels)
+
+    def advance(
+        self, t_ns: Times, u: Float64[np.ndarray, "T U"], values: Float64[np.ndarray, "T J"]
+    ) -> None:
+        """process() on bare rows: finite inputs (U may be 0) and what goes into `values` are in the FMU's own units; a
+        row is there once the solver's clock has left it."""
+        self._stopped = 0.0, 0.0
+        if not len(t_ns):
+            return
+        instance = self._advancing(int(t_ns[0]), u.shape[1])
+        try:
+            self._run(instance, t_ns, u, values)
+        except BaseException:
+            self._stopped = instance.time.value, instance.size.value
+            self.close()
+            raise
+        self._last_ns = int(t_ns[-1])
 
     def _run(
         self, instance: Instance, t_ns: Times, u: Float64[np.ndarray, "T U"], values: Float64[np.ndarray, "T K"]
     ) -> None:
-        """Rows of `u` (T, U; U may be 0) into the solver, rows of outputs into `values` (T, K), in the FMU's units."""
         points = t_ns
         if self._last_ns is None:
             self._given[: u.shape[1]] = u[0]
@@ -191,8 +219,6 @@ class FmuStepper:
                 pointer.value = next(addresses)
                 if status := call():
                     instance.check(status, function)
-        for port in self._readers:
-            port.collect(values)
 
     def _initialise(self, instance: Instance, t_ns: int, inputs: bool) -> None:
         instance.time.value, instance.size.value = t_ns / SECOND, 0.0
@@ -255,10 +281,10 @@ class FmuStepper:
         self.close()
 
     def _open(self) -> Instance:
-        self._loaded = LoadedFmu(self._description, self._logger)
+        self._loaded = LoadedFmu(self._description, self._logger, self._place)
         self._instance = self._loaded.instance
-        self._readers = ports(self._instance, "Get", self._outputs, self._row)
-        self._writers = ports(self._instance, "Set", self._inputs, self._given)
+        self._readers = ports(self._instance, "Get", self._matched.outputs, self._row)
+        self._writers = ports(self._instance, "Set", self._matched.inputs, self._given)
         return self._instance
 
     def _running(self) -> Instance:
@@ -268,41 +294,5 @@ class FmuStepper:
 
     def _advancing(self, t_ns: int, width: int) -> Instance:
         instance = self._running()
-        if self._last_ns is not None and t_ns <= self._last_ns:
-            raise SignalError(
-                "time does not increase",
-                where=str(self._description.path),
-                expected=f"> {self._last_ns} ns",
-                got=f"{t_ns} ns",
-            )
-        if width and width != len(self._inputs):
-            names = [variable.name for variable in self._inputs]
-            raise SignalError("the row of inputs has the wrong length", expected=f"{len(names)}: {names}", got=width)
+        self._matched.check_row(t_ns, self._last_ns, width)
         return instance
-
-    def _input_values(self, record: Record) -> Float64[np.ndarray, "T U"]:
-        if not record.channels:
-            return np.zeros((len(record), 0))
-        wanted = [variable.name for variable in self._inputs]
-        if sorted(wanted) != sorted(record.names):
-            raise SignalError(
-                "the columns are not the inputs of this stepper", where=str(self._description.path), expected=wanted,
-                got=list(record.names),
-            )  # fmt: skip
-        order = [record.index(name) for name in wanted]
-        values = np.ascontiguousarray(record.values[:, order])
-        factors = [
-            matching.input_factor(record.channels[c].unit, v.unit, v.name)
-            for c, v in zip(order, self._inputs, strict=True)
-        ]
-        return values if all(factor == 1.0 for factor in factors) else values * np.array(factors)
-
-    def _require_finite(self, u: Values, t_ns: Times) -> None:
-        bad = np.argwhere(~np.isfinite(u))
-        if len(bad):
-            row, column = bad[0]
-            raise SignalError(
-                f"input {self._inputs[column].name!r} is {u[row, column]} at t = {t_ns[row] / SECOND:.9g} s",
-                where=str(self._description.path),
-                expected="finite numbers",
-            )

@@ -1,0 +1,233 @@
+"""A solver in a process of its own, as this process sees it: asked one thing at a time, watched, and ended."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import logging
+import mmap
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+import weakref
+from collections import deque
+from dataclasses import dataclass
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from struct import unpack_from
+from typing import IO, Any, final
+
+from fmucorrect.errors import FmuError
+from fmucorrect.fmu import archive
+from fmucorrect.fmu.description import FmuDescription
+from fmucorrect.fmu.workfolder import WorkFolder
+
+LOAD_TIMEOUT = 15.0
+"""s to load the library, in which nothing is computed yet."""
+START_TIMEOUT = 60.0
+"""s to start: a licence is fetched, an equilibrium found."""
+STEP_TIMEOUT = 15.0
+"""s for one communication step: thousands of times what a step of milliseconds may take to be of use."""
+MEMORY = 4 << 30
+"""Bytes that a solver may take; a multibody model takes megabytes."""
+_FREE_TIMEOUT = 10.0
+"""s in which a solver that did all its work is to let go."""
+_TICK = 0.2
+"""s between two looks at the solver's clock."""
+_LINES, _LINE = 5, 500
+"""Last lines of the solver that an error quotes, and characters of each."""
+_LONGEST = 1 << 20
+"""Bytes of a line of the child's; a longer one is not of this program's making."""
+_ASK = "The file may be damaged, or made for another machine; else its maker can tell."
+_RUN = "import sys; a = sys.argv; sys.path[:] = a[6:]; from fmucorrect.fmu.child import main; main(a[1], a[2], *map(int, a[3:6]))"
+"""With the parent's own places to import from, not those of the working directory."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """step: s that the solver may take for one step, and at least for its start. memory: bytes that it may take (on Linux)."""
+
+    step: float = STEP_TIMEOUT
+    memory: int = MEMORY
+
+
+DEFAULT = Limits()
+
+
+@final
+class SolverProcess:
+    """A child process with the FMU's library. size: bytes of `memory`, which both share and whose first two doubles are the
+    solver's clock: time and size (s) of the step that it is in.
+
+    call() asks for one thing. It raises FmuError when the solver refuses, ends its process, or takes too long; the process
+    is gone by then, and `memory` as it left it. close() in any case. What the solver logs goes to `log`; so does, at level
+    INFO, what it prints.
+    """
+
+    def __init__(self, description: FmuDescription, log: logging.Logger, limits: Limits, size: int) -> None:
+        self._where, self._name = str(description.path), description.path.name
+        self._log, self._limits = log, limits
+        self._last: deque[str] = deque(maxlen=_LINES)
+        self._lines: SimpleQueue[bytes | None] = SimpleQueue()
+        self._folder = WorkFolder()
+        try:
+            self._process, self.memory = self._start(description, size)
+        except BaseException:
+            self._folder.close()
+            raise
+        self._kill = weakref.finalize(self, _kill, self._process)
+        self._threads = [
+            threading.Thread(target=_read, args=(self._process.stdout, self._lines), daemon=True),
+            threading.Thread(target=_hear, args=(self._process.stderr, self._name, self._last, log), daemon=True),
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    def _start(self, description: FmuDescription, size: int) -> tuple[subprocess.Popen[bytes], mmap.mmap]:
+        fmu, file = self._folder.path / "fmu", self._folder.path / "memory"
+        fmu.mkdir()
+        archive.extract(description.path, fmu, description.binaries)
+        with file.open("w+b") as opened:
+            opened.truncate(size)
+            memory = mmap.mmap(opened.fileno(), size)
+        level = self._log.getEffectiveLevel()
+        numbers = level, self._limits.memory, os.getpid()
+        command = [sys.executable, "-c", _RUN, str(fmu), str(file), *map(str, numbers), *sys.path]
+        # a group of its own: Ctrl-C is for us, and what the solver itself started ends with it
+        alone: dict[str, Any] = (
+            {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
+            if sys.platform == "win32"
+            else {"start_new_session": True}
+        )
+        pipe = subprocess.PIPE
+        return subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, **alone), memory
+
+    @property
+    def clock(self) -> tuple[float, float]:
+        """Time and size of the step that the solver is in, or was in when it ended, s; size 0: before the first one."""
+        time, size = unpack_from("dd", self.memory)
+        return time, size
+
+    def call(self, task: str, limit: float, **arguments: Any) -> Any:
+        """Ask the child for `task`. limit: s without any step done, after which it is ended."""
+        try:
+            self._send(task, arguments)
+            message = self._answer(task, max(limit, self._limits.step))
+        except BaseException:
+            self._kill()
+            raise
+        if "error" in message:
+            self._kill()
+            raise FmuError(message["error"])
+        return message["answer"]
+
+    def _send(self, task: str, arguments: dict[str, Any]) -> None:
+        assert self._process.stdin is not None
+        with contextlib.suppress(BrokenPipeError, OSError):  # it has ended: _answer() says how
+            self._process.stdin.write(json.dumps([task, arguments]).encode() + b"\n")
+            self._process.stdin.flush()
+
+    def _answer(self, task: str, limit: float) -> dict[str, Any]:
+        begun, clock = time.monotonic(), self.clock
+        while True:
+            try:
+                line = self._lines.get(timeout=_TICK)
+            except Empty:
+                # what the solver started may keep the line open
+                line = None if self._process.poll() is not None and self._lines.empty() else b""
+            if line is None:
+                raise self._died(task)
+            if line:
+                message = _message(line)
+                if message is None:
+                    raise self._error("the solver wrote into the line to this program", task, _ASK)
+                if "log" not in message:
+                    return message
+                self._hear(message["log"], message["text"])
+            if clock != self.clock:
+                begun, clock = time.monotonic(), self.clock
+            elif time.monotonic() - begun > limit:
+                what = f"the solver did not come back within {limit:g} s"
+                raise self._error(what, task, "Give it longer with --step-timeout, if it only is slow.")
+
+    def _hear(self, level: int, text: str) -> None:
+        if level > logging.DEBUG:
+            self._last.append(text.removeprefix(f"{self._name}: ")[:_LINE])
+        self._log.log(level, "%s", text)
+
+    def _died(self, task: str) -> FmuError:
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(_FREE_TIMEOUT)
+        code = self._process.returncode
+        self._threads[1].join(_TICK)  # what it printed last
+        if code is None:
+            what = "the solver cut the line to this program"
+        elif code < 0:
+            what = f"the solver crashed ({signal.strsignal(-code) or f'signal {-code}'})"
+        else:
+            what = f"the solver ended its own process (exit code {code if code < 256 else hex(code)})"
+        return self._error(what, task, _ASK)
+
+    def _error(self, what: str, task: str, remedy: str) -> FmuError:
+        time, size = self.clock
+        when = {"open": "when it was loaded", "reset": "when it was started"}.get(task)
+        if when is None:
+            when = f"at t = {time + size:.9g} s" + ("" if size else ", before its first step")
+        said = f"; it said: {' | '.join(self._last)}" if self._last else "; it said nothing"
+        return FmuError(f"{what} {when}{said}", where=self._where, remedy=remedy)
+
+    def close(self) -> None:
+        """Let the solver free what it holds, and release everything. What it does wrong now is a warning: its work is done."""
+        try:
+            if self._kill.alive:
+                self._send("close", {})
+                self._answer("close", _FREE_TIMEOUT)
+        except FmuError as error:
+            self._log.warning("%s", error)
+        finally:
+            self._kill()
+            for thread in self._threads:
+                thread.join(_TICK)
+            with contextlib.suppress(BufferError):  # somebody keeps rows of it
+                self.memory.close()
+            self._folder.close()
+
+
+def _kill(process: subprocess.Popen[bytes]) -> None:
+    """At once, with what it started itself."""
+    if sys.platform != "win32":
+        with contextlib.suppress(ProcessLookupError, PermissionError):  # it has ended already
+            os.killpg(process.pid, signal.SIGKILL)
+    process.kill()
+    process.wait()
+    assert process.stdin is not None
+    with contextlib.suppress(OSError):  # what was not sent yet
+        process.stdin.close()
+
+
+def _message(line: bytes) -> dict[str, Any] | None:
+    try:
+        message = json.loads(line)
+    except ValueError:
+        return None
+    return message if isinstance(message, dict) else None
+
+
+def _read(pipe: IO[bytes], lines: SimpleQueue[bytes | None]) -> None:
+    with pipe:
+        while line := pipe.readline(_LONGEST):
+            lines.put(line)
+    lines.put(None)
+
+
+def _hear(pipe: IO[bytes], name: str, last: deque[str], log: logging.Logger) -> None:
+    """What the solver prints, line by line."""
+    with pipe:
+        while line := pipe.readline(_LINE):
+            text = line.decode(errors="replace").strip()
+            if text:
+                last.append(text)
+                log.info("%s printed: %s", name, text)
