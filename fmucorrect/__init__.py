@@ -30,7 +30,7 @@ if TYPE_CHECKING:
         WrapError,
     )
     from fmucorrect.experiment import Pair, pair, read_measurement, simulate
-    from fmucorrect.fmu import FmuDescription, FmuStepper, open_fmu
+    from fmucorrect.fmu import FmuDescription, FmuStepper, IsolatedStepper, open_fmu
     from fmucorrect.metrics import OracleLag, Scores, noise_floor, oracle_lag, score
     from fmucorrect.records import describe, read, stream, writer
     from fmucorrect.registration import Offset, find_offset, resample
@@ -55,7 +55,7 @@ _NAMES = {
         "WrapError",
     ),
     "experiment": ("Pair", "pair", "read_measurement", "simulate"),
-    "fmu": ("FmuDescription", "FmuStepper", "open_fmu"),
+    "fmu": ("FmuDescription", "FmuStepper", "IsolatedStepper", "open_fmu"),
     "metrics": ("OracleLag", "Scores", "noise_floor", "oracle_lag", "score"),
     "records": ("describe", "read", "stream", "writer"),
     "registration": ("Offset", "find_offset", "resample"),
@@ -94,6 +94,7 @@ __all__ = [  # noqa: RUF022 (as a reader looks for them)
     "open_fmu",
     "FmuDescription",
     "FmuStepper",
+    "IsolatedStepper",
     "ReplayStepper",
     "CorrectedStepper",
     "Corrector",

@@ -140,7 +140,7 @@ def simulate(study: Study, condition: Condition, model: Bundle) -> Record:
 
 def one_by_one(study: Study, condition: Condition, model: Bundle, batch: Record) -> Online:
     """Step the FMU and the corrector as an online host does, one sample a call, and compare with `batch`."""
-    stepper = CorrectedStepper(sources.plant(study, condition), model)
+    stepper = CorrectedStepper(sources.plant(study, condition, isolated=False), model)
     names = [f"{channel.name}_corrected" for channel in model.channels]
     values, clock, at = np.empty((len(batch), len(names))), np.empty(len(batch)), 0
     try:

@@ -10,7 +10,7 @@ import numpy as np
 
 from fmucorrect import records, units
 from fmucorrect.errors import RecordError, SignalError
-from fmucorrect.fmu import FmuStepper, input_record
+from fmucorrect.fmu import FmuStepper, IsolatedStepper, Limits, input_record
 from fmucorrect.signals import NANOSECONDS, Channel, Condition, Record
 from fmucorrect.stepper import ReplayStepper, Stepper, grid
 from fmucorrect.study import Study
@@ -22,18 +22,22 @@ SIMULATION = "/simulation"
 """The topic of a simulated response in the files written here."""
 
 
-def plant(study: Study, condition: Condition) -> Stepper:
-    """The plant of a condition; the excitation, where the study names one, is a response of its own behind the channels."""
+def plant(study: Study, condition: Condition, *, isolated: bool = True) -> Stepper:
+    """The plant of a condition; the excitation, where the study names one, is a response of its own behind the channels.
+
+    isolated: whether a solver runs in a process of its own; without, it can take this one with it, and a call a sample costs
+    less.
+    """
     channels = (*study.channels, *excitation_channel(study))
     if condition.simulated is not None or study.simulation.fmu is None:
         return ReplayStepper(channels)
     names = records.describe(condition.inputs).topics[0].topic.columns if condition.inputs is not None else ()
-    return FmuStepper(
-        study.simulation.fmu,
-        channels,
-        inputs=tuple(column.name for column in names),
-        parameters=study.simulation.parameters,
-    )
+    fmu, parameters = study.simulation.fmu, study.simulation.parameters
+    driven = tuple(column.name for column in names)
+    if not isolated:
+        return FmuStepper(fmu, channels, inputs=driven, parameters=parameters)
+    limits = Limits.of(study.simulation.step_timeout)
+    return IsolatedStepper(fmu, channels, inputs=driven, parameters=parameters, limits=limits)
 
 
 def inputs(study: Study, condition: Condition, duration: float | None = None) -> Iterator[Record]:

@@ -14,7 +14,7 @@ from typing import NamedTuple, Protocol, final, runtime_checkable
 import numpy as np
 from jaxtyping import Float32, Float64
 
-from fmucorrect.errors import SignalError
+from fmucorrect.errors import FmucorrectError, SignalError
 from fmucorrect.signals import NANOSECONDS, Channel, Condition, Record, join
 
 Row = Float64[np.ndarray, " J"]
@@ -242,7 +242,15 @@ class CorrectedStepper:
 
     def process(self, record: Record) -> Record:
         """Columns that come back: those of the plant, then `<name>_corrected`, `<name>_sigma` and `corrector_status`."""
-        plant = self._plant.process(record)
+        try:
+            plant = self._plant.process(record)
+        except FmucorrectError as error:
+            if error.finished is not None:
+                error.finished = self._corrected(error.finished)
+            raise
+        return self._corrected(plant)
+
+    def _corrected(self, plant: Record) -> Record:
         simulated = plant.values if self._same else plant.values[:, self._columns]
         self._check(plant.t_ns, simulated)
         windows = self._window.extend(simulated)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -23,12 +23,14 @@ class Simulation:
     """How the model is run.
 
     fmu: the FMU's file, None when every condition names a simulated record. step_ns: communication step and sample
-    time of the corrector, ns. parameters: FMU start values of all conditions, in the FMU's own units.
+    time of the corrector, ns. parameters: FMU start values of all conditions, in the FMU's own units. step_timeout: s that
+    the solver may take for one step before it counts as stuck, None for what is usual.
     """
 
     fmu: Path | None
     step_ns: int
     parameters: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    step_timeout: float | None = None
 
     @property
     def step_size(self) -> float:
@@ -151,6 +153,12 @@ class Study:
         """The conditions that nothing may be fitted to, in the file's order."""
         return tuple(condition for condition in self.conditions if condition.role == "evaluation")
 
+    def with_step_timeout(self, seconds: float | None) -> Study:
+        """The same study with another time for a step of the solver; None leaves its own."""
+        if seconds is None:
+            return self
+        return replace(self, simulation=replace(self.simulation, step_timeout=seconds))
+
     def condition(self, name: str) -> Condition:
         """The condition of this name. Raises StudyError with the names that there are."""
         for condition in self.conditions:
@@ -206,6 +214,7 @@ def load_study(path: str | Path) -> Study:
             resolve(simulation.fmu),
             round(simulation.step_size * NANOSECONDS),
             MappingProxyType(simulation.parameters),
+            simulation.step_timeout,
         ),
         channels=tuple(channels),
         conditions=tuple(conditions),

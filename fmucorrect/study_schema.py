@@ -67,6 +67,7 @@ class SimulationTable(Table):
         description="the communication step in s, as step_size = 0.001"
     )
     parameters: dict[str, Number] = {}
+    step_timeout: Positive | None = Field(None, description="s that the solver may take for one step")
 
 
 class ChannelRow(Table):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import signal
+import threading
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -17,6 +19,11 @@ if TYPE_CHECKING:
     from fmucorrect.study import Study
 
 PATH = click.Path(path_type=Path)
+STEP_TIMEOUT = click.option(
+    "--step-timeout",
+    type=click.FloatRange(min=0, min_open=True),
+    help="s that the solver may take for one step before it counts as stuck; default: the study's step_timeout, else 15.",
+)
 
 ALLOW_DAMAGED = click.option(
     "--allow-damaged", is_flag=True, help="Go on with records that are cut off or damaged; what they lost is told."
@@ -30,12 +37,33 @@ class UserError(click.ClickException):
     exit_code = 2
 
 
+@contextmanager
+def _terminated_in_order() -> Generator[None]:
+    """A request to end (SIGTERM, SIGHUP) unwinds as an exception does, so that solvers end and folders go; exit code 128 and
+    the signal's number, as a shell has it."""
+
+    def end(number: int, _: object) -> None:
+        raise SystemExit(128 + number)
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    asked = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    before = {number: signal.signal(number, end) for number in asked}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
 class Commands(click.Group):
     """A group whose commands end with exit code 2 and one message where the user can mend the error."""
 
     def invoke(self, ctx: click.Context) -> Any:
         try:
-            return super().invoke(ctx)
+            with _terminated_in_order():
+                return super().invoke(ctx)
         except FmucorrectError as error:
             raise UserError(str(error)) from error
         except BrokenPipeError:

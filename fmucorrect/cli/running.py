@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from fmucorrect.cli.group import ALLOW_DAMAGED, PATH, UserError, open_study, progress_bar, tell_damage
+from fmucorrect.cli.group import ALLOW_DAMAGED, PATH, STEP_TIMEOUT, UserError, open_study, progress_bar, tell_damage
 
 if TYPE_CHECKING:
     from fmucorrect.session import Summary
@@ -60,6 +60,7 @@ def demo(out: Path, as_json: bool) -> None:
 @click.option("--condition", required=True, help="Name of a condition of the study.")
 @click.option("--corrector", type=PATH, help="The ONNX bundle; without it the bare simulation is written.")
 @click.option("--duration", type=click.FloatRange(min=0, min_open=True), help="s; default: as long as the measurement.")
+@STEP_TIMEOUT
 @click.option("-o", "--out", type=PATH, required=True, help="Record file to write; .mcap takes several topics.")
 @ALLOW_DAMAGED
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON.")
@@ -68,6 +69,7 @@ def run(
     condition: str,
     corrector: Path | None,
     duration: float | None,
+    step_timeout: float | None,
     out: Path,
     allow_damaged: bool,
     as_json: bool,
@@ -80,7 +82,7 @@ def run(
     """
     from fmucorrect import bundle, session, sources
 
-    the_study = open_study(study, allow_damaged)
+    the_study = open_study(study, allow_damaged).with_step_timeout(step_timeout)
     chosen = the_study.condition(condition)
     model = bundle.load(corrector) if corrector is not None else None
     rows = sources.expected_rows(the_study, chosen, duration)

@@ -2,6 +2,17 @@
 
 from fmucorrect.fmu.description import FmuDescription, Variable, open_fmu
 from fmucorrect.fmu.inputs import input_record
+from fmucorrect.fmu.isolated import IsolatedStepper
+from fmucorrect.fmu.process import Limits
 from fmucorrect.fmu.stepper import FmuStepper, SolverState
 
-__all__ = ["FmuDescription", "FmuStepper", "SolverState", "Variable", "input_record", "open_fmu"]
+__all__ = [
+    "FmuDescription",
+    "FmuStepper",
+    "IsolatedStepper",
+    "Limits",
+    "SolverState",
+    "Variable",
+    "input_record",
+    "open_fmu",
+]

@@ -120,6 +120,7 @@ def main(folder: str, memory: str, level: int, limit: int, parent: int) -> None:
     with Path(memory).open("r+b") as file:
         shared = mmap.mmap(file.fileno(), 0)
     solver = _Solver(Place(Path(folder), shared), shared)
+    replies.send({"answer": None})  # here we are
     for line in commands:
         task, arguments = json.loads(line)
         try:

@@ -25,7 +25,7 @@ from fmucorrect.errors import FmucorrectError, FmuError
 from fmucorrect.fmu.child import Layout
 from fmucorrect.fmu.description import FmuDescription
 from fmucorrect.fmu.matching import match
-from fmucorrect.fmu.process import DEFAULT, LOAD_TIMEOUT, START_TIMEOUT, Limits, SolverProcess
+from fmucorrect.fmu.process import DEFAULT, Limits, SolverProcess
 from fmucorrect.fmu.startvalues import start_values
 from fmucorrect.fmu.stepper import finished
 from fmucorrect.signals import Channel, Condition, Record, Times
@@ -79,7 +79,7 @@ class IsolatedStepper:
         values = start_values(self.description, {**self._parameters, **condition.parameters})
         try:
             process = self._process or self._open()
-            process.call("reset", START_TIMEOUT, parameters={v.name: float(x) for v, x in values.items()})
+            process.call("reset", self._limits.start, parameters={v.name: float(x) for v, x in values.items()})
         except BaseException:
             self.close()
             raise
@@ -129,8 +129,8 @@ class IsolatedStepper:
                 times[:count] = t_ns[rows]
                 given[:count, :width] = u[rows]
                 try:
-                    first = START_TIMEOUT if self._last_ns is None else 0.0
-                    self._process.call("advance", first, rows=count, width=width)
+                    limit = self._limits.start if self._last_ns is None else self._limits.step
+                    self._process.call("advance", limit, rows=count, width=width)
                     self._last_ns = int(t_ns[rows.stop - 1])
                 except FmuError:
                     count = finished(t_ns[rows], *self._process.clock)
@@ -160,7 +160,7 @@ class IsolatedStepper:
         self._process = SolverProcess(self.description, self._log, self._limits, self._layout.size)
         self._process.call(
             "open",
-            LOAD_TIMEOUT,
+            self._limits.load,
             path=str(self.description.path),
             channels=[variable.name for variable in self._matched.outputs],
             inputs=[variable.name for variable in self._matched.inputs],

@@ -15,26 +15,17 @@ import time
 import weakref
 from collections import deque
 from dataclasses import dataclass
-from pathlib import Path
 from queue import Empty, SimpleQueue
 from struct import unpack_from
-from typing import IO, Any, final
+from typing import IO, Any, cast, final
 
 from fmucorrect.errors import FmuError
 from fmucorrect.fmu import archive
 from fmucorrect.fmu.description import FmuDescription
 from fmucorrect.fmu.workfolder import WorkFolder
 
-LOAD_TIMEOUT = 15.0
-"""s to load the library, in which nothing is computed yet."""
-START_TIMEOUT = 60.0
-"""s to start: a licence is fetched, an equilibrium found."""
-STEP_TIMEOUT = 15.0
-"""s for one communication step: thousands of times what a step of milliseconds may take to be of use."""
-MEMORY = 4 << 30
-"""Bytes that a solver may take; a multibody model takes megabytes."""
-_FREE_TIMEOUT = 10.0
-"""s in which a solver that did all its work is to let go."""
+_BEGIN_TIMEOUT = 120.0
+"""s for the process itself to begin, which is all our own doing: below one, unless the machine is busy."""
 _TICK = 0.2
 """s between two looks at the solver's clock."""
 _LINES, _LINE = 5, 500
@@ -42,16 +33,39 @@ _LINES, _LINE = 5, 500
 _LONGEST = 1 << 20
 """Bytes of a line of the child's; a longer one is not of this program's making."""
 _ASK = "The file may be damaged, or made for another machine; else its maker can tell."
-_RUN = "import sys; a = sys.argv; sys.path[:] = a[6:]; from fmucorrect.fmu.child import main; main(a[1], a[2], *map(int, a[3:6]))"
+_WHEN = {
+    "begin": "before it was loaded",
+    "open": "when it was loaded",
+    "reset": "when it was started",
+    "close": "when it was freed",
+}
+_RUN = (
+    "import sys; a = sys.argv; sys.path[:] = a[6:]; "
+    "from fmucorrect.fmu.child import main; main(a[1], a[2], *map(int, a[3:6]))"
+)
 """With the parent's own places to import from, not those of the working directory."""
 
 
 @dataclass(frozen=True)
 class Limits:
-    """step: s that the solver may take for one step, and at least for its start. memory: bytes that it may take (on Linux)."""
+    """What a solver may take before it counts as stuck, s, and bytes of memory.
 
-    step: float = STEP_TIMEOUT
-    memory: int = MEMORY
+    step: for one communication step; thousands of times what one of milliseconds may take to be of use. load: for its library,
+    in which nothing is computed yet. start: to fetch a licence, find an equilibrium. free: to let go when all is done. memory:
+    on Linux; a multibody model takes megabytes.
+    """
+
+    step: float = 15.0
+    load: float = 15.0
+    start: float = 60.0
+    free: float = 10.0
+    memory: int = 4 << 30
+
+    @classmethod
+    def of(cls, step: float | None) -> Limits:
+        """With this time for a step, None for the usual one; a longer one is given to the start and the load too."""
+        usual = cls()
+        return usual if step is None else cls(step, max(step, usual.load), max(step, usual.start))
 
 
 DEFAULT = Limits()
@@ -73,8 +87,10 @@ class SolverProcess:
         self._last: deque[str] = deque(maxlen=_LINES)
         self._lines: SimpleQueue[bytes | None] = SimpleQueue()
         self._folder = WorkFolder()
+        self._fmu = self._folder.path / "fmu"
+        self._fmu.mkdir()
         try:
-            self._process, self.memory = self._start(description, size)
+            self._process, self.memory = self._start(size)
         except BaseException:
             self._folder.close()
             raise
@@ -85,17 +101,21 @@ class SolverProcess:
         ]
         for thread in self._threads:
             thread.start()
+        try:
+            archive.extract(description.path, self._fmu, description.binaries)
+            self._answer("begin", _BEGIN_TIMEOUT)
+        except BaseException:
+            self.end()
+            raise
 
-    def _start(self, description: FmuDescription, size: int) -> tuple[subprocess.Popen[bytes], mmap.mmap]:
-        fmu, file = self._folder.path / "fmu", self._folder.path / "memory"
-        fmu.mkdir()
-        archive.extract(description.path, fmu, description.binaries)
+    def _start(self, size: int) -> tuple[subprocess.Popen[bytes], mmap.mmap]:
+        file = self._folder.path / "memory"
         with file.open("w+b") as opened:
             opened.truncate(size)
             memory = mmap.mmap(opened.fileno(), size)
         level = self._log.getEffectiveLevel()
         numbers = level, self._limits.memory, os.getpid()
-        command = [sys.executable, "-c", _RUN, str(fmu), str(file), *map(str, numbers), *sys.path]
+        command = [sys.executable, "-c", _RUN, str(self._fmu), str(file), *map(str, numbers), *sys.path]
         # a group of its own: Ctrl-C is for us, and what the solver itself started ends with it
         alone: dict[str, Any] = (
             {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
@@ -103,7 +123,10 @@ class SolverProcess:
             else {"start_new_session": True}
         )
         pipe = subprocess.PIPE
-        return subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, **alone), memory
+        process = cast(
+            "subprocess.Popen[bytes]", subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, **alone)
+        )
+        return process, memory
 
     @property
     def clock(self) -> tuple[float, float]:
@@ -112,10 +135,10 @@ class SolverProcess:
         return time, size
 
     def call(self, task: str, limit: float, **arguments: Any) -> Any:
-        """Ask the child for `task`. limit: s without any step done, after which it is ended."""
+        """Ask the child for `task`. limit: s without any step begun; in "advance", after the first one, that is a step's."""
         try:
             self._send(task, arguments)
-            message = self._answer(task, max(limit, self._limits.step))
+            message = self._answer(task, limit)
         except BaseException:
             self._kill()
             raise
@@ -147,10 +170,12 @@ class SolverProcess:
                 if "log" not in message:
                     return message
                 self._hear(message["log"], message["text"])
-            if clock != self.clock:
-                begun, clock = time.monotonic(), self.clock
-            elif time.monotonic() - begun > limit:
-                what = f"the solver did not come back within {limit:g} s"
+            now = self.clock
+            if clock != now:
+                begun, clock = time.monotonic(), now
+            allowed = self._limits.step if task == "advance" and now[1] else limit  # it has begun to step
+            if time.monotonic() - begun > allowed:
+                what = f"the solver did not come back within {allowed:g} s"
                 raise self._error(what, task, "Give it longer with --step-timeout, if it only is slow.")
 
     def _hear(self, level: int, text: str) -> None:
@@ -160,7 +185,7 @@ class SolverProcess:
 
     def _died(self, task: str) -> FmuError:
         with contextlib.suppress(subprocess.TimeoutExpired):
-            self._process.wait(_FREE_TIMEOUT)
+            self._process.wait(self._limits.free)
         code = self._process.returncode
         self._threads[1].join(_TICK)  # what it printed last
         if code is None:
@@ -173,7 +198,7 @@ class SolverProcess:
 
     def _error(self, what: str, task: str, remedy: str) -> FmuError:
         time, size = self.clock
-        when = {"open": "when it was loaded", "reset": "when it was started"}.get(task)
+        when = _WHEN.get(task)
         if when is None:
             when = f"at t = {time + size:.9g} s" + ("" if size else ", before its first step")
         said = f"; it said: {' | '.join(self._last)}" if self._last else "; it said nothing"
@@ -184,16 +209,20 @@ class SolverProcess:
         try:
             if self._kill.alive:
                 self._send("close", {})
-                self._answer("close", _FREE_TIMEOUT)
+                self._answer("close", self._limits.free)
         except FmuError as error:
             self._log.warning("%s", error)
         finally:
-            self._kill()
-            for thread in self._threads:
-                thread.join(_TICK)
-            with contextlib.suppress(BufferError):  # somebody keeps rows of it
-                self.memory.close()
-            self._folder.close()
+            self.end()
+
+    def end(self) -> None:
+        """End the process at once, and release everything."""
+        self._kill()
+        for thread in self._threads:
+            thread.join(_TICK)
+        with contextlib.suppress(BufferError):  # somebody keeps rows of it
+            self.memory.close()
+        self._folder.close()
 
 
 def _kill(process: subprocess.Popen[bytes]) -> None:

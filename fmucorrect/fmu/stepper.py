@@ -177,9 +177,7 @@ class FmuStepper:
             values *= self._factors
         return replace(record, values=values, channels=self._channels)
 
-    def advance(
-        self, t_ns: Times, u: Float64[np.ndarray, "T U"], values: Float64[np.ndarray, "T J"]
-    ) -> None:
+    def advance(self, t_ns: Times, u: Float64[np.ndarray, "T U"], values: Float64[np.ndarray, "T J"]) -> None:
         """process() on bare rows: finite inputs (U may be 0) and what goes into `values` are in the FMU's own units; a
         row is there once the solver's clock has left it."""
         self._stopped = 0.0, 0.0

@@ -17,13 +17,22 @@ def oscillator(request: pytest.FixtureRequest) -> Path:
     return OSCILLATOR / request.param
 
 
+def compiled(folder: Path, name: str) -> Path:
+    """A C file from here, compiled for this machine."""
+    target = folder / f"{name}{fmpy.sharedLibraryExtension}"
+    options = ["-shared", "-O1", "-w", "-fPIC", "-fno-sanitize=undefined"]
+    subprocess.run([sys.executable, "-m", "ziglang", "cc", *options, "-o", target, HERE / f"{name}.c"], check=True)
+    return target
+
+
 @pytest.fixture(scope="session")
 def library(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """trouble.c, compiled for this machine."""
-    target = tmp_path_factory.mktemp("library") / f"trouble{fmpy.sharedLibraryExtension}"
-    options = ["-shared", "-O1", "-w", "-fPIC", "-fno-sanitize=undefined"]
-    subprocess.run([sys.executable, "-m", "ziglang", "cc", *options, "-o", target, HERE / "trouble.c"], check=True)
-    return target
+    return compiled(tmp_path_factory.mktemp("library"), "trouble")
+
+
+@pytest.fixture(scope="session")
+def hostile_library(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return compiled(tmp_path_factory.mktemp("library"), "hostile")
 
 
 @pytest.fixture(params=["2.0", "3.0"], ids=["fmi2", "fmi3"])
