@@ -142,7 +142,7 @@ def _source(path: str | PathLike[str]) -> Guarded:
     elif suffix == ".tdms":
         from fmucorrect.records.tdms import TdmsSource as Opened
     else:
-        from fmucorrect.records.mat import MatSource as Opened
+        from fmucorrect.records.mat import opened as Opened
     return Guarded(name, Opened)
 
 
