@@ -1,0 +1,254 @@
+"""A process that has fmucorrect imported and runs one command line after another, each in a forked child of its own.
+
+So a command costs milliseconds instead of the seconds of a fresh interpreter, and one that crashes, hangs or eats memory
+takes nothing down. Requests come as JSON lines on standard input, answers go as JSON lines to standard output:
+
+    {"argv": [...], "folder": "...", "timeout": 20.0}   folder: the working directory; out.txt, err.txt, tmp/ appear beside it
+    {"exit": 0, "signal": 0, "ended": "itself", "seconds": 0.2, "cpu": 0.1, "memory_mb": 30, "orphans": []}
+
+ended: "itself", "time" (killed after `timeout` s, or three times as long where the machine was too busy to give it half of
+that in processor time) or "memory" (killed beyond MEMORY_MB of its own, all its processes together).
+"""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import ctypes
+import gc
+import json
+import os
+import signal
+import sys
+import tempfile
+import threading
+import time
+import traceback
+from pathlib import Path
+from typing import Any
+
+MEMORY_MB = 1024
+"""What one command may need beyond what the imported program has anyway."""
+
+_LOOK_S, _MEMORY_LOOK_S, _GRACE_S = 0.01, 0.05, 3.0
+_SUBREAPER = 36  # PR_SET_CHILD_SUBREAPER: orphans of a command become children of this process, and are seen
+_TICKS = os.sysconf("SC_CLK_TCK")
+
+
+def preload() -> None:
+    """What commands import, so that no child has to."""
+    import importlib
+
+    ours = ["cli", "session", "sources", "inspection", "bundle", "study", "effects", "railway.assessment", "fmu"]
+    ours += [f"records.{name}" for name in ("mcap", "mcap_writer", "csv", "parquet", "mdf4", "tdms", "mat", "cdr")]
+    others = ["mcap.reader", "google.protobuf.descriptor_pool", "pyarrow.parquet", "nptdms", "scipy.io", "h5py"]
+    for name in [*others, *(f"fmucorrect.{name}" for name in ours)]:
+        with contextlib.suppress(ImportError):
+            importlib.import_module(name)
+
+
+def warm_up() -> None:
+    """One replay in this process, so that no child has to import what only a running command imports."""
+    from fmucorrect.cli import main
+
+    sys.path.insert(0, str(Path(__file__).parent.parent))
+    import bundles
+
+    with (
+        tempfile.TemporaryDirectory() as name,
+        Path(os.devnull).open("w") as nowhere,
+        contextlib.redirect_stdout(nowhere),
+        contextlib.chdir(name),
+    ):
+        bundles.make(Path("corrector.onnx"), rows=2)
+        lines = [f"{i / 1000},{i},{i},{i},{i}" for i in range(8)]
+        Path("run.csv").write_text("\n".join(["time,FW [mm],FB [mm],RW [mm],RB [mm]", *lines, ""]))
+        features = ["--speed", "300", "--amplitude", "0.03", "--frequency", "2", "--start", "0"]
+        main(["inspect", "run.csv", "--json", "-o", "run.json"], standalone_mode=False)
+        main(
+            ["replay", "run.csv", "--corrector", "corrector.onnx", *features, "--json", "-o", "out.mcap"],
+            standalone_mode=False,
+        )
+    gc.collect()
+    gc.freeze()
+
+
+def add_readers() -> None:
+    """Two commands of our own, for files that only an expensive command reads: they end as the real ones do."""
+    import click
+
+    from fmucorrect.cli import main
+
+    @main.command("read-effects")
+    @click.argument("path")
+    def read_effects(path: str) -> None:
+        from fmucorrect import effects
+
+        click.echo(f"{len(effects.read(path).instances)} laws")
+
+    @main.command("read-mapping")
+    @click.argument("path")
+    def read_mapping(path: str) -> None:
+        from fmucorrect.railway.assessment import load_assessment
+
+        click.echo(load_assessment(Path(path)).path)
+
+
+def child(argv: list[str], folder: Path) -> int:
+    """Run the command line in this process, and end as an interpreter would."""
+    from fmucorrect.cli import main
+
+    os.setsid()
+    os.chdir(folder)
+    for number, name in ((1, "out.txt"), (2, "err.txt")):
+        file = os.open(folder.parent / name, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+        os.dup2(file, number)
+    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_DFL if number == signal.SIGTERM else signal.default_int_handler)
+    temporary = str(folder.parent / "tmp")
+    os.environ["TMPDIR"] = tempfile.tempdir = temporary
+    code = 0
+    try:
+        main(args=argv, prog_name="fmucorrect")
+    except SystemExit as error:
+        code = error.code if isinstance(error.code, int) else int(error.code is not None)
+    except BaseException:
+        traceback.print_exc()
+        code = 1
+    with contextlib.suppress(Exception):
+        threading._shutdown()  # type: ignore[attr-defined]  # what the interpreter does before its exit functions
+        atexit._run_exitfuncs()
+    sys.stdout.flush()
+    sys.stderr.flush()
+    return code
+
+
+def answer(argv: list[str], folder: Path, timeout: float) -> dict[str, Any]:
+    begun = time.monotonic()
+    pid = os.fork()
+    if pid == 0:
+        code = 1
+        try:
+            code = child(argv, folder)
+        finally:
+            os._exit(code)
+    normal, peak, cpu, looked, ended = anonymous_mb(os.getpid()), 0.0, 0.0, 0.0, "itself"
+    while True:
+        done, status, usage = os.wait4(pid, os.WNOHANG)
+        if done:
+            break
+        time.sleep(_LOOK_S if time.monotonic() - begun > 0.2 else 0.002)
+        now = time.monotonic()
+        if now - looked < _MEMORY_LOOK_S or ended != "itself":
+            continue
+        looked, tree = now, family(pid)
+        peak = max(peak, sum(map(anonymous_mb, tree)) - normal)
+        if peak > MEMORY_MB:
+            ended = "memory"
+        elif now - begun > timeout:
+            cpu = sum(map(processor_s, tree))
+            if cpu > timeout / 2 or now - begun > 3 * timeout:
+                ended = "time"
+        if ended != "itself":
+            for process in reversed(tree):
+                kill(process)
+    peak = max(peak, usage.ru_maxrss / 1024 - resident_mb(os.getpid()))
+    orphans = left_over() if ended == "itself" else []
+    if ended != "itself":
+        left_over(0.0)
+    return {
+        "exit": os.WEXITSTATUS(status) if os.WIFEXITED(status) else None,
+        "signal": os.WTERMSIG(status) if os.WIFSIGNALED(status) else 0,
+        "ended": "memory" if ended == "itself" and peak > MEMORY_MB else ended,
+        "seconds": round(time.monotonic() - begun, 3),
+        "cpu": round(usage.ru_utime + usage.ru_stime, 3),
+        "memory_mb": round(max(peak, 0.0)),
+        "orphans": orphans,
+    }
+
+
+def left_over(grace: float = _GRACE_S) -> list[str]:
+    """Command lines of the processes that the last command left, once they had `grace` s to go. They are killed."""
+    until = time.monotonic() + grace
+    while True:
+        reap()
+        left = family(os.getpid())[1:]
+        if not left or time.monotonic() >= until:
+            break
+        time.sleep(0.02)
+    lines = [words(process) for process in left]
+    for process in left:
+        kill(process)
+    while family(os.getpid())[1:]:
+        reap()
+        time.sleep(0.01)
+    return lines
+
+
+def reap() -> None:
+    with contextlib.suppress(ChildProcessError):
+        while os.waitpid(-1, os.WNOHANG)[0]:
+            pass
+
+
+def family(pid: int) -> list[int]:
+    """The process and all below it."""
+    found = [pid]
+    for process in found:
+        with contextlib.suppress(OSError):
+            for task in Path(f"/proc/{process}/task").iterdir():
+                found += map(int, (task / "children").read_text().split())
+    return found
+
+
+def kill(pid: int) -> None:
+    with contextlib.suppress(OSError):
+        os.kill(pid, signal.SIGKILL)
+
+
+def words(pid: int) -> str:
+    try:
+        return Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode("utf-8", "replace").strip()
+    except OSError:
+        return str(pid)
+
+
+def _status_mb(pid: int, key: str) -> float:
+    with contextlib.suppress(OSError):
+        for line in Path(f"/proc/{pid}/status").read_text().splitlines():
+            if line.startswith(key):
+                return int(line.split()[1]) / 1024
+    return 0.0
+
+
+def anonymous_mb(pid: int) -> float:
+    return _status_mb(pid, "RssAnon:")
+
+
+def resident_mb(pid: int) -> float:
+    return _status_mb(pid, "VmRSS:")
+
+
+def processor_s(pid: int) -> float:
+    with contextlib.suppress(OSError, IndexError):
+        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+        return (int(fields[11]) + int(fields[12])) / _TICKS
+    return 0.0
+
+
+def main() -> None:
+    replies = os.fdopen(os.dup(1), "w", buffering=1)
+    os.dup2(2, 1)
+    ctypes.CDLL(None).prctl(_SUBREAPER, 1, 0, 0, 0)
+    preload()
+    add_readers()
+    warm_up()
+    replies.write("ready\n")
+    for line in sys.stdin:
+        request = json.loads(line)
+        replies.write(json.dumps(answer(request["argv"], Path(request["folder"]), request["timeout"])) + "\n")
+
+
+if __name__ == "__main__":
+    main()
