@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from fmucorrect import bundle, experiment, records, session, sources
+from fmucorrect import bundle, experiment, outputs, records, session, sources
 from fmucorrect.bundle import Bundle
 from fmucorrect.comparison import Comparison, compare
 from fmucorrect.errors import RecordError
@@ -90,7 +90,9 @@ def find_data() -> Data:
     )
 
 
-def run_demo(folder: Path, data: Data | None = None, progress: Callable[[str], object] | None = None) -> Result:
+def run_demo(
+    folder: Path, data: Data | None = None, progress: Callable[[str], object] | None = None, *, overwrite: bool = True
+) -> Result:
     """Run all of it and write demo.mcap, demo.html and a copy of corrector.onnx into `folder`.
 
     progress is told STEPS, one when each begins.
@@ -101,6 +103,10 @@ def run_demo(folder: Path, data: Data | None = None, progress: Callable[[str], o
     tell(STEPS[0])
     study, model = load_study(data.study), bundle.load(data.corrector)
     condition = study.condition(CONDITION)
+    fmu = study.simulation.fmu
+    names = ("demo.mcap", "demo.html", "corrector.onnx", *([] if fmu is None else [fmu.name]))
+    read = [*study.files(), ("the demonstration's corrector", data.corrector)]
+    outputs.check_folder(folder, names, read, "demo", overwrite)
     tell(STEPS[1])
     corrected = simulate(study, condition, model)
     tell(STEPS[2])
@@ -112,14 +118,14 @@ def run_demo(folder: Path, data: Data | None = None, progress: Callable[[str], o
     comparison = compare(pair, corrected)
     _ = comparison.before, comparison.after, comparison.oracle
     tell(STEPS[4])
-    folder.mkdir(parents=True, exist_ok=True)
+    outputs.make_folder(folder, "demo")
     record, page = folder / "demo.mcap", folder / "demo.html"
     write_record(record, corrected, simulated, comparison)
     comparison_page.write(page, comparison, context(comparison, online, study, model, len(corrected)))
     corrector = folder / "corrector.onnx"
-    corrector.write_bytes(data.corrector.read_bytes())
-    if study.simulation.fmu is not None:
-        (folder / study.simulation.fmu.name).write_bytes(study.simulation.fmu.read_bytes())
+    outputs.write(corrector, data.corrector.read_bytes())
+    if fmu is not None:
+        outputs.write(folder / fmu.name, fmu.read_bytes())
     tell(STEPS[5])
     return Result(comparison, online, study, model, time.perf_counter() - begun, record, page, corrector)
 
@@ -159,7 +165,7 @@ def one_by_one(study: Study, condition: Condition, model: Bundle, batch: Record)
 def write_record(path: Path, corrected: Record, simulated: Record, comparison: Comparison) -> None:
     """The whole run as /simulation and /corrected, and as /measured what of the measurement lies on the same rows."""
     notes = session.metadata(comparison.condition)
-    with records.writer(path) as file:
+    with outputs.Replacing(path) as beside, records.writer(beside) as file:
         file.write(sources.SIMULATION, replace(simulated, metadata=notes))
         added = corrected.names[len(simulated.channels) :]
         file.write(session.CORRECTED, replace(corrected.select(added), metadata=notes))

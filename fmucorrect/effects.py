@@ -33,6 +33,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+from fmucorrect import outputs
 from fmucorrect.catalogue import Law, find
 from fmucorrect.effects_schema import OFFSET, parse
 from fmucorrect.errors import WrapError
@@ -152,7 +153,7 @@ def write(effects: Effects, path: str | Path) -> None:
     """Writes a file that `read` makes the same of. Raises WrapError, and writes nothing, where it would refuse it."""
     data = "\n".join(_lines(effects)).encode()
     _checked(data, str(path))
-    Path(path).write_bytes(data)
+    outputs.write(path, data)
 
 
 def _checked(data: bytes, where: str) -> dict[str, Any]:

@@ -12,9 +12,12 @@ import json
 import os
 import secrets
 import shutil
+import signal
 import stat
+import threading
 import zipfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Generator, Iterable, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import final
 
@@ -27,7 +30,7 @@ MARKER = ".fmucorrect"
 """The file in a folder that says which commands made it."""
 
 FACTS = "resources/fmucorrect.json"
-"""The entry of a wrapped FMU that says how it was made."""
+"""The entry of a wrapped FMU in which `fmucorrect wrap` says what the solver and the corrector inside are."""
 
 _HEAD = 65536
 """Bytes at the beginning of a file among which its mark stands: HTML's <head>, JSON's first keys, MCAP's header."""
@@ -69,7 +72,7 @@ def check_folder(
     """
     if out.exists() and not out.is_dir():
         raise OutputError("this is a file", where=str(out), expected="the name of a folder to write to")
-    if away_from is not None and _same(out, away_from.resolve().parent):
+    if away_from is not None and _same(out, _real(away_from).parent):
         raise OutputError(
             f"this folder holds {away_from.name} itself", where=str(out), remedy="Choose another folder for -o."
         )
@@ -95,14 +98,31 @@ def write(path: str | Path, content: str | bytes) -> Path:
 
     A link is followed. What is no regular file (a terminal, a pipe) is written to as it is. Raises OSError.
     """
-    target = Path(path).resolve()
     data = content.encode() if isinstance(content, str) else content
-    if target.exists() and not target.is_file():
-        target.write_bytes(data)
+    if Path(path).exists() and not Path(path).is_file():
+        Path(path).write_bytes(data)
         return Path(path)
-    with Replacing(target) as beside:
+    with undisturbed(), Replacing(path) as beside:
         beside.write_bytes(data)
     return Path(path)
+
+
+@contextmanager
+def undisturbed() -> Generator[None]:
+    """Ctrl-C and SIGTERM wait until the block is done, so that what is being written down ends where it is whole."""
+    if threading.current_thread() is not threading.main_thread():  # signals come to the main thread only
+        yield
+        return
+    came: list[int] = []
+    wait = (signal.SIGINT, signal.SIGTERM)
+    before = [(number, signal.signal(number, lambda number, frame: came.append(number))) for number in wait]
+    try:
+        yield
+    finally:
+        for number, handler in before:
+            signal.signal(number, signal.SIG_DFL if handler is None else handler)
+        if came:
+            signal.raise_signal(came[0])
 
 
 @final
@@ -111,7 +131,7 @@ class Replacing:
     is gone after an exception. The file is this process's own: created here, under a name that was free."""
 
     def __init__(self, path: str | Path) -> None:
-        self._target = Path(path).resolve()
+        self._target = _real(Path(path))
         self._beside = self._target.with_name(f".{secrets.token_hex(6)}.partial{self._target.suffix}")
 
     def __enter__(self) -> Path:
@@ -119,10 +139,11 @@ class Replacing:
         return self._beside
 
     def __exit__(self, kind: type[BaseException] | None, error: object, traceback: object) -> None:
-        if kind is None:
-            _rename(self._beside, self._target)
-        else:
-            self._beside.unlink(missing_ok=True)
+        with undisturbed():
+            if kind is None:
+                _rename(self._beside, self._target)
+            else:
+                self._beside.unlink(missing_ok=True)
 
 
 @final
@@ -132,7 +153,7 @@ class Growing:
 
     def __init__(self, path: Path) -> None:
         """Creates the file. Raises OSError where it cannot."""
-        self._target = path.resolve()
+        self._target = _real(path)
         stem, suffix = self._target.stem, self._target.suffix
         number = 1
         while True:
@@ -152,6 +173,11 @@ class Growing:
         self.beside.unlink(missing_ok=True)
 
 
+def _real(path: Path) -> Path:
+    """Without links, wherever it leads; Path.resolve() raises where links go round in a circle."""
+    return Path(os.path.realpath(path))
+
+
 def _create(path: Path) -> None:
     os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
 
@@ -166,7 +192,7 @@ def _none_is_read(targets: Sequence[tuple[Path, Path]], inputs: Inputs) -> None:
     for what, path in inputs:
         for target, named in targets if path is not None else ():
             assert path is not None
-            resolved, read = target.resolve(), path.resolve()
+            resolved, read = _real(target), _real(path)
             inside = target.is_dir() and read.is_relative_to(resolved)
             if _same(target, path) or inside or resolved.is_relative_to(read):
                 raise OutputError(
@@ -179,7 +205,7 @@ def _none_is_read(targets: Sequence[tuple[Path, Path]], inputs: Inputs) -> None:
 def _same(one: Path, other: Path) -> bool:
     """Whether two names are one file: by their links, by what they are on the disk (hard links, names that differ in case)."""
     try:
-        return one.resolve() == other.resolve() or one.samefile(other)
+        return _real(one) == _real(other) or one.samefile(other)
     except OSError:  # one of them is not there
         return False
 

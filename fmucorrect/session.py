@@ -1,11 +1,12 @@
 """Whole runs from a source to a record file: an FMU at a condition of a study, or a logged simulation, each chunk written
-as soon as it is there. Memory does not grow with the length, and a killed run leaves a readable MCAP file."""
+as soon as it is there. Memory does not grow with the length, and a run that is broken off leaves its finished rows."""
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Generator, Iterable, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -13,8 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from fmucorrect import records, sources
-from fmucorrect.errors import RecordError
+from fmucorrect import outputs, records, sources
+from fmucorrect.bundle import Bundle
+from fmucorrect.errors import FmucorrectError, RecordError
 from fmucorrect.records.writing import Writer
 from fmucorrect.signals import NANOSECONDS, Condition, Record
 from fmucorrect.stepper import (
@@ -82,17 +84,21 @@ def run_study(
     corrector: Corrector | None = None,
     *,
     duration: float | None = None,
+    overwrite: bool = True,
     progress: Progress | None = None,
 ) -> Summary:
     """Simulate a condition, through `corrector` where there is one, into a record file.
 
     duration: s from time zero, by default as long as the condition was measured; a simulated record is taken whole.
+    overwrite: whether `out` may be there already where nothing says that a run made it; an input it never may be
+    (OutputError). Whatever breaks a run off, its finished rows are in a file that says so: the error's notes name it.
     """
+    outputs.check_file(out, [*study.files(), ("the corrector", _path(corrector))], "run", overwrite)
     lost = sources.damages(condition) if study.allow_damaged else {}
     told = {"damage": "; ".join(f"{file.name}: {damage}" for file, damage in lost.items())}
     plant = sources.plant(study, condition)
     inputs = sources.inputs(study, condition, duration)
-    return _write(plant, corrector, condition, inputs, out, progress, told)
+    return _write("run", plant, corrector, condition, inputs, out, progress, told)
 
 
 def replay_log(
@@ -105,19 +111,24 @@ def replay_log(
     repair: str | None = None,
     unit: str | None = None,
     allow_damaged: bool = False,
+    overwrite: bool = True,
+    also_read: outputs.Inputs = (),
     progress: Progress | None = None,
 ) -> Summary:
     """Stream a logged simulation through `corrector` into a record file; `unit` is that of columns whose file says none.
 
-    Raises RecordError before anything is written where the log has lost something, unless `allow_damaged`.
+    overwrite: as in run_study. also_read: what else must not be written over. Raises RecordError before anything is
+    written where the log has lost something, unless `allow_damaged`.
     """
+    read = [("the log", log), ("the corrector", _path(corrector)), *also_read]
+    outputs.check_file(out, read, "replay", overwrite)
     channels = corrector.channels
     damage = records.describe(log).damage
     if damage and not allow_damaged:
         raise records.damaged(str(log), damage)
     inputs = sources.log_inputs(log, channels, topic=topic, repair=repair, unit=unit, allow_damaged=allow_damaged)
     told = {"damage": damage, "repaired": sources.repaired(log, channels, topic=topic, repair=repair)}
-    return _write(ReplayStepper(channels), corrector, condition, inputs, out, progress, told)
+    return _write("replay", ReplayStepper(channels), corrector, condition, inputs, out, progress, told)
 
 
 def logged_condition(log: Path, topic: str | None = None) -> Condition | None:
@@ -168,7 +179,7 @@ class _Recorder:
     ) -> None:
         """notes: metadata of what is written. added: columns of the correction, behind the simulation's. several: whether
         the file takes several topics."""
-        self._file, self._notes, self._added, self._several = file, notes, added, several
+        self.file, self._notes, self._added, self._several = file, notes, added, several
         self._progress = progress
         self.rows, self.first_ns, self.last_ns = 0, 0, 0
         self.counts = np.zeros(len(Status), np.int64)
@@ -180,16 +191,25 @@ class _Recorder:
         return (sources.SIMULATION, CORRECTED) if self._several else (CORRECTED,)
 
     def take(self, result: Record) -> None:
+        """Write rows down. Of rows with NaN or Inf, those before are written, then the file refuses the others."""
+        broken = np.flatnonzero(~np.isfinite(result.values).all(axis=1))
+        if len(broken) and broken[0]:
+            self.take(result.rows(0, int(broken[0])))
+            result = result.rows(int(broken[0]), len(result))
+        with outputs.undisturbed():
+            self._write(result)
+
+    def _write(self, result: Record) -> None:
         if not len(result):
             return
         result = replace(result, metadata=self._notes)
         topics = self.topics
         if len(topics) == 1:
-            self._file.write(topics[0], result)
+            self.file.write(topics[0], result)
         else:
             simulated = len(result.channels) - self._added
-            self._file.write(sources.SIMULATION, result.select(result.names[:simulated]))
-            self._file.write(CORRECTED, result.select(result.names[simulated:]))
+            self.file.write(sources.SIMULATION, result.select(result.names[:simulated]))
+            self.file.write(CORRECTED, result.select(result.names[simulated:]))
         if self._added:
             self.counts += np.bincount(result["corrector_status"].astype(np.int64), minlength=len(Status))
         self.first_ns = self.first_ns if self.rows else int(result.t_ns[0])
@@ -199,7 +219,65 @@ class _Recorder:
             self._progress(len(result))
 
 
+@contextmanager
+def _recording(
+    out: Path, command: str, notes: Mapping[str, str], added: int, progress: Progress | None
+) -> Generator[_Recorder]:
+    """A record file that grows beside `out` and takes its place at the end. What breaks the block off is noted in the file,
+    which takes its place all the same, and the error says how many rows there are and where."""
+    try:
+        growing = outputs.Growing(out)
+    except OSError as error:
+        raise RecordError(f"the file cannot be written: {error.strerror}", where=str(out)) from error
+    recorder: _Recorder | None = None
+    try:
+        file = records.writer(growing.beside, made_by=outputs.mark(command))
+        recorder = _Recorder(file, notes, added, out.suffix.lower() == ".mcap", progress)
+        yield recorder
+        if not recorder.rows:
+            raise RecordError("there was nothing to run: the input has no rows", where=str(out))
+        with outputs.undisturbed():
+            file.close()
+            growing.finish()
+    except BaseException as error:
+        with outputs.undisturbed():
+            if recorder is None or not _kept(recorder, growing, out, error):
+                growing.discard()
+        raise
+
+
+def _kept(recorder: _Recorder, growing: outputs.Growing, out: Path, error: BaseException) -> bool:
+    """Close the file of a run that `error` broke off, with what it had finished: whether there was anything to keep. The
+    error's notes say how much, and where."""
+    with suppress(FmucorrectError, OSError):  # of the rest, when it cannot be written either, the error is told already
+        if isinstance(error, FmucorrectError) and error.finished is not None:
+            recorder.take(error.finished)
+    if isinstance(error, KeyboardInterrupt):
+        why = "ended from outside, by Ctrl-C or SIGTERM"
+    else:
+        why = str(error) or type(error).__name__
+    where, says = out, "which says that it is not complete"
+    try:
+        recorder.file.close({"complete": "false", "why": why})
+    except (FmucorrectError, OSError):  # a full disk: what was finished can be read without an end
+        where, says = growing.beside, "which has no end"
+    if not recorder.rows:
+        return False
+    if out.suffix.lower() == ".csv":
+        where, says = growing.beside, "under that name since CSV has no place to say that it is not complete"
+    if where == out:
+        growing.finish()
+    rows = f"the {recorder.rows} finished rows, up to t = {recorder.last_ns / NANOSECONDS:.9g} s,"
+    error.add_note(f"Kept: {rows} are in {where}, {says}.")
+    return True
+
+
+def _path(corrector: Corrector | None) -> Path | None:
+    return corrector.path if isinstance(corrector, Bundle) else None
+
+
 def _write(
+    command: str,
     plant: Stepper,
     corrector: Corrector | None,
     condition: Condition,
@@ -213,14 +291,11 @@ def _write(
     try:
         stepper = plant if corrector is None else CorrectedStepper(plant, corrector)
         added = 0 if corrector is None else len(corrected_channels(corrector.channels))
-        with records.writer(out) as file:
-            notes = metadata(condition) | {key: text for key, text in told.items() if text}
-            recorder = _Recorder(file, notes, added, out.suffix.lower() == ".mcap", progress)
+        notes = metadata(condition) | {key: text for key, text in told.items() if text}
+        with _recording(out, command, notes, added, progress) as recorder:
             run(stepper, condition, inputs, recorder.take)
     finally:
         plant.close()
-    if not recorder.rows:
-        raise RecordError("there was nothing to run: the input has no rows", where=str(out))
     shares = {} if corrector is None else {s.name.lower(): float(recorder.counts[s] / recorder.rows) for s in Status}
     seconds = (recorder.last_ns - recorder.first_ns) / NANOSECONDS
     elapsed = time.perf_counter() - begun

@@ -63,7 +63,8 @@ class Stepper(Protocol):
         ...
 
     def process(self, record: Record) -> Record:
-        """The same as step() row by row. The responses are the first columns of what comes back."""
+        """The same as step() row by row. The responses are the first columns of what comes back. An error after some of the
+        rows carries what came of them as `finished`."""
         ...
 
     def close(self) -> None:
@@ -245,14 +246,19 @@ class CorrectedStepper:
         try:
             plant = self._plant.process(record)
         except FmucorrectError as error:
-            if error.finished is not None:
+            if error.finished is not None and len(error.finished):
                 error.finished = self._corrected(error.finished)
             raise
         return self._corrected(plant)
 
     def _corrected(self, plant: Record) -> Record:
+        """The plant's rows with their correction. An error at one of them carries those before it, corrected."""
         simulated = plant.values if self._same else plant.values[:, self._columns]
-        self._check(plant.t_ns, simulated)
+        if wrong := self._wrong(plant.t_ns, simulated):
+            row, error = wrong
+            error.finished = self._corrected(plant.rows(0, row)) if row else None
+            raise error
+        self._last_ns = int(plant.t_ns[-1])
         windows = self._window.extend(simulated)
         start = len(plant) - len(windows)
         corrected, sigma = simulated.copy(), np.tile(self._uncorrected, (len(plant), 1))
@@ -272,14 +278,15 @@ class CorrectedStepper:
     def close(self) -> None:
         self._plant.close()
 
-    def _check(self, t_ns: np.ndarray, simulated: np.ndarray) -> None:
-        if not np.isfinite(simulated).all():
-            raise self._not_finite(simulated, t_ns)
+    def _wrong(self, t_ns: np.ndarray, simulated: np.ndarray) -> tuple[int, SignalError] | None:
+        """The first row that cannot be corrected, and why."""
         steps = np.diff(t_ns, prepend=t_ns[0] - self._step_ns if self._last_ns is None else self._last_ns)
-        wrong = np.flatnonzero(steps != self._step_ns)
-        if len(wrong):
-            raise self._wrong_step(int(steps[wrong[0]]), int(t_ns[wrong[0]]))
-        self._last_ns = int(t_ns[-1])
+        late, broken = np.flatnonzero(steps != self._step_ns), np.flatnonzero(~np.isfinite(simulated).all(axis=1))
+        if len(broken) and (not len(late) or broken[0] <= late[0]):
+            return int(broken[0]), self._not_finite(simulated, t_ns)
+        if len(late):
+            return int(late[0]), self._wrong_step(int(steps[late[0]]), int(t_ns[late[0]]))
+        return None
 
     def _not_finite(self, simulated: np.ndarray, t_ns: np.ndarray) -> SignalError:
         row, column = np.argwhere(~np.isfinite(simulated))[0]

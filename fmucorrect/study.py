@@ -159,6 +159,14 @@ class Study:
             return self
         return replace(self, simulation=replace(self.simulation, step_timeout=seconds))
 
+    def files(self) -> Iterator[tuple[str, Path | None]]:
+        """All that the study reads: what it is, and its file, None where the study has none."""
+        yield "the study", self.path
+        yield "the study's FMU", self.fmu
+        for condition in self.conditions:
+            for what in ("inputs", "measurement", "simulated"):
+                yield f"{what} of condition {condition.name!r},", getattr(condition, what)
+
     def condition(self, name: str) -> Condition:
         """The condition of this name. Raises StudyError with the names that there are."""
         for condition in self.conditions:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from fmucorrect.cli.group import PATH
+from fmucorrect.cli.group import OVERWRITE, PATH
 
 SECTIONS = {"preload": ("preload",), "critical-speed": ("critical_speed",), "safety": ("safety",)}
 
@@ -16,8 +16,9 @@ SECTIONS = {"preload": ("preload",), "critical-speed": ("critical_speed",), "saf
 @click.argument("what", type=click.Choice([*SECTIONS, "all"]))
 @click.argument("mapping", type=PATH)
 @click.option("-o", "--out", type=PATH, required=True, help="The folder to write to.")
+@OVERWRITE
 @click.option("--json", "as_json", is_flag=True, help="Print what was found as JSON.")
-def assess(what: str, mapping: Path, out: Path, as_json: bool) -> None:
+def assess(what: str, mapping: Path, out: Path, overwrite: bool, as_json: bool) -> None:
     """Ask whether a vehicle model is sound in itself: its preload, its critical speed, its wheel forces in curves.
 
     MAPPING is a TOML file that names the FMU and says which of its variables are what; what it does not map is not
@@ -27,11 +28,14 @@ def assess(what: str, mapping: Path, out: Path, as_json: bool) -> None:
     """
     from tqdm import tqdm
 
+    from fmucorrect import outputs
     from fmucorrect.railway.assess import assess as run
     from fmucorrect.railway.assessment import load_assessment
     from fmucorrect.report import assess_page, assess_text
 
     assessment = load_assessment(mapping)
+    read = [("the mapping", mapping), ("the FMU", assessment.fmu)]
+    outputs.check_folder(out, ("assessment.html", "assessment.json"), read, "assess", overwrite)
     with tqdm(
         total=1, desc="assess", disable=None, leave=False, bar_format="{desc}: {n_fmt}/{total_fmt} {elapsed}"
     ) as bar:
@@ -44,9 +48,9 @@ def assess(what: str, mapping: Path, out: Path, as_json: bool) -> None:
         found = run(
             assessment, SECTIONS.get(what, tuple(name for some in SECTIONS.values() for name in some)), progress
         )
-    out.mkdir(parents=True, exist_ok=True)
+    outputs.make_folder(out, "assess")
     text = json.dumps(found.to_json(), indent=1, allow_nan=False)
-    (out / "assessment.json").write_text(text + "\n", encoding="utf-8")
+    outputs.write(out / "assessment.json", text + "\n")
     page = out / "assessment.html"
     assess_page.write_page(page, found)
     click.echo(text if as_json else "\n".join([*assess_text.verdicts(found), str(page)]))

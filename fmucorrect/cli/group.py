@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import io
+import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
@@ -31,46 +34,82 @@ ALLOW_DAMAGED = click.option(
 """The option of every command that reads records and writes what follows from them."""
 
 
+OVERWRITE = click.option(
+    "--overwrite",
+    is_flag=True,
+    help="Write over what is at -o already and this command did not make; never over an input.",
+)
+
+
 class UserError(click.ClickException):
     """What the user can mend: the message alone, exit code 2."""
 
     exit_code = 2
 
 
-@contextmanager
-def _terminated_in_order() -> Generator[None]:
-    """A request to end (SIGTERM, SIGHUP) unwinds as an exception does, so that solvers end and folders go; exit code 128 and
-    the signal's number, as a shell has it."""
+class Ended(KeyboardInterrupt):
+    """Asked to end by a signal: everything ends as after Ctrl-C, with the exit code that a shell has for it."""
 
-    def end(number: int, _: object) -> None:
-        raise SystemExit(128 + number)
-
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    asked = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
-    before = {number: signal.signal(number, end) for number in asked}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+    def __init__(self, number: int) -> None:
+        self.number = number
+        super().__init__(signal.Signals(number).name)
 
 
 class Commands(click.Group):
-    """A group whose commands end with exit code 2 and one message where the user can mend the error."""
+    """A group whose commands end with exit code 2 and one message where the user can mend the error, and in order after
+    Ctrl-C (130) and SIGTERM (143). Any other exception is a mistake of this program: it keeps its traceback."""
+
+    def main(self, *args: Any, **kwargs: Any) -> Any:
+        for stream in (sys.stdout, sys.stderr):  # a console, or a file, of another encoding takes what it can show
+            if isinstance(stream, io.TextIOWrapper):
+                stream.reconfigure(errors="replace")
+        return super().main(*args, **kwargs)
 
     def invoke(self, ctx: click.Context) -> Any:
         try:
             with _terminated_in_order():
                 return super().invoke(ctx)
+        except KeyboardInterrupt as error:
+            name, code = (str(error), 128 + error.number) if isinstance(error, Ended) else ("Ctrl-C", 130)
+            click.echo(_with_notes(f"Ended by {name}.", error), err=True)
+            ctx.exit(code)
         except FmucorrectError as error:
-            raise UserError(str(error)) from error
+            raise UserError(_with_notes(str(error), error)) from error
+        except MemoryError as error:
+            raise UserError(_with_notes("there is not enough memory for this", error)) from error
         except BrokenPipeError:
             raise  # the reader of our output went away, which is no error of the user's
         except OSError as error:
             name = f"{error.filename}: " if error.filename else ""
-            raise UserError(f"{name}{error.strerror or error}") from error
+            raise UserError(_with_notes(f"{name}{error.strerror or error}", error)) from error
+
+
+def _with_notes(message: str, error: BaseException) -> str:
+    return "\n".join([message, *getattr(error, "__notes__", ())])
+
+
+@contextmanager
+def _terminated_in_order() -> Generator[None]:
+    """A request to end (SIGTERM, SIGHUP) unwinds as Ctrl-C does, so that solvers end, folders go and rows stay; a worker that
+    was forked from this process ends at once."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    here = os.getpid()
+
+    def end(number: int, frame: object) -> None:
+        if os.getpid() != here:
+            os._exit(128 + number)
+        signal.signal(number, signal.SIG_IGN)  # once is enough: what follows puts things in order
+        raise Ended(number)
+
+    asked = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    before = {number: signal.signal(number, end) for number in asked if signal.getsignal(number) != signal.SIG_IGN}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, signal.SIG_DFL if handler is None else handler)
 
 
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})

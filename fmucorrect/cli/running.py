@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING
 
 import click
 
-from fmucorrect.cli.group import ALLOW_DAMAGED, PATH, STEP_TIMEOUT, UserError, open_study, progress_bar, tell_damage
+from fmucorrect.cli.group import (
+    ALLOW_DAMAGED,
+    OVERWRITE,
+    PATH,
+    STEP_TIMEOUT,
+    UserError,
+    open_study,
+    progress_bar,
+    tell_damage,
+)
 
 if TYPE_CHECKING:
     from fmucorrect.session import Summary
@@ -20,8 +29,9 @@ if TYPE_CHECKING:
 @click.option(
     "-o", "--out", type=PATH, default=Path("fmucorrect-demo"), show_default=True, help="Folder to write into."
 )
+@OVERWRITE
 @click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
-def demo(out: Path, as_json: bool) -> None:
+def demo(out: Path, overwrite: bool, as_json: bool) -> None:
     """Correct a bogie on a roller rig at 385 km/h, a speed that the model never saw, and compare with the measurement.
 
     Writes demo.mcap, demo.html and the model, corrector.onnx. Needs no file of yours.
@@ -39,7 +49,7 @@ def demo(out: Path, as_json: bool) -> None:
                 advance(1)
             begun.append(step)
 
-        result = demonstration.run_demo(out, progress=tell)
+        result = demonstration.run_demo(out, progress=tell, overwrite=overwrite)
     if as_json:
         click.echo(json.dumps(demonstration.to_json(result), indent=1))
         return
@@ -62,6 +72,7 @@ def demo(out: Path, as_json: bool) -> None:
 @click.option("--duration", type=click.FloatRange(min=0, min_open=True), help="s; default: as long as the measurement.")
 @STEP_TIMEOUT
 @click.option("-o", "--out", type=PATH, required=True, help="Record file to write; .mcap takes several topics.")
+@OVERWRITE
 @ALLOW_DAMAGED
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON.")
 def run(
@@ -71,12 +82,14 @@ def run(
     duration: float | None,
     step_timeout: float | None,
     out: Path,
+    overwrite: bool,
     allow_damaged: bool,
     as_json: bool,
 ) -> None:
     """Run the FMU of a STUDY at a condition, through a corrector, into a record file.
 
-    Topics /simulation and /corrected (the latter with a corrector only). Stopped at any moment, the MCAP stays readable.
+    Topics /simulation and /corrected (the latter with a corrector only). While it runs the file is
+    called NAME.partial.SUFFIX; whatever breaks it off, the finished rows stay, in a file that says that it is not complete.
 
     Example: fmucorrect run study.toml --condition 385 --corrector corrector.onnx -o run.mcap
     """
@@ -87,7 +100,9 @@ def run(
     model = bundle.load(corrector) if corrector is not None else None
     rows = sources.expected_rows(the_study, chosen, duration)
     with progress_bar(rows, "sample", condition) as advance:
-        summary = session.run_study(the_study, chosen, out, model, duration=duration, progress=advance)
+        summary = session.run_study(
+            the_study, chosen, out, model, duration=duration, overwrite=overwrite, progress=advance
+        )
     _print_summary(summary, as_json)
 
 
@@ -104,6 +119,7 @@ def run(
 @click.option("--repair", help="Rules for a log with flaws: sort, drop, interpolate, resample; as 'sort,drop'.")
 @click.option("--unit", help="Unit of the columns for which the log says none, as 'mm'.")
 @click.option("-o", "--out", type=PATH, required=True, help="Record file to write; .mcap takes several topics.")
+@OVERWRITE
 @ALLOW_DAMAGED
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON.")
 def replay(
@@ -115,6 +131,7 @@ def replay(
     repair: str | None,
     unit: str | None,
     out: Path,
+    overwrite: bool,
     allow_damaged: bool,
     as_json: bool,
     **features: float | None,
@@ -128,10 +145,8 @@ def replay(
     """
     from fmucorrect import bundle, session, sources
 
-    if log.resolve() == out.resolve():
-        raise UserError(f"{out}: the log would be written over; choose another name for -o")
     model = bundle.load(corrector)
-    chosen = _condition(log, topic, study, condition, features)
+    chosen, also_read = _condition(log, topic, study, condition, features)
     with progress_bar(sources.logged_rows(log, topic), "sample", log.name) as advance:
         summary = session.replay_log(
             log,
@@ -142,6 +157,8 @@ def replay(
             repair=repair,
             unit=unit,
             allow_damaged=allow_damaged,
+            overwrite=overwrite,
+            also_read=also_read,
             progress=advance,
         )
     if summary.damage:
@@ -153,29 +170,36 @@ def replay(
 @click.argument("paths", type=PATH, nargs=-1, required=True)
 @click.option("--json", "as_json", is_flag=True, help="Print what was found as JSON.")
 @click.option("-o", "--out", type=PATH, help="Write there instead of printing.")
-def inspect(paths: tuple[Path, ...], as_json: bool, out: Path | None) -> None:
+@OVERWRITE
+def inspect(paths: tuple[Path, ...], as_json: bool, out: Path | None, overwrite: bool) -> None:
     """Say what is in an FMU, an ONNX bundle, a record file or a study, and whether they fit together.
 
     Several PATHS are held against each other; a study against all that it names. Exit code 2 where something does not fit.
 
     Example: fmucorrect inspect study.toml corrector.onnx
     """
-    from fmucorrect import inspection
+    from fmucorrect import inspection, outputs
+    from fmucorrect.study import load_study
 
+    if out is not None:
+        studies = [load_study(path) for path in paths if path.suffix == ".toml"]
+        read = [*(("the file", path) for path in paths), *(pair for study in studies for pair in study.files())]
+        outputs.check_file(out, read, "inspect", overwrite)
     found = inspection.inspect(paths)
-    text = json.dumps(found.to_json(), indent=1) if as_json else found.text()
+    mark = {} if out is None else {"made_by": outputs.mark("inspect")}
+    text = json.dumps(mark | found.to_json(), indent=1) if as_json else found.text()
     if out is None:
         click.echo(text)
     else:
-        out.write_text(text + "\n", encoding="utf-8")
+        outputs.write(out, text + "\n")
     if found.misfits:
         raise UserError(f"{len(found.misfits)} thing{'s do' if len(found.misfits) > 1 else ' does'} not fit, see above")
 
 
 def _condition(
     log: Path, topic: str | None, study: Path | None, name: str | None, features: dict[str, float | None]
-) -> Condition:
-    """The condition of a replay. Raises UserError that says what is missing."""
+) -> tuple[Condition, list[tuple[str, Path | None]]]:
+    """The condition of a replay, and what its study reads. Raises UserError that says what is missing."""
     from fmucorrect import session
     from fmucorrect.signals import Condition
     from fmucorrect.study import load_study
@@ -183,14 +207,16 @@ def _condition(
     if (study is None) != (name is None):
         raise UserError("--study and --condition belong together")
     if study is not None and name is not None:
-        known = load_study(study).condition(name)
+        opened = load_study(study)
+        known, read = opened.condition(name), list(opened.files())
     else:
+        read = list[tuple[str, Path | None]]()
         known = session.logged_condition(log, topic)
     given = {key: value for key, value in features.items() if value is not None}
     if known is None and len(given) < len(features):
         missing = ", ".join(f"--{key}" for key in features if key not in given)
         raise UserError(f"{log} does not say its operating condition: give {missing}, or --study and --condition")
-    return replace(known or Condition(log.stem), **given)
+    return replace(known or Condition(log.stem), **given), read
 
 
 def _print_summary(summary: Summary, as_json: bool) -> None:

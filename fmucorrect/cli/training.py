@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from fmucorrect.cli.group import ALLOW_DAMAGED, PATH, UserError, open_study, progress_bar
+from fmucorrect.cli.group import ALLOW_DAMAGED, OVERWRITE, PATH, UserError, open_study, progress_bar
 
 if TYPE_CHECKING:
     from fmucorrect.study import Study
@@ -31,10 +31,18 @@ def _training_options(command: Callable[..., None]) -> Callable[..., None]:
 @click.option("-o", "--out", type=PATH, required=True, help="Folder for the model, its card, its page and its figures.")
 @click.option("--seed", type=click.IntRange(0), help="Of everything that is drawn; default: the study's.")
 @_training_options
+@OVERWRITE
 @ALLOW_DAMAGED
 @click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
 def train(
-    study: Path, out: Path, seed: int | None, device: str, scheduler: str, allow_damaged: bool, as_json: bool
+    study: Path,
+    out: Path,
+    seed: int | None,
+    device: str,
+    scheduler: str,
+    overwrite: bool,
+    allow_damaged: bool,
+    as_json: bool,
 ) -> None:
     """Train a corrector on the development conditions of a STUDY, then score it on all.
 
@@ -48,6 +56,7 @@ def train(
 
     protocol, results, tasks = _training("protocol", "results", "tasks")
     the_study = open_study(study, allow_damaged)
+    _claim(out, "train", (*results.FILES, "train.html"), [the_study], overwrite)
     chosen = the_study.training if seed is None else replace(the_study.training, seed=seed)
     with progress_bar(protocol.total_epochs(the_study, chosen), "epoch", the_study.name) as advance:
         shop = tasks.Workshop(out / "work", tasks.CORES, scheduler, device, advance)
@@ -76,6 +85,7 @@ def train(
     "--ablate", is_flag=True, help="Also switch each loss term and stage off, one at a time. Of one study alone."
 )
 @_training_options
+@OVERWRITE
 @ALLOW_DAMAGED
 @click.option("--json", "as_json", is_flag=True, help="Print compare.json, or models.json.")
 def compare(
@@ -85,6 +95,7 @@ def compare(
     ablate: bool,
     device: str,
     scheduler: str,
+    overwrite: bool,
     allow_damaged: bool,
     as_json: bool,
 ) -> None:
@@ -104,11 +115,12 @@ def compare(
     if len(loaded) > 1:
         if ablate or seeds is not None:
             raise UserError("--seeds and --ablate belong to the comparison of methods on one study")
-        click.echo(_compare_models(loaded, out, device, scheduler, as_json))
+        click.echo(_compare_models(loaded, out, device, scheduler, overwrite, as_json))
         return
     from fmucorrect.report import compare_page
 
     cases, table, results, tasks = _training("compare", "compare_table", "results", "tasks")
+    _claim(out, "compare", ("compare.html", "compare.json", "compare.npz"), loaded, overwrite)
     the_study, count = loaded[0], 5 if seeds is None else seeds
     chosen = the_study.training
     numbers = range(chosen.seed, chosen.seed + count)
@@ -121,16 +133,31 @@ def compare(
     click.echo(path.read_text(encoding="utf-8") if as_json else f"{table.lines(result.table)}\n\nOpen  {page}")
 
 
-def _compare_models(studies: Sequence[Study], out: Path, device: str, scheduler: str, as_json: bool) -> str:
+def _claim(out: Path, command: str, writes: Sequence[str], studies: Sequence[Study], overwrite: bool) -> None:
+    """The folder, checked and marked; train and compare of a study may share it, and with it what is done already."""
+    from fmucorrect import outputs
+
+    read = [pair for study in studies for pair in study.files()]
+    outputs.check_folder(out, (*writes, "work/"), read, command, overwrite, shared=("train", "compare"))
+    outputs.make_folder(out, command)
+
+
+def _compare_models(
+    studies: Sequence[Study], out: Path, device: str, scheduler: str, overwrite: bool, as_json: bool
+) -> str:
     """Several models of the same measurements: what is to be printed."""
+    from fmucorrect import outputs
     from fmucorrect.report import models_page
 
-    models, tasks = _training("models", "tasks")
+    models, results, tasks = _training("models", "results", "tasks")
+    models.require_alike(studies)
+    each = [f"{name}/{file}" for name in models.labels(studies) for file in results.FILES]
+    _claim(out, "compare", ("models.html", "models.json", *each), studies, overwrite)
     with progress_bar(models.total(studies), "epoch", studies[0].name) as advance:
         shop = tasks.Workshop(out / "work", tasks.CORES, scheduler, device, advance)
         table = models.compare_models(studies, out, shop)
     text = json.dumps(table, indent=1)
-    (out / "models.json").write_text(text + "\n", encoding="utf-8")
+    outputs.write(out / "models.json", text + "\n")
     models_page.write_page(out / "models.html", table, models.verdict(table))
     told = f"{models.lines(table)}\n\n{models.verdict(table)}\n\nOpen  {out / 'models.html'}"
     return text if as_json else told
@@ -139,9 +166,10 @@ def _compare_models(studies: Sequence[Study], out: Path, device: str, scheduler:
 @click.command()
 @click.argument("study", type=PATH)
 @click.option("-o", "--out", type=PATH, help="Write the page there, or the figures where it ends in .json.")
+@OVERWRITE
 @ALLOW_DAMAGED
 @click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
-def diagnose(study: Path, out: Path | None, allow_damaged: bool, as_json: bool) -> None:
+def diagnose(study: Path, out: Path | None, overwrite: bool, allow_damaged: bool, as_json: bool) -> None:
     """Ask whether each accelerometer of a STUDY fits the second derivative of its displacement.
 
     Direct R2 and correlation, lag search, spectral overlap and coherence at every condition; recommends channels and band
@@ -149,14 +177,17 @@ def diagnose(study: Path, out: Path | None, allow_damaged: bool, as_json: bool) 
 
     Example: fmucorrect diagnose study.toml -o diagnosis.html
     """
-    from fmucorrect import diagnosis
+    from fmucorrect import diagnosis, outputs
 
     the_study = open_study(study, allow_damaged)
+    if out is not None:
+        outputs.check_file(out, the_study.files(), "diagnose", overwrite)
     with progress_bar(len(the_study.conditions), "condition", the_study.name) as advance:
         found = diagnosis.diagnose(the_study, advance)
     text = json.dumps(found.to_json(), indent=1)
     if out is not None and out.suffix == ".json":
-        out.write_text(text + "\n", encoding="utf-8")
+        marked = {"made_by": outputs.mark("diagnose")} | found.to_json()
+        outputs.write(out, json.dumps(marked, indent=1) + "\n")
     elif out is not None:
         from fmucorrect.report import diagnosis_page
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from fmucorrect.cli.group import PATH, UserError, progress_bar
+from fmucorrect.cli.group import OVERWRITE, PATH, UserError, progress_bar
 
 
 @click.command()
@@ -20,6 +20,7 @@ from fmucorrect.cli.group import PATH, UserError, progress_bar
 @click.option("--fmi", type=click.Choice(["2", "3"]), help="FMI version of the new FMU; default: the solver's.")
 @click.option("--platforms", help="Of linux64, win64, darwin64, as 'linux64,win64'; default: all that the solver has.")
 @click.option("-o", "--out", type=PATH, required=True, help="The FMU to write.")
+@OVERWRITE
 @click.option("--json", "as_json", is_flag=True, help="Print what was made as JSON.")
 def wrap(
     solver: Path | None,
@@ -29,6 +30,7 @@ def wrap(
     fmi: str | None,
     platforms: str | None,
     out: Path,
+    overwrite: bool,
     as_json: bool,
 ) -> None:
     """Make one FMU of a SOLVER's FMU and a corrector, for any co-simulation host.
@@ -43,8 +45,6 @@ def wrap(
 
     if corrector is None and effects is None:
         raise UserError("there is nothing to wrap the solver with: give --corrector, --effects or both")
-    if solver is not None and solver.resolve() == out.resolve():
-        raise UserError(f"{out}: the solver's FMU would be written over; choose another name for -o")
     with progress_bar(len(STEPS), "step", "wrap") as advance:
         made = wrap_fmu(
             solver,
@@ -54,6 +54,7 @@ def wrap(
             mapping=mapping,
             fmi=int(fmi) if fmi else None,
             platforms=[name.strip() for name in platforms.split(",")] if platforms else (),
+            overwrite=overwrite,
             progress=lambda _: advance(1),
         )
     if as_json:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from fmucorrect import effects as effects_file
+from fmucorrect import outputs
 from fmucorrect.discovery.model import Model, overrides, start_value
 from fmucorrect.discovery.output import adjusted
 from fmucorrect.discovery.problem import Problem
@@ -113,11 +114,11 @@ def write_model(study: Study, found: Found, out: Path) -> tuple[list[str], list[
     effects_file.write(found.effects, out / "effects.toml")
     written.append("effects.toml")
     try:
-        wrap(study.fmu, None, out / "augmented.fmu", effects_file=out / "effects.toml")
+        wrap(study.fmu, None, out / "augmented.fmu", effects_file=out / "effects.toml", made_by="discover")
     except FmucorrectError as error:
         return written, [f"augmented.fmu was not written: {error}"]
     written.append("augmented.fmu")
-    (out / "study.toml").write_text(augmented_study(study, out, found.starts), encoding="utf-8", newline="\n")
+    outputs.write(out / "study.toml", augmented_study(study, out, found.starts))
     written.append("study.toml")
     if names := found.set_by_conditions:
         notes.append(

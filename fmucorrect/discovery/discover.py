@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float64
 from threadpoolctl import threadpool_limits
 
-from fmucorrect import experiment, sources
+from fmucorrect import experiment, outputs, sources
 from fmucorrect.discovery import output
 from fmucorrect.discovery.augmented import Found, found_of, write_model
 from fmucorrect.discovery.confirm import Gap, carries_over, gaps, sensor_errors
@@ -40,6 +40,9 @@ from fmucorrect.inspection import study_problems
 from fmucorrect.study import Study, load_study
 from fmucorrect.units import parse
 
+FILES = ("report.json", "report.html", "effects.toml", "augmented.fmu", "study.toml", ".progress/")
+"""What a discovery writes into its folder."""
+
 
 def discover(
     study_file: str | Path,
@@ -48,6 +51,7 @@ def discover(
     progress: Progress = lambda stage, done, total: None,
     executor: Executor | None = None,
     allow_damaged: bool = False,
+    overwrite: bool = True,
 ) -> dict[str, Any]:
     """Everything of `fmucorrect discover`: returns the report, which is also OUT/report.json, with report.html beside it and,
     where something was found that an FMU can take, effects.toml, augmented.fmu and study.toml.
@@ -59,11 +63,12 @@ def discover(
     SignalError, FmuError.
     """
     study = replace(load_study(study_file), allow_damaged=allow_damaged)
+    folder = Path(out)
+    outputs.check_folder(folder, FILES, study.files(), "discover", overwrite, away_from=study.path)
     problems = study_problems(study)
     if problems:
         raise StudyError(str(study.path), problems)
-    folder = Path(out)
-    folder.mkdir(parents=True, exist_ok=True)
+    outputs.make_folder(folder, "discover")
     seconds: dict[str, float] = {}
     begun = time.perf_counter()
 
@@ -105,7 +110,7 @@ def write(folder: Path, report: dict[str, Any]) -> None:
     """report.json and report.html of a report that JSON can hold."""
     from fmucorrect.report.discovery_page import write_page
 
-    (folder / "report.json").write_text(json.dumps(report, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    outputs.write(folder / "report.json", json.dumps(report, indent=1, allow_nan=False) + "\n")
     write_page(folder / "report.html", report)
 
 

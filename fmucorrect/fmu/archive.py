@@ -12,8 +12,6 @@ from xml.parsers import expat
 from fmucorrect.errors import FmuError
 
 MODEL_DESCRIPTION = "modelDescription.xml"
-FACTS = "resources/fmucorrect.json"
-"""What `fmucorrect wrap` says of the solver and the corrector inside."""
 _BUILD_DESCRIPTION = "sources/buildDescription.xml"
 _DAMAGED = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, OSError)
 

@@ -15,6 +15,7 @@ from typing import Any, cast
 import fmpy
 from fmpy import model_description as fmpy_description
 
+from fmucorrect import outputs
 from fmucorrect.errors import FmuError
 from fmucorrect.fmu import archive
 
@@ -140,7 +141,7 @@ def open_fmu(path: str | Path) -> FmuDescription:
     with archive.opened(path) as file:
         version = archive.fmi_version(file, path)
         names = file.namelist()
-        wrapped = _facts(archive.read(file, archive.FACTS, path)) if archive.FACTS in names else {}
+        wrapped = _facts(archive.read(file, outputs.FACTS, path)) if outputs.FACTS in names else {}
     if not version.startswith(("2.", "3.")):
         raise FmuError(
             f"FMI version {version!r} is not supported",

@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float64
 
+from fmucorrect import outputs
 from fmucorrect.errors import RecordError, SignalError
 from fmucorrect.railway.contact_geometry import WheelOnRail
 from fmucorrect.railway.kalker import hertz_ellipse, kalker_coefficients
@@ -115,7 +116,7 @@ def write_contact_table(path: Path, table: ContactTable, comments: Sequence[str]
     lines = [f"# {line}" for line in comments] + [",".join(COLUMNS)]
     lines += [",".join(f"{value:.9g}" for value in row) for row in rows]
     try:
-        path.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
+        outputs.write(path, "\n".join(lines) + "\n")
     except OSError as error:
         raise RecordError(f"the contact table cannot be written: {error.strerror}", where=str(path)) from error
 

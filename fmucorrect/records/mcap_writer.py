@@ -9,6 +9,7 @@ from __future__ import annotations
 import struct
 import zlib
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -62,6 +63,7 @@ class McapSink:
         self._path = path
         self._topics: dict[str, _Written] = {}
         self._chunks: list[ChunkIndex] = []
+        self._whole = True
         self._compressor = zstandard.ZstdCompressor(level=_LEVEL)
         self._stream = Path(path).open("wb")  # noqa: SIM115 (close() closes it)
         self._stream.write(MAGIC + _bytes(Header(profile="", library=made_by or "fmucorrect")))
@@ -74,14 +76,20 @@ class McapSink:
         written = self._topics.get(topic) or self._register(topic, record)
         size = 31 + sum(len(tag) + 8 for tag in written.tags)
         rows = max(1, min(CHUNK_ROWS, _CHUNK_BYTES // size))
+        self._whole = False
         for start in range(0, len(record), rows):
             self._chunk(written, record.rows(start, min(start + rows, len(record))), size)
         self._stream.flush()
+        self._whole = True
 
     def close(self, notes: Mapping[str, str]) -> None:
         """Write notes as a metadata record, then the summary, statistics and footer, and close."""
         if self._stream.closed:
             return
+        if not self._whole:  # a full disk: an end behind half a chunk would hide that the file is cut off there
+            with suppress(OSError):
+                self._stream.close()
+            raise RecordError("the file could not be written to its end", where=self._path)
         indexes: list[McapRecord] = []
         if notes:
             at, record = self._stream.tell(), _bytes(Metadata(name=NOTES, metadata=dict(notes)))

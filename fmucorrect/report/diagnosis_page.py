@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from plotly import graph_objects as go
 
+from fmucorrect import outputs
 from fmucorrect.diagnosis import COHERENT, LOW_PASS, SEGMENT, Agreement, Diagnosis
 from fmucorrect.report.html import Page, Row
 from fmucorrect.report.training_figures import colours, line, panels, signed
@@ -29,7 +30,7 @@ def write_page(path: Path, title: str, diagnosis: Diagnosis) -> None:
 
 def build(title: str, diagnosis: Diagnosis) -> Page:
     """The page, ready to be written."""
-    page = Page(title, recommendation(diagnosis), kicker="fmucorrect diagnose")
+    page = Page(title, recommendation(diagnosis), kicker="fmucorrect diagnose", made_by=outputs.mark("diagnose"))
     page.section(
         "Measured acceleration against the displacement's second derivative",
         f"Both below {LOW_PASS:g} Hz. Lag: samples by which the derivative is delayed for the largest absolute "

@@ -10,6 +10,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
+from fmucorrect import outputs
+
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
@@ -60,7 +62,9 @@ class Row:
 class Page:
     """Collects parts in order; text() gives the file. Nothing that comes in is taken for HTML but Markup."""
 
-    def __init__(self, title: str, lead: str, kicker: str = "") -> None:
+    def __init__(self, title: str, lead: str, kicker: str = "", made_by: str = "fmucorrect") -> None:
+        """made_by: what the page names as its generator; outputs.mark of a command that writes pages by themselves."""
+        self._made_by = made_by
         self._title = title
         self._figures = 0
         self._scripts: list[str] = []
@@ -161,14 +165,15 @@ class Page:
         scripts = "\n".join([*self._scripts, _BUTTONS]) if self._figures else ""
         return (
             f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{escape(self._title)}</title>\n'
+            f'<meta name="generator" content="{escape(self._made_by)}">\n'
             '<meta name="viewport" content="width=device-width, initial-scale=1">\n<link rel="icon" href="data:,">\n'
             f"<style>\n{style}</style>\n</head>\n<body>\n<main>\n" + "\n".join(self._parts) + "\n</main>\n"
             f"{library}<script>{scripts}</script>\n</body>\n</html>\n"
         )
 
     def write(self, path: Path) -> None:
-        """Raises OSError where it cannot be written."""
-        path.write_text(self.text(), encoding="utf-8", newline="\n")
+        """The whole file. Raises OSError where it cannot be written."""
+        outputs.write(path, self.text())
 
 
 def _compact(view: View) -> str:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from fmucorrect import bundle
+from fmucorrect import bundle, outputs
 from fmucorrect.comparison import BAND_90, Comparison
 from fmucorrect.experiment import pair
 from fmucorrect.metrics import Scores
@@ -22,6 +22,9 @@ from fmucorrect.training.card import card
 from fmucorrect.training.compare_table import against_others, curve_of
 from fmucorrect.training.protocol import Trained, evaluate, train
 from fmucorrect.training.tasks import Workshop
+
+FILES = ("corrector.onnx", "card.md", "evaluation.json")
+"""What `train_into` writes."""
 
 
 @dataclass(frozen=True)
@@ -44,8 +47,8 @@ def train_into(folder: Path, study: Study, training: Training, command: str, wor
     model = bundle.load(save(trained, folder))
     evaluations = tuple(evaluate(pair(study, condition), model) for condition in study.conditions)
     text = card(trained, model, evaluations, command) + _against_others(folder / "compare.json", study)
-    _replace(folder / "card.md", text.encode())
-    _replace(folder / "evaluation.json", (json.dumps(figures(evaluations), indent=1) + "\n").encode())
+    outputs.write(folder / "card.md", text)
+    outputs.write(folder / "evaluation.json", json.dumps(figures(evaluations), indent=1) + "\n")
     return Results(folder, trained, evaluations)
 
 
@@ -93,13 +96,13 @@ def save_comparison(folder: Path, table: dict[str, Any], histories: dict[str, np
         buffer = BytesIO()
         single: dict[str, Any] = {name: values.astype(np.float32) for name, values in histories.items()}
         np.savez_compressed(buffer, **single)
-        _replace(folder / "compare.npz", buffer.getvalue())
-    return _replace(folder / "compare.json", (json.dumps(table, indent=1) + "\n").encode())
+        outputs.write(folder / "compare.npz", buffer.getvalue())
+    return outputs.write(folder / "compare.json", json.dumps(table, indent=1) + "\n")
 
 
 def save(trained: Trained, folder: Path) -> Path:
     """Write corrector.onnx into `folder`."""
-    return _replace(folder / "corrector.onnx", trained.content)
+    return outputs.write(folder / "corrector.onnx", trained.content)
 
 
 def figures(evaluations: Sequence[Comparison]) -> dict[str, Any]:
@@ -146,9 +149,3 @@ def _scores(values: Scores) -> dict[str, Any]:
         "mean_nrmse": round(values.mean_nrmse, 4),
         "mean_nmae": round(values.mean_nmae, 4),
     }
-
-
-def _replace(path: Path, content: bytes) -> Path:
-    partial = path.with_name(path.name + ".partial")
-    partial.write_bytes(content)
-    return partial.replace(path)

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fmucorrect.errors import MissingExtra, WrapError
+from fmucorrect.outputs import Replacing
 
 TARGETS: Mapping[str, Sequence[tuple[str, str, str]]] = {
     "linux64": [("x86_64-linux-gnu.2.17", "x86_64-linux", ".so")],
@@ -157,12 +158,10 @@ def libraries(
 
 def write_fmu(path: Path, files: Mapping[str, bytes]) -> None:
     """A zip file whose bytes depend on its content alone. It replaces an old one at once, never leaving half a file."""
-    partial = path.with_suffix(".partial")
-    with zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
+    with Replacing(path) as beside, zipfile.ZipFile(beside, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
         for name in sorted(files):
             entry = zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0))
             entry.create_system = 3
             entry.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
             entry.compress_type = zipfile.ZIP_DEFLATED
             archive.writestr(entry, files[name])
-    partial.replace(path)

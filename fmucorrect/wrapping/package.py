@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import fmucorrect
-from fmucorrect import bundle, effects
+from fmucorrect import bundle, effects, outputs
 from fmucorrect.bundle import Bundle
 from fmucorrect.effects import Effects
 from fmucorrect.errors import FmuError, WrapError
-from fmucorrect.fmu import FmuDescription, archive, open_fmu, state_check
+from fmucorrect.fmu import FmuDescription, open_fmu, state_check
 from fmucorrect.fmu.state_check import StateCheck
 from fmucorrect.wrapping import alone, compiler, ctext, description_xml, generated, laws, network, places, proof, solver
 from fmucorrect.wrapping.added import Added
@@ -99,6 +99,8 @@ def wrap(
     mapping: str | Path | None = None,
     fmi: int | None = None,
     platforms: Sequence[str] = (),
+    overwrite: bool = True,
+    made_by: str = "wrap",
     progress: Callable[[str], object] = lambda step: None,
 ) -> Wrapped:
     """Writes the FMU `out`: the solver's FMU `fmu` with its inputs, parameters and outputs, the corrected channels, and the
@@ -109,8 +111,14 @@ def wrap(
     Raises WrapError, FmuError, BundleError, SignalError; what is at `out` stays until the new file is complete.
     """
     out = Path(out)
-    if out.is_dir():
-        raise WrapError("this is a folder", where=str(out), expected="the name of the FMU to write")
+    named = {
+        "the solver's FMU": fmu,
+        "the corrector": corrector,
+        "the effects file": effects_file,
+        "the mapping": mapping,
+    }
+    read = [(what, None if path is None else Path(path)) for what, path in named.items()]
+    outputs.check_file(out, read, made_by, overwrite)
     parts = _read(fmu, corrector, effects_file, mapping, fmi, platforms)
     with tempfile.TemporaryDirectory(prefix="fmucorrect-", ignore_cleanup_errors=True) as folder:
         work = Path(folder)
@@ -136,7 +144,9 @@ def wrap(
         notes += unsure
         progress("write")
         files |= _described(parts, outer, state.copy, state.serialise)
-        files[archive.FACTS] = json.dumps(_facts(parts, proved, state), indent=1).encode()
+        files[outputs.FACTS] = json.dumps(
+            {"made_by": outputs.mark(made_by)} | _facts(parts, proved, state), indent=1
+        ).encode()
         out.parent.mkdir(parents=True, exist_ok=True)
         compiler.write_fmu(out, files)
     return Wrapped(out, parts.fmi, tuple(parts.platforms), proved, state, tuple(notes), out.stat().st_size)
