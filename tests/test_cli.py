@@ -239,8 +239,9 @@ def test_inspect_as_text_and_into_a_file(model: Path, tmp_path: Path) -> None:
 
 
 def test_a_killed_run_leaves_a_readable_file(model: Path, tmp_path: Path) -> None:
-    out = tmp_path / "killed.mcap"
-    arguments = ["run", STUDY, "--condition", "385", "--corrector", model, "--duration", 100000, "-o", out]
+    out = tmp_path / "killed.partial.mcap"
+    end = tmp_path / "killed.mcap"
+    arguments = ["run", STUDY, "--condition", "385", "--corrector", model, "--duration", 100000, "-o", end]
     process = subprocess.Popen(_python("-m", "fmucorrect", *arguments), env=_environment())
     try:
         deadline = time.monotonic() + 30
@@ -251,6 +252,7 @@ def test_a_killed_run_leaves_a_readable_file(model: Path, tmp_path: Path) -> Non
     finally:
         process.send_signal(signal.SIGKILL)
         process.wait()
+    assert list(tmp_path.iterdir()) == [out]
     contents = records.describe(out)
     assert contents.truncated
     read = records.read(out, ["simulation.FW", "corrected.FW_corrected"], repair="interpolate")
