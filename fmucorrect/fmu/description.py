@@ -20,6 +20,11 @@ from fmucorrect.errors import FmuError
 from fmucorrect.fmu import archive
 
 _LIBRARY_SUFFIXES = (".so", ".dll", ".dylib")
+_AGAIN = "Export it again."
+_SHOWN, _PROBLEMS = 500, 20
+"""Characters of a message of others, and how many of them, that are passed on."""
+REFERENCES = 1 << 32
+"""Value references are unsigned numbers of 32 bits."""
 _CAPABILITIES = {
     "canHandleVariableCommunicationStepSize": "variable step size",
     "canGetAndSetFMUstate": "get and set state",
@@ -158,23 +163,31 @@ def open_fmu(path: str | Path) -> FmuDescription:
             got="model exchange only, which has no solver in it",
             remedy="Export it again for co-simulation.",
         )
+    identifier = slave.modelIdentifier or ""
+    if not identifier or len(identifier) > archive.NAME or set(identifier) & set("/\\:\0") or identifier in (".", ".."):
+        raise FmuError(
+            "the modelIdentifier is not the name of a library",
+            where=str(path),
+            got=repr(identifier[:80]),
+            remedy=_AGAIN,
+        )
+    variables = {v.name: v for v in map(_variable, model.modelVariables)}
+    _check_variables(variables.values(), path)
     platforms = [
         parts[1]
         for parts in (name.split("/") for name in names)
-        if len(parts) == 3
-        and parts[0] == "binaries"
-        and parts[2] in {f"{slave.modelIdentifier}{s}" for s in _LIBRARY_SUFFIXES}
+        if len(parts) == 3 and parts[0] == "binaries" and parts[2] in {f"{identifier}{s}" for s in _LIBRARY_SUFFIXES}
     ]
     experiment = model.defaultExperiment or fmpy_description.DefaultExperiment()
     return FmuDescription(
         path=path,
         name=model.modelName or path.stem,
         fmi=version,
-        identifier=slave.modelIdentifier or "",
+        identifier=identifier,
         token=model.instantiationToken or "",
         description=model.description or "",
         tool=model.generationTool or "",
-        variables={v.name: v for v in map(_variable, model.modelVariables)},
+        variables=variables,
         platforms=tuple(sorted(set(platforms))),
         has_sources=any(name.startswith("sources/") and name.endswith(".c") for name in names),
         capabilities=tuple(text for flag, text in _CAPABILITIES.items() if getattr(slave, flag, False)),
@@ -188,9 +201,10 @@ def open_fmu(path: str | Path) -> FmuDescription:
 
 def _facts(content: bytes) -> Mapping[str, Any]:
     try:
-        return json.loads(content)
-    except ValueError:  # somebody else's file of the same name
-        return {}
+        facts = json.loads(content)
+    except (ValueError, RecursionError):
+        facts = None
+    return facts if isinstance(facts, dict) else {}  # else it is somebody else's file of the same name
 
 
 def _parse(path: Path) -> fmpy_description.ModelDescription:
@@ -198,12 +212,12 @@ def _parse(path: Path) -> fmpy_description.ModelDescription:
         try:
             return fmpy_description.read_model_description(file)
         except fmpy_description.ValidationError as error:
-            problems = cast("list[str]", error.problems)
+            problems = [problem[:_SHOWN] for problem in cast("list[str]", error.problems)[:_PROBLEMS]]
             logging.getLogger("fmucorrect.fmu").warning(
                 "%s: the model description breaks the FMI standard: %s", path, "; ".join(problems)
             )
         except Exception as error:  # fmpy raises nothing narrower
-            raise FmuError(f"the model description cannot be read ({error})", where=str(path)) from error
+            raise FmuError(f"the model description cannot be read ({str(error)[:_SHOWN]})", where=str(path)) from error
         try:
             return fmpy_description.read_model_description(file, validate=False)
         except Exception as error:  # as above; what the schema said is the better message
@@ -229,6 +243,19 @@ def _variable(variable: fmpy_description.ModelVariable) -> Variable:
         and (variable.causality == "input" or variable.initial in ("exact", "approx")),
         description=variable.description or "",
     )
+
+
+def _check_variables(variables: Iterable[Variable], path: Path) -> None:
+    """Raises FmuError for a value reference or a start value that is no number."""
+    for v in variables:
+        if not 0 <= v.reference < REFERENCES:
+            raise FmuError(
+                f"the value reference of {v.name!r} is out of range", where=str(path), got=v.reference, remedy=_AGAIN
+            )
+        if v.number and v.start and v.type != "Boolean" and _float(v.start, None) is None:
+            raise FmuError(
+                f"the start value of {v.name!r} is no number", where=str(path), got=repr(v.start[:80]), remedy=_AGAIN
+            )
 
 
 def _float(text: str | None, default: float | None) -> float | None:

@@ -46,7 +46,7 @@ def files(fmu: FmuDescription, platforms: Sequence[str]) -> dict[str, bytes]:
             top, *rest = PurePosixPath(name).parts or ("",)
             if name.endswith("/") or (top == "binaries" and rest[:1] and rest[0] not in folders):
                 continue
-            found[name if top in _OUTER else f"{PLACE}/{name}"] = archive.read(file, name, fmu.path)
+            found[name if top in _OUTER else f"{PLACE}/{name}"] = archive.read(file, name, fmu.path, archive.UNPACKED)
     return found
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -67,6 +68,28 @@ def _damaged(path: Path) -> None:
     path.write_bytes(content)
 
 
+def _twice(path: Path) -> None:
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("modelDescription.xml", XML)
+        with pytest.warns(UserWarning, match="Duplicate"):
+            archive.writestr("modelDescription.xml", XML)
+
+
+def _link(path: Path) -> None:
+    entry = zipfile.ZipInfo("resources/here")
+    entry.create_system, entry.external_attr = 3, 0o120777 << 16
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("modelDescription.xml", XML)
+        archive.writestr(entry, "/etc")
+
+
+def _blown_up(path: Path) -> None:
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("modelDescription.xml", XML)
+        archive.writestr("resources/zeros", bytes(100 << 20))
+
+
+XML = description("2.0")
 BOMB = '<!DOCTYPE a [<!ENTITY x "ha"><!ENTITY y "&x;&x;&x;">]><fmiModelDescription fmiVersion="2.0">&y;</fmiModelDescription>'
 
 
@@ -83,6 +106,20 @@ BOMB = '<!DOCTYPE a [<!ENTITY x "ha"><!ENTITY y "&x;&x;&x;">]><fmiModelDescripti
         (_zip({"modelDescription.xml": "", "/etc/evil": ""}), "'/etc/evil' would be written outside"),
         (_zip({"modelDescription.xml": "", "resources\\..\\..\\evil": ""}), "would be written outside"),
         (_zip({"modelDescription.xml": "", "C:/evil": ""}), "'C:/evil' would be written outside"),
+        (_zip({"modelDescription.xml": "", "ModelDescription.xml": ""}), "differ only in case"),
+        (_zip({"modelDescription.xml": "", "resources/a": "", "resources/a/b": ""}), "a file and a folder at once"),
+        (_zip({"modelDescription.xml": "", "resources/" + 300 * "a": ""}), "a name that no file can have everywhere"),
+        (_twice, "two entries 'modelDescription.xml'"),
+        (_link, "'resources/here' is a link or a device"),
+        (_blown_up, r"\d+ bytes would unpack to \d+"),
+        (_zip({"modelDescription.xml": 5000 * "<a>" + 5000 * "</a>"}), "more than 100 deep"),
+        (_zip({"modelDescription.xml": "<a>" + 500_000 * "<b/>" + "</a>"}), "more than 500000 elements"),
+        (_zip({"modelDescription.xml": (33 << 20) * " "}), "modelDescription.xml is too large"),
+        (_zip({"modelDescription.xml": XML.replace("UTF-8", "UTF-7")}), "in the encoding 'UTF-7', expected UTF-8"),
+        (_zip({"modelDescription.xml": XML.replace("UTF-8", "gb2312")}), "in the encoding 'gb2312', expected UTF-8"),
+        (_zip({"modelDescription.xml": XML.replace('"trouble"/>', '"../../trouble"/>')}), "not the name of a library"),
+        (_zip({"modelDescription.xml": XML.replace('"20"', '"4294967316"')}), "reference of 'real.y' is out of range"),
+        (_zip({"modelDescription.xml": XML.replace('min="0" start="0"', 'min="0" start="zero"')}), "is no number"),
         (_zip({"modelDescription.xml": BOMB}), "declares a document type"),
         (_zip({"modelDescription.xml": "<a/>", "sources/buildDescription.xml": BOMB}), "buildDescription.xml declares"),
         (_zip({"modelDescription.xml": "<fmiModelDescription>"}), "not well-formed XML"),
@@ -128,3 +165,31 @@ def test_sources_only(tmp_path: Path, version: str):
         archive.writestr("sources/a.c", "")
     with pytest.raises(FmuError, match=r"got none. Compile its sources"):
         FmuStepper(path, (Channel("y", simulation="real.y"),))
+
+
+def test_encodings_that_are_read(tmp_path: Path):
+    for encoding in ("UTF-8", "UTF-16", "ISO-8859-1", "windows-1252"):
+        xml = description("2.0").replace('modelName="trouble"', 'modelName="Prüfstand"')
+        path = tmp_path / f"{encoding}.fmu"
+        with zipfile.ZipFile(path, "w") as archive:
+            archive.writestr("modelDescription.xml", xml.replace("UTF-8", encoding).encode(encoding))
+        assert open_fmu(path).name == "Prüfstand"
+
+
+def test_an_entry_that_is_larger_than_it_says(tmp_path: Path):
+    path = tmp_path / "a.fmu"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("modelDescription.xml", description("2.0") + (1 << 20) * " ")
+    content = bytearray(path.read_bytes())
+    at = content.index(b"PK\x01\x02")
+    content[at + 24 : at + 28] = (1000).to_bytes(4, "little")
+    path.write_bytes(content)
+    with pytest.raises(FmuError, match="damaged"):
+        open_fmu(path)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no pipes that are files")
+def test_no_file(tmp_path: Path):
+    os.mkfifo(tmp_path / "a.fmu")
+    with pytest.raises(FmuError, match="this is no file"):
+        open_fmu(tmp_path / "a.fmu")
