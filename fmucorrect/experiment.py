@@ -10,7 +10,7 @@ from jaxtyping import Float64, Int64
 from fmucorrect import records, sources, units
 from fmucorrect.errors import RecordError
 from fmucorrect.records import timebase
-from fmucorrect.registration import Offset, find_offset, overlap, place, resample, steady_segment
+from fmucorrect.registration import Offset, at_rate, clock_rate, find_offset, overlap, place, resample, steady_segment
 from fmucorrect.signals import NANOSECONDS, Channel, Condition, Record
 from fmucorrect.stepper import run
 from fmucorrect.study import Study
@@ -24,7 +24,8 @@ class Pair:
     the measurement covers. measured: (N, J), at these rows, in the channels' units and directions. acceleration: (N, A)
     paired accelerometers, m/s2, of the channels that name one; equipped: the numbers of these channels. offset: how the
     times were found; None without a recorded excitation. steady: rows of the steady forced segment, within `measured`.
-    ratio: rows for one sample of the record, which was resampled where it is not 1.
+    ratio: rows for one sample of the record, which was resampled where it is not 1. rate: ppm by which the measurement's
+    clock runs fast, as it was placed: that of `offset` where it is sure, else 0.
     """
 
     condition: Condition
@@ -36,6 +37,7 @@ class Pair:
     steady: slice | None
     equipped: tuple[int, ...] = ()
     ratio: float = 1.0
+    rate: float = 0.0
 
     @property
     def t_ns(self) -> Int64[np.ndarray, " N"]:
@@ -97,19 +99,22 @@ def pair(
     measured = read_measurement(study, condition)
     count = len(study.channels)
     step = study.simulation.step_ns / NANOSECONDS
-    offset = None
+    offset, start, rate = None, 0.0, 0.0
     if study.excitation is not None:
         offset = _register(simulated, measured, study.excitation.simulation, step)
-    start = offset.offset if offset else 0.0
-    rows = overlap(simulated, measured, start)
-    values = place(measured, simulated.seconds(int(simulated.t_ns[0]))[rows], start)
+        rate = clock_rate(offset, len(measured) * step, step)
+        start = at_rate(offset, rate)
+    rows = overlap(simulated, measured, start, rate)
+    values = place(measured, simulated.seconds(int(simulated.t_ns[0]))[rows], start, rate)
     steady = None
     if condition.frequency > 0.0:
         steady = slice(*steady_segment(values[:, :count], step, 1.0 / condition.frequency))
     stop = values.shape[1] - len(sources.excitation_channel(study))
     equipped = tuple(j for j, channel in enumerate(study.channels) if channel.acceleration)
     ratio = int(measured.metadata["sample_ns"]) / study.simulation.step_ns
-    return Pair(condition, simulated, rows, values[:, :count], values[:, count:stop], offset, steady, equipped, ratio)
+    return Pair(
+        condition, simulated, rows, values[:, :count], values[:, count:stop], offset, steady, equipped, ratio, rate
+    )
 
 
 def _register(simulated: Record, measured: Record, name: str, step: float) -> Offset:

@@ -77,6 +77,24 @@ def test_units_signs_and_clocks(tmp_path: Path, late: float, epoch: int) -> None
     assert item.steady is not None
 
 
+@pytest.mark.parametrize("rate", [0.0, -150.0])
+def test_a_clock_that_runs_at_another_rate(tmp_path: Path, rate: float) -> None:
+    """The response lags behind the excitation: only the excitation tells the time, and the rate where it is sure."""
+    study = load_study(make(tmp_path))
+    grid, own = np.arange(60_001) * 1e-3, np.arange(60_000) * 1e-3
+    tone = lambda t: np.where(t >= 1.0, np.sin(4.0 * np.pi * (t - 1.0)), 0.0)  # noqa: E731
+    there = own / (1.0 + 1e-6 * rate)
+    noise = 0.01 * np.random.default_rng(0).normal(size=len(own))
+    write(tmp_path / "measured.mcap", own, 0, probe=(2.0 * tone(there - 0.01), "mm"), base=(tone(there) + noise, "mm"))
+    write(tmp_path / "sim.mcap", grid, 0, mass1__x=(1e-3 * tone(grid), "m"), base__d=(1e-3 * tone(grid), "m"))
+    item = pair(study, study.condition("one"))
+    assert item.offset is not None
+    assert item.rate == pytest.approx(rate, abs=4.0)
+    assert (item.rate == 0.0) == (rate == 0.0)
+    seconds = (item.t_ns - item.simulated.t_ns[0]) / 1e9
+    assert np.abs(item.measured[:, 0] - 2.0 * tone(seconds - 0.01))[2000:-10].max() < 5e-3
+
+
 @pytest.mark.parametrize("step", [1e-4, 2e-3])
 def test_another_sample_rate_is_brought_to_the_studys(tmp_path: Path, step: float) -> None:
     study = load_study(make(tmp_path, step=step))

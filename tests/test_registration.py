@@ -1,12 +1,25 @@
 """Time registration, resampling and segments against signals whose answer is known."""
 
+from collections.abc import Callable
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.signal import lfilter
 
 from fmucorrect.errors import SignalError
-from fmucorrect.registration import find_offset, overlap, place, resample, steady_segment
+from fmucorrect.registration import (
+    Offset,
+    at_rate,
+    clock_rate,
+    find_offset,
+    overlap,
+    place,
+    resample,
+    steady_segment,
+)
 from fmucorrect.signals import Channel, Record
 
 STEP = 1e-3
@@ -52,6 +65,107 @@ def test_records_of_other_length_and_epoch() -> None:
     assert np.abs(placed[:, 0] - simulated["yaw"][rows]).max() < 2e-4
 
 
+def tone(t: np.ndarray, seconds: float) -> np.ndarray:
+    """2 Hz from the second second until one before the end."""
+    return np.where((t >= 2.0) & (t < seconds - 1.0), 0.03 * np.sin(4.0 * np.pi * (t - 2.0)), 0.0)
+
+
+def road(seed: int, highest: float = 10.0) -> Callable[[np.ndarray], np.ndarray]:
+    """Random, from 0.3 Hz to `highest`, of rms 1."""
+    rng = np.random.default_rng(seed)
+    hertz, phase = rng.uniform(0.3, highest, 60), rng.uniform(0.0, 2.0 * np.pi, 60)
+    return lambda t: np.sin(2.0 * np.pi * np.outer(t, hertz) + phase).sum(axis=1) / np.sqrt(30.0)
+
+
+@pytest.mark.parametrize("rate", [-300.0, -20.0, 0.0, 100.0, 300.0])
+@pytest.mark.parametrize("seconds", [30.0, 600.0])
+def test_offset_and_rate_of_a_tone(seconds: float, rate: float) -> None:
+    """300 ppm shift the ends of 600 s by a third of a period against each other; the tone still has to be laid on itself."""
+    t = np.arange(round(seconds * 100)) * 0.01
+    noise = 3e-4 * np.random.default_rng(1).normal(size=len(t))
+    found = find_offset(tone(t, seconds), 0.9 * tone(0.3 + t / (1.0 + 1e-6 * rate), seconds) + 0.01 + noise, 0.01)
+    assert abs(found.offset - 0.3) < 4.0 * found.std
+    assert abs(found.rate - rate) < 4.0 * found.rate_std
+    assert found.rate_std < {30.0: 30.0, 600.0: 0.3}[seconds]
+    assert found.std < 4e-4
+    assert found.gain == pytest.approx(0.9, rel=3e-3)
+
+
+def test_a_rate_that_unravels_a_road() -> None:
+    """Where 400 ppm shift the ends by more than a period, no single lag shows what the two have in common."""
+    t, ahead = np.arange(60_000) * 0.01, road(3, 20.0)
+    measured = -1.2 * ahead(t / (1.0 + 4e-4) - 0.77) + 0.1 * np.random.default_rng(0).normal(size=len(t))
+    found = find_offset(ahead(t), measured, 0.01)
+    assert found.gain == pytest.approx(-1.2, rel=1e-2)  # a sensor the other way round
+    assert found.rate == pytest.approx(400.0, abs=0.5)
+    assert found.offset == pytest.approx(-0.77, abs=2e-4)
+
+
+@pytest.mark.parametrize("red", [0.0, 0.9])
+@pytest.mark.parametrize("excitation", ["tone", "road"])
+def test_two_stated_deviations_hold_95_percent(excitation: str, red: float) -> None:
+    """Of white noise and of noise that a low-pass has coloured, at rates from 0 to 300 ppm."""
+    t, rng = np.arange(2000) * 0.01, np.random.default_rng(5)
+    wave = road(7) if excitation == "road" else lambda t: tone(t, 20.0) / 0.03
+    errors = []
+    for rate in np.repeat([0.0, -30.0, 100.0, 300.0], 15):
+        noise = lfilter([np.sqrt(1.0 - red**2)], [1.0, -red], 0.2 * rng.normal(size=len(t)))
+        offset = rng.uniform(-0.5, 0.5)
+        found = find_offset(wave(t), wave(offset + t / (1.0 + 1e-6 * rate)) + noise, 0.01)
+        errors.append([(found.offset - offset) / found.std, (found.rate - rate) / found.rate_std])
+    inside = (np.abs(errors) < 2.0).mean(axis=0)
+    assert (inside > 0.85).all()
+    assert np.std(errors, axis=0) == pytest.approx(1.0, abs=0.35)
+
+
+def test_one_pulse_on_a_level_of_its_own() -> None:
+    """What rests most of the time is measured from where it rests; one pulse tells time, gain and bias, and no rate."""
+    t = np.arange(4000) * 0.01
+    pulse = lambda t: np.exp(-(((t - 9.0) / 0.2) ** 2))  # noqa: E731
+    noise = 1e-3 * np.random.default_rng(2).normal(size=len(t))
+    found = find_offset(5.0 + pulse(t), 40.0 + 0.5 * pulse(t + 1.3) + noise, 0.01)
+    assert found.gain == pytest.approx(0.5, abs=2e-3)
+    assert abs(found.offset - 1.3) < 3.0 * found.std
+    assert found.middle == pytest.approx(7.7, abs=0.3)
+    assert 200.0 < found.rate_std < 300.1  # that of clocks before anything is seen
+    assert clock_rate(found, 40.0, 0.01) == 0.0
+    assert at_rate(found, 0.0) == pytest.approx(1.3, abs=4e-4)
+
+
+@pytest.mark.parametrize(("noise", "count"), [(0.01, 2000), (0.03, 2000), (0.01, 8000)])
+def test_stated_deviation_of_white_noise(noise: float, count: int) -> None:
+    """sigma / (rms slope sqrt(N)) at the middle, sqrt(12) / T of that for the rate."""
+    t, ahead = np.arange(count) * 0.01, road(1, 5.0)
+    stds = []
+    for seed in range(8):
+        measured = ahead(t) + noise * np.random.default_rng(seed).normal(size=count)
+        found = find_offset(ahead(t), measured, 0.01)
+        stds.append([np.sqrt(found.std**2 - (1e-6 * found.rate_std * found.middle) ** 2), 1e-6 * found.rate_std])
+    middle = noise / np.sqrt((np.gradient(ahead(t), 0.01) ** 2).sum())
+    expected = [middle, middle * np.sqrt(12.0) / (0.01 * count)]
+    assert np.sqrt(np.mean(np.square(stds), axis=0)) == pytest.approx(expected, rel=0.3)
+
+
+def test_a_rate_is_taken_when_it_is_sure_and_matters() -> None:
+    sure = Offset(0.1, 1.0, 1e-5, 1.0, rate=100.0, rate_std=5.0, middle=15.0)
+    assert clock_rate(sure, 30.0, 1e-3) == 100.0
+    assert at_rate(sure, 100.0) == sure.offset
+    assert at_rate(sure, 0.0) == pytest.approx(0.1 - 100e-6 * 15.0, rel=1e-4)  # at 15 s both say the same time
+    assert clock_rate(replace(sure, rate_std=30.0), 30.0, 1e-3) == 0.0
+    assert clock_rate(replace(sure, rate=0.1, rate_std=0.001), 30.0, 1e-3) == 0.0  # 1.5 us at the ends
+
+
+def test_a_fast_clock_is_placed_back() -> None:
+    t, rate = np.arange(30_000) * STEP, 200.0
+    simulated = Record((t * 1e9).astype(np.int64), tone(t, 30.0)[:, None], YAW)
+    own = np.arange(20_000) * STEP
+    measured = Record((own * 1e9).astype(np.int64), tone(2.5 + own / (1 + 1e-6 * rate), 30.0)[:, None], YAW)
+    rows = overlap(simulated, measured, 2.5, rate)
+    assert (rows.start, rows.stop) == (2500, 22_496)  # 19.999 s take 19.995 of the simulation's
+    placed = place(measured, simulated.seconds()[rows], 2.5, rate)
+    assert np.abs(placed[:, 0] - simulated["yaw"][rows]).max() < 1e-9
+
+
 def test_unlike_excitations_are_refused() -> None:
     t = np.arange(8000) * STEP
     with pytest.raises(SignalError, match="do not look alike"):
@@ -84,6 +198,17 @@ def test_an_odd_ratio_does_not_drift() -> None:
     wave = lambda t: np.sin(2 * np.pi * 3.0 * t * 1e-9)  # noqa: E731
     result = resample(Record(t_ns, wave(t_ns)[:, None], YAW), 1_000_000)
     assert np.abs(result["yaw"] - wave(result.t_ns))[100:-100].max() < 2e-3
+
+
+@pytest.mark.parametrize("hertz", [1000.1, 999.97, 3333.3333, 441.0, 12_207.03])
+def test_any_rate_keeps_its_time(hertz: float) -> None:
+    """After 200 s too; stamps are whole nanoseconds, which alone would be 120 ms after 600 s of 1000.1 Hz."""
+    t_ns = np.round(np.arange(round(200 * hertz)) * (1e9 / hertz)).astype(np.int64)
+    wave = lambda t: np.sin(2 * np.pi * 0.4 * min(hertz, 1000.0) * t * 1e-9)  # noqa: E731
+    result = resample(Record(t_ns, wave(t_ns)[:, None], YAW), 1_000_000)
+    assert result.step_ns == 1_000_000
+    assert t_ns[-1] - 1_000_000 < result.t_ns[-1] <= t_ns[-1] + 1000
+    assert np.abs(result["yaw"] - wave(result.t_ns))[100:-100].max() < 3e-4
 
 
 def test_steady_segment_leaves_out_rest_and_surge() -> None:
