@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import windows
 
 from fmucorrect.errors import SignalError
-from fmucorrect.registration import find_offset, overlap, place, resample, steady_segment
+from fmucorrect.registration import Offset, find_offset, overlap, place, resample, steady_segment
 from fmucorrect.signals import Channel, Record
 
 STEP = 2e-3
@@ -40,28 +40,56 @@ def test_offset_and_gain_are_what_was_done(gain: float, counts: tuple[int, int],
         found.gain = 1.0  # pyright: ignore[reportAttributeAccessIssue]
 
 
-def test_the_stated_deviation_is_the_cramer_rao_bound_and_that_of_repeats() -> None:
-    rng, gain, level = np.random.default_rng(0), 2.5, 0.05
+def in_the_middle(found: Offset) -> tuple[float, float]:
+    """Where the excitation fixes the time best: the time that was found there, and its stated deviation."""
+    drift = 1e-6 * found.middle
+    return found.offset - found.rate * drift, np.sqrt(max(found.std**2 - (found.rate_std * drift) ** 2, 0.0))
+
+
+def test_time_and_rate_are_as_sure_as_the_cramer_rao_bound() -> None:
+    rng, gain, level, count = np.random.default_rng(0), 2.5, 0.05, 100
     clean = gain * sampled(2500, 0.31237)
     # tone and slope are orthogonal: the bound is the noise over the measured slope's norm
-    slope = np.gradient(clean, STEP)
+    slope, t = np.gradient(clean, STEP), np.arange(2500) * STEP
+    weight = slope**2 / (slope**2).sum()
     bound = level / np.sqrt((slope**2).sum())
-    found = [find_offset(sampled(2500), clean + level * rng.normal(size=2500), STEP) for _ in range(150)]
-    assert np.mean([f.std for f in found]) == pytest.approx(bound, rel=0.01)
-    assert np.std([f.offset for f in found]) == pytest.approx(bound, rel=0.2)
-    assert np.mean([f.offset for f in found]) == pytest.approx(0.31237, abs=4.0 * bound / np.sqrt(150))
+    middle = weight @ t
+    rate = 1e6 * bound / np.sqrt(weight @ (t - middle) ** 2)
+    found = [find_offset(sampled(2500), clean + level * rng.normal(size=2500), STEP) for _ in range(count)]
+    times, stated = np.array([in_the_middle(f) for f in found]).T
+    assert np.std(times) == pytest.approx(bound, rel=0.2)
+    assert np.mean(times) == pytest.approx(0.31237, abs=4.0 * bound / np.sqrt(count))
+    assert np.sqrt(np.mean(stated**2)) == pytest.approx(bound, rel=0.2)
+    # as sure of the rate as the record and what is known of clocks (300 ppm) make it together
+    together = 1.0 / np.hypot(1.0 / rate, 1.0 / 300.0)
+    assert np.mean([f.rate_std for f in found]) == pytest.approx(together, rel=0.15)
+    assert np.mean([f.rate for f in found]) == pytest.approx(0.0, abs=4.0 * rate / np.sqrt(count))
     assert np.mean([f.gain for f in found]) == pytest.approx(gain, rel=2e-3)
 
 
-def test_the_deviation_grows_with_the_noise_and_falls_with_the_gain() -> None:
+def test_the_deviation_is_that_of_noise_over_gain() -> None:
     noise = np.random.default_rng(1).normal(size=2500)
-    std = {
-        (gain, level): find_offset(sampled(2500), gain * sampled(2500) + level * noise, STEP).std
+    found = {
+        (gain, level): find_offset(sampled(2500), gain * sampled(2500) + level * noise, STEP)
         for gain in (1.0, 4.0)
         for level in (0.01, 0.04)
     }
-    assert std[1.0, 0.04] / std[1.0, 0.01] == pytest.approx(4.0, rel=0.02)
-    assert std[1.0, 0.04] / std[4.0, 0.04] == pytest.approx(4.0, rel=0.02)
+    assert found[1.0, 0.01].std == pytest.approx(found[4.0, 0.04].std, rel=1e-6)
+    assert found[1.0, 0.01].rate_std == pytest.approx(found[4.0, 0.04].rate_std, rel=1e-6)
+    for few, many in (((4.0, 0.01), (1.0, 0.01)), ((1.0, 0.01), (1.0, 0.04))):
+        assert 3.0 < in_the_middle(found[many])[1] / in_the_middle(found[few])[1] < 6.0
+
+
+@pytest.mark.parametrize("ppm", [-250.0, 0.0, 40.0, 250.0])
+def test_a_clock_that_runs_fast_is_found(ppm: float) -> None:
+    t = np.arange(30_000) * STEP
+    tone = lambda x: burst(x, 2.0, 54.0)  # noqa: E731
+    noise = 0.01 * np.random.default_rng(3).normal(size=len(t))
+    found = find_offset(tone(t), tone(0.7 + t / (1.0 + 1e-6 * ppm)) + noise, STEP)
+    assert found.rate == pytest.approx(ppm, abs=4.0 * found.rate_std)
+    assert found.rate_std < 2.0
+    assert found.offset == pytest.approx(0.7, abs=4.0 * found.std)
+    assert found.std < 3e-5
 
 
 @pytest.mark.parametrize("share", [0.9, 0.6, 0.53])
