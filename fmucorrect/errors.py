@@ -4,6 +4,7 @@
     ├── StudyError      the study file, or what it names, does not fit together
     ├── RecordError     a log file or a Record cannot be read, written or used as it is
     ├── FmuError        an FMU cannot be opened, or its solver refused a call
+    │   └── SolverDied  its solver crashed, ended its process, or did not come back
     ├── BundleError     an ONNX corrector is not what its contract says
     ├── SignalError     values that must not enter a computation: NaN, Inf, wrong unit, wrong shape, wrong time step
     ├── TrainingError   a training cannot be done as it was asked for
@@ -61,6 +62,10 @@ class RecordError(FmucorrectError):
 
 class FmuError(FmucorrectError):
     """An FMU cannot be opened, or its solver refused a call."""
+
+
+class SolverDied(FmuError):
+    """The solver crashed, ended its process, or did not come back, in a process of its own."""
 
 
 class BundleError(FmucorrectError):

@@ -18,6 +18,10 @@ from fmucorrect.study import Study
 ROWS = 1024
 """Samples that are computed and written at once."""
 
+MOST_ROWS, MOST_MEASURED = 10**9, 10**8
+"""Samples that a run may be told to compute (12 days at 1 ms), and that the length of a measurement may ask for by itself:
+a day at 1 ms. A clock that jumps to its right time asks for 54 years."""
+
 SIMULATION = "/simulation"
 """The topic of a simulated response in the files written here."""
 
@@ -51,7 +55,7 @@ def inputs(study: Study, condition: Condition, duration: float | None = None) ->
     series = None
     if condition.inputs is not None:
         series = records.read(condition.inputs, allow_damaged=study.allow_damaged)
-    length = measured_duration(condition, study.allow_damaged) if duration is None else duration
+    length = _length(study, condition, duration)
     for chunk in grid(length, study.simulation.step_ns, ROWS):
         yield chunk if series is None else input_record(chunk.t_ns, series)
 
@@ -69,6 +73,29 @@ def measured_duration(condition: Condition, allow_damaged: bool = False) -> floa
     if not lengths:
         raise RecordError("there are no readable rows", where=str(condition.measurement))
     return max(lengths) / NANOSECONDS
+
+
+def _length(study: Study, condition: Condition, duration: float | None) -> float:
+    """How long a run is, s: `duration`, else as long as the measurement. Raises RecordError where that asks for more samples
+    than anyone means."""
+    length = measured_duration(condition, study.allow_damaged) if duration is None else duration
+    rows, most = length * NANOSECONDS / study.simulation.step_ns, MOST_MEASURED if duration is None else MOST_ROWS
+    if rows <= most:
+        return length
+    what = f"{length:.6g} s at a step of {study.simulation.step_size:g} s would be {rows:.3g} samples"
+    expected = f"at most {most:.0e} samples"
+    if duration is not None:
+        raise RecordError(what, where=f"condition {condition.name!r}", expected=expected)
+    assert condition.measurement is not None
+    extents = [topic.extent for topic in records.describe(condition.measurement).topics if topic.extent.rows > 1]
+    longest = max(extents, key=lambda extent: (extent.stop_ns or 0) - (extent.start_ns or 0))
+    raise RecordError(
+        f"{what}: its stamps go from {(longest.start_ns or 0) / NANOSECONDS:.13g} s to "
+        f"{(longest.stop_ns or 0) / NANOSECONDS:.13g} s in {longest.rows} rows",
+        where=str(condition.measurement),
+        expected=expected,
+        remedy="Is a stamp wrong, from before the clock was set? Leave such rows out, or give --duration.",
+    )
 
 
 def damages(condition: Condition) -> dict[Path, str]:
@@ -96,7 +123,7 @@ def expected_rows(study: Study, condition: Condition, duration: float | None = N
     """How many samples `inputs` gives."""
     if condition.simulated is not None:
         return logged_rows(condition.simulated, None)
-    length = measured_duration(condition, study.allow_damaged) if duration is None else duration
+    length = _length(study, condition, duration)
     return round(length * NANOSECONDS / study.simulation.step_ns) + 1
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from fmucorrect.cli.group import OVERWRITE, PATH
+from fmucorrect.cli.group import OVERWRITE, PATH, STEP_TIMEOUT
 
 SECTIONS = {"preload": ("preload",), "critical-speed": ("critical_speed",), "safety": ("safety",)}
 
@@ -16,9 +16,10 @@ SECTIONS = {"preload": ("preload",), "critical-speed": ("critical_speed",), "saf
 @click.argument("what", type=click.Choice([*SECTIONS, "all"]))
 @click.argument("mapping", type=PATH)
 @click.option("-o", "--out", type=PATH, required=True, help="The folder to write to.")
+@STEP_TIMEOUT
 @OVERWRITE
 @click.option("--json", "as_json", is_flag=True, help="Print what was found as JSON.")
-def assess(what: str, mapping: Path, out: Path, overwrite: bool, as_json: bool) -> None:
+def assess(what: str, mapping: Path, out: Path, step_timeout: float | None, overwrite: bool, as_json: bool) -> None:
     """Ask whether a vehicle model is sound in itself: its preload, its critical speed, its wheel forces in curves.
 
     MAPPING is a TOML file that names the FMU and says which of its variables are what; what it does not map is not
@@ -45,9 +46,8 @@ def assess(what: str, mapping: Path, out: Path, overwrite: bool, as_json: bool) 
             bar.total, bar.n = max(total, 1), done
             bar.update(0)
 
-        found = run(
-            assessment, SECTIONS.get(what, tuple(name for some in SECTIONS.values() for name in some)), progress
-        )
+        sections = SECTIONS.get(what, tuple(name for some in SECTIONS.values() for name in some))
+        found = run(assessment, sections, progress, step_timeout)
     outputs.make_folder(out, "assess")
     text = json.dumps(found.to_json(), indent=1, allow_nan=False)
     outputs.write(out / "assessment.json", text + "\n")

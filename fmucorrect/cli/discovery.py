@@ -8,17 +8,26 @@ from pathlib import Path
 
 import click
 
-from fmucorrect.cli.group import ALLOW_DAMAGED, OVERWRITE, PATH, open_study
+from fmucorrect.cli.group import ALLOW_DAMAGED, OVERWRITE, PATH, STEP_TIMEOUT, open_study
 
 
 @click.command()
 @click.argument("study", type=PATH)
 @click.option("-o", "--out", type=PATH, required=True, help="The folder to write to.")
 @click.option("--scheduler", default="", help="Address of a dask scheduler; default: this machine's cores.")
+@STEP_TIMEOUT
 @OVERWRITE
 @ALLOW_DAMAGED
 @click.option("--json", "as_json", is_flag=True, help="Print the report as JSON.")
-def discover(study: Path, out: Path, scheduler: str, overwrite: bool, allow_damaged: bool, as_json: bool) -> None:
+def discover(
+    study: Path,
+    out: Path,
+    scheduler: str,
+    step_timeout: float | None,
+    overwrite: bool,
+    allow_damaged: bool,
+    as_json: bool,
+) -> None:
     """Find where a STUDY's simulation and measurement disagree, name what the model lacks, and prove it.
 
     Writes report.html and report.json, and where something was found effects.toml, augmented.fmu (the FMU with it) and
@@ -42,7 +51,13 @@ def discover(study: Path, out: Path, scheduler: str, overwrite: bool, allow_dama
 
         with _executor(scheduler) as executor:
             report = run(
-                study, out, progress=progress, executor=executor, allow_damaged=allow_damaged, overwrite=overwrite
+                study,
+                out,
+                progress=progress,
+                executor=executor,
+                step_timeout=step_timeout,
+                allow_damaged=allow_damaged,
+                overwrite=overwrite,
             )
     if as_json:
         click.echo((out / "report.json").read_text(encoding="utf-8"))

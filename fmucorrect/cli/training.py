@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from fmucorrect.cli.group import ALLOW_DAMAGED, OVERWRITE, PATH, UserError, open_study, progress_bar
+from fmucorrect.cli.group import ALLOW_DAMAGED, OVERWRITE, PATH, STEP_TIMEOUT, UserError, open_study, progress_bar
 
 if TYPE_CHECKING:
     from fmucorrect.study import Study
@@ -31,6 +31,7 @@ def _training_options(command: Callable[..., None]) -> Callable[..., None]:
 @click.option("-o", "--out", type=PATH, required=True, help="Folder for the model, its card, its page and its figures.")
 @click.option("--seed", type=click.IntRange(0), help="Of everything that is drawn; default: the study's.")
 @_training_options
+@STEP_TIMEOUT
 @OVERWRITE
 @ALLOW_DAMAGED
 @click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
@@ -40,6 +41,7 @@ def train(
     seed: int | None,
     device: str,
     scheduler: str,
+    step_timeout: float | None,
     overwrite: bool,
     allow_damaged: bool,
     as_json: bool,
@@ -55,7 +57,7 @@ def train(
     from fmucorrect.report import training_page
 
     protocol, results, tasks = _training("protocol", "results", "tasks")
-    the_study = open_study(study, allow_damaged)
+    the_study = open_study(study, allow_damaged).with_step_timeout(step_timeout)
     _claim(out, "train", (*results.FILES, "train.html"), [the_study], overwrite)
     chosen = the_study.training if seed is None else replace(the_study.training, seed=seed)
     with progress_bar(protocol.total_epochs(the_study, chosen), "epoch", the_study.name) as advance:
@@ -85,6 +87,7 @@ def train(
     "--ablate", is_flag=True, help="Also switch each loss term and stage off, one at a time. Of one study alone."
 )
 @_training_options
+@STEP_TIMEOUT
 @OVERWRITE
 @ALLOW_DAMAGED
 @click.option("--json", "as_json", is_flag=True, help="Print compare.json, or models.json.")
@@ -95,6 +98,7 @@ def compare(
     ablate: bool,
     device: str,
     scheduler: str,
+    step_timeout: float | None,
     overwrite: bool,
     allow_damaged: bool,
     as_json: bool,
@@ -111,7 +115,7 @@ def compare(
 
     Example: fmucorrect compare study.toml found/study.toml -o models
     """
-    loaded = [open_study(path, allow_damaged) for path in studies]
+    loaded = [open_study(path, allow_damaged).with_step_timeout(step_timeout) for path in studies]
     if len(loaded) > 1:
         if ablate or seeds is not None:
             raise UserError("--seeds and --ablate belong to the comparison of methods on one study")
@@ -166,10 +170,13 @@ def _compare_models(
 @click.command()
 @click.argument("study", type=PATH)
 @click.option("-o", "--out", type=PATH, help="Write the page there, or the figures where it ends in .json.")
+@STEP_TIMEOUT
 @OVERWRITE
 @ALLOW_DAMAGED
 @click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
-def diagnose(study: Path, out: Path | None, overwrite: bool, allow_damaged: bool, as_json: bool) -> None:
+def diagnose(
+    study: Path, out: Path | None, step_timeout: float | None, overwrite: bool, allow_damaged: bool, as_json: bool
+) -> None:
     """Ask whether each accelerometer of a STUDY fits the second derivative of its displacement.
 
     Direct R2 and correlation, lag search, spectral overlap and coherence at every condition; recommends channels and band
@@ -179,7 +186,7 @@ def diagnose(study: Path, out: Path | None, overwrite: bool, allow_damaged: bool
     """
     from fmucorrect import diagnosis, outputs
 
-    the_study = open_study(study, allow_damaged)
+    the_study = open_study(study, allow_damaged).with_step_timeout(step_timeout)
     if out is not None:
         outputs.check_file(out, the_study.files(), "diagnose", overwrite)
     with progress_bar(len(the_study.conditions), "condition", the_study.name) as advance:

@@ -50,6 +50,7 @@ def discover(
     *,
     progress: Progress = lambda stage, done, total: None,
     executor: Executor | None = None,
+    step_timeout: float | None = None,
     allow_damaged: bool = False,
     overwrite: bool = True,
 ) -> dict[str, Any]:
@@ -58,11 +59,12 @@ def discover(
 
     The evaluation conditions are read after the naming is done. What is found on the way lies in OUT/.progress until the report
     is written: a run that was broken off goes on where it stopped, as far as nothing has changed since. executor: simulates
-    large batches of candidates, on other machines perhaps; None for this machine alone. allow_damaged: whether records that
+    large batches of candidates, on other machines perhaps; None for this machine alone. step_timeout: s
+    that the solver may take for one step, None for the study's own. allow_damaged: whether records that
     lost something are taken for what is there; the report's notes say what they lost. Raises StudyError, RecordError,
     SignalError, FmuError.
     """
-    study = replace(load_study(study_file), allow_damaged=allow_damaged)
+    study = replace(load_study(study_file).with_step_timeout(step_timeout), allow_damaged=allow_damaged)
     folder = Path(out)
     outputs.check_folder(folder, FILES, study.files(), "discover", overwrite, away_from=study.path)
     problems = study_problems(study)

@@ -1,4 +1,9 @@
-"""What discovery looks at: the measured development conditions, and their simulation with any effects in it."""
+"""What discovery looks at: the measured development conditions, and their simulation with any effects in it.
+
+Candidates are simulated in this process, in threads, by a loop in C: thousands of runs. The solver is tried out first, each
+development condition as a whole and in a process of its own (load): one that crashes, hangs or ends its process there is
+one FmuError, and one that comes through is taken for harmless.
+"""
 
 from __future__ import annotations
 
@@ -15,12 +20,15 @@ from types import TracebackType
 import numpy as np
 from jaxtyping import Float64
 
+from fmucorrect import sources
 from fmucorrect.discovery.content import digest
 from fmucorrect.discovery.kept import Kept, code
 from fmucorrect.discovery.model import Model, Runner, runner, simulate, start_value, tolerance_of
 from fmucorrect.discovery.trials import Trial, read
 from fmucorrect.errors import FmuError, StudyError
 from fmucorrect.fmu import FmuDescription, open_fmu
+from fmucorrect.signals import Condition
+from fmucorrect.stepper import run
 from fmucorrect.study import Adjustable, Study
 
 LARGEST = 1e8
@@ -60,7 +68,7 @@ class Problem:
 
     def close(self) -> None:
         """Release all solvers."""
-        self._pool.shutdown()
+        self._pool.shutdown(cancel_futures=True)
         self._release()
 
     def few(self, steps: int) -> Problem | None:
@@ -209,13 +217,26 @@ class Problem:
             yield None if any(row is None for row in rows) else np.concatenate(rows)  # type: ignore[arg-type]
 
 
+def try_out(study: Study, condition: Condition) -> None:
+    """Run the solver through a condition in a process of its own. Raises FmuError where it does not come through."""
+    plant = sources.plant(study, condition)
+    try:
+        if study.fmu is not None and condition.simulated is None:
+            run(plant, condition, sources.inputs(study, condition), lambda _: None)
+    finally:
+        plant.close()
+
+
 def load(
     study: Study, library: Path | None, workers: int = 0, kept: Kept | None = None, executor: Executor | None = None
 ) -> Problem:
-    """The development conditions of a study; the evaluation conditions are not read. Raises StudyError, RecordError."""
+    """The development conditions of a study, its solver tried out on each; the evaluation conditions are not read. Raises
+    StudyError, RecordError, FmuError."""
     if not study.development:
         raise StudyError(str(study.path), ["discovery needs at least one development condition"])
     trials = tuple(read(study, condition) for condition in study.development)
+    for trial in trials:
+        try_out(study, trial.condition)
     fmu = None if study.fmu is None else open_fmu(study.fmu)
     tolerated = tuple(a for a in study.adjustable if a.tolerated) if fmu else ()
     return Problem(study, fmu, library, trials, tolerated, workers or min(os.cpu_count() or 1, 8), 1, kept, executor)

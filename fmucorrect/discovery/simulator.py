@@ -270,7 +270,9 @@ class Simulator:
                 dict(zip(self._names, self._inputs[0].tolist(), strict=True)),
             )
             try:
-                (row,) = feedthrough(self._description.path, [force], key[:1], step_ns, self._parameters, held)
+                (row,) = feedthrough(
+                    self._description.path, [force], key[:1], step_ns, self._parameters, held, isolated=False
+                )
             except FmuError:
                 row = np.zeros(1)
             self._answers[key] = float(row[0])

@@ -19,7 +19,7 @@ from queue import Empty, SimpleQueue
 from struct import unpack_from
 from typing import IO, Any, cast, final
 
-from fmucorrect.errors import FmuError
+from fmucorrect.errors import FmuError, SolverDied
 from fmucorrect.fmu import archive
 from fmucorrect.fmu.description import FmuDescription
 from fmucorrect.fmu.workfolder import WorkFolder
@@ -183,7 +183,7 @@ class SolverProcess:
             self._last.append(text.removeprefix(f"{self._name}: ")[:_LINE])
         self._log.log(level, "%s", text)
 
-    def _died(self, task: str) -> FmuError:
+    def _died(self, task: str) -> SolverDied:
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(self._limits.free)
         code = self._process.returncode
@@ -196,13 +196,13 @@ class SolverProcess:
             what = f"the solver ended its own process (exit code {code if code < 256 else hex(code)})"
         return self._error(what, task, _ASK)
 
-    def _error(self, what: str, task: str, remedy: str) -> FmuError:
+    def _error(self, what: str, task: str, remedy: str) -> SolverDied:
         time, size = self.clock
         when = _WHEN.get(task)
         if when is None:
             when = f"at t = {time + size:.9g} s" + ("" if size else ", before its first step")
         said = f"; it said: {' | '.join(self._last)}" if self._last else "; it said nothing"
-        return FmuError(f"{what} {when}{said}", where=self._where, remedy=remedy)
+        return SolverDied(f"{what} {when}{said}", where=self._where, remedy=remedy)
 
     def close(self) -> None:
         """Let the solver free what it holds, and release everything. What it does wrong now is a warning: its work is done."""

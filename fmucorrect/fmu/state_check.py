@@ -53,7 +53,7 @@ def works(path: Path, step_ns: int) -> StateCheck:
 
 def _child(task: str, path: Path, step_ns: int, file: Path) -> str:
     """Runs one task in a process of its own; the reason why it failed, or ""."""
-    command = [sys.executable, "-m", __name__, task, str(path), str(step_ns), str(file)]
+    command = [sys.executable, "-P", "-m", __name__, task, str(path), str(step_ns), str(file)]
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=_LIMIT)
     except subprocess.TimeoutExpired:

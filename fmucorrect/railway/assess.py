@@ -1,4 +1,9 @@
-"""The consistency assessment of an FMU: preload, critical speed and running safety, as far as its mapping file goes."""
+"""The consistency assessment of an FMU: preload, critical speed and running safety, as far as its mapping file goes.
+
+Preload and running safety step the solver in a process of its own. The critical speed goes back and forth between saved
+states in this one; there the solver has come through a run of a TRIAL in a process of its own first, and is then taken for
+harmless.
+"""
 
 from __future__ import annotations
 
@@ -7,15 +12,18 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from fmucorrect.errors import StudyError
-from fmucorrect.fmu import FmuStepper, open_fmu
+from fmucorrect.errors import FmuError, SolverDied, StudyError
+from fmucorrect.fmu import IsolatedStepper, Limits, open_fmu
 from fmucorrect.railway.assessment import SECTIONS, Assessment, check_assessment
 from fmucorrect.railway.critical_speed_assessment import CriticalSpeedAssessment, assess_critical_speed
 from fmucorrect.railway.preload import assess_preload
 from fmucorrect.railway.preload_assessment import PreloadAssessment
 from fmucorrect.railway.running_safety import RunningSafety, assess_running_safety
-from fmucorrect.signals import NANOSECONDS, Channel
+from fmucorrect.signals import NANOSECONDS, Channel, Condition
+from fmucorrect.stepper import grid, run
 
+TRIAL = 1.0
+"""s that the solver runs in a process of its own before it is let into this one."""
 Progress = Callable[[str, int, int], object]
 """Called with what is being assessed, how much of it is done, and how much there is."""
 
@@ -54,10 +62,16 @@ class Findings:
 
 
 def assess(
-    assessment: Assessment, sections: Sequence[str] = SECTIONS, progress: Progress = lambda *_: None
+    assessment: Assessment,
+    sections: Sequence[str] = SECTIONS,
+    progress: Progress = lambda *_: None,
+    step_timeout: float | None = None,
 ) -> Findings:
-    """Assess these sections, of those that the file maps. Raises StudyError where the mapping and the FMU do not fit (every
-    problem with its line) or none of the sections is mapped, and what the assessments raise."""
+    """Assess these sections, of those that the file maps. step_timeout: s that the solver may take for one step.
+
+    Raises StudyError where the mapping and the FMU do not fit (every problem with its line) or none of the sections is
+    mapped, and what the assessments raise.
+    """
     description = open_fmu(assessment.fmu)
     if problems := check_assessment(assessment, description):
         raise StudyError(str(assessment.path), problems)
@@ -68,14 +82,17 @@ def assess(
         raise StudyError(str(assessment.path), [f"line 1: there is no section {wanted} to assess; there are {there}"])
     begun = time.monotonic()
 
-    def plant(channels: tuple[Channel, ...]) -> FmuStepper:
-        return FmuStepper(assessment.fmu, channels, parameters=assessment.parameters)
+    limits = Limits.of(step_timeout)
+
+    def plant(channels: tuple[Channel, ...]) -> IsolatedStepper:
+        return IsolatedStepper(assessment.fmu, channels, parameters=assessment.parameters, limits=limits)
 
     preload = critical = safety = None
     if "preload" in chosen and (mapping := assessment.preload) is not None:
         count = _count(progress, "preload", round(mapping.duration * NANOSECONDS / assessment.step_ns) + 1)
         preload = assess_preload(mapping, plant, assessment.step_ns, count)
     if "critical_speed" in chosen and (speeds := assessment.critical_speed) is not None:
+        _try_out(plant, assessment.step_ns)
         count = _count(progress, "critical speed", speeds.stages)
         critical = assess_critical_speed(speeds, assessment.fmu, assessment.step_ns, assessment.parameters, count)
     if "safety" in chosen and (forces := assessment.safety) is not None:
@@ -84,6 +101,17 @@ def assess(
         factor = forces.speed.factor(description)
         safety = assess_running_safety(forces, plant, assessment.step_ns, factor, count)
     return Findings(assessment, preload, critical, safety, time.monotonic() - begun)
+
+
+def _try_out(plant: Callable[[tuple[Channel, ...]], IsolatedStepper], step_ns: int) -> None:
+    """Raises SolverDied; what the solver refuses by itself the assessment meets again, with its own start values."""
+    with plant(()) as trial:
+        try:
+            run(trial, Condition("trial"), grid(TRIAL, step_ns), lambda _: None)
+        except SolverDied:
+            raise
+        except FmuError:
+            pass
 
 
 def _count(progress: Progress, what: str, total: int) -> Callable[[int], object]:

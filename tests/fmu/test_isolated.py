@@ -18,9 +18,10 @@ import pytest
 from hostile_fmu import hostile
 from trouble_fmu import MODE
 
-from fmucorrect.errors import FmuError, SignalError
+from fmucorrect.errors import FmuError, SignalError, SolverDied
 from fmucorrect.fmu import FmuStepper, IsolatedStepper, Limits
 from fmucorrect.fmu import workfolder as folders
+from fmucorrect.fmu.feedthrough import feedthrough
 from fmucorrect.fmu.workfolder import WorkFolder
 from fmucorrect.signals import Channel, Condition, Record
 from fmucorrect.stepper import grid, run
@@ -219,20 +220,24 @@ simulation = "y"
 measurement = "y"
 quantity = "displacement"
 unit = "mm"
-[[conditions]]
-name = "a"
-role = "development"
-measurement = "measured.csv"
+"""
+CONDITION = """[[conditions]]
+name = "{name}"
+role = "{role}"
+speed = {speed}
+measurement = "{name}.csv"
 """
 
 
 @pytest.fixture
 def study(version: str, hostile_library: Path, tmp_path: Path) -> Path:
     hostile(tmp_path / "hostile.fmu", hostile_library, version)
-    seconds = np.arange(1001) / 1e3
-    lines = [f"{t:.3f},{1e3 * t + 0.1 * np.sin(9 * t):.6f}" for t in seconds]
-    (tmp_path / "measured.csv").write_text("\n".join(["time,y [mm]", *lines]) + "\n")
-    (tmp_path / "study.toml").write_text(STUDY)
+    seconds, text = np.arange(1001) / 1e3, STUDY
+    for speed, name in enumerate("abc", 1):
+        lines = [f"{t:.3f},{1e3 * t + 0.1 * np.sin(9 * speed * t):.6f}" for t in seconds]
+        (tmp_path / f"{name}.csv").write_text("\n".join(["time,y [mm]", *lines]) + "\n")
+        text += CONDITION.format(name=name, role="evaluation" if name == "c" else "development", speed=100.0 * speed)
+    (tmp_path / "study.toml").write_text(text)
     return tmp_path / "study.toml"
 
 
@@ -263,6 +268,27 @@ def test_run(study: Path, order: str):
     assert process.returncode == 2
     assert printed == ""
     assert complaint.count("hostile.fmu") == 1
+
+
+@pytest.mark.parametrize("version", ["2.0"], indirect=True)
+@pytest.mark.parametrize(
+    ("name", "order"), [("discover", "DO_STEP CRASH"), ("train", "CONSTRUCTOR EXIT"), ("compare", "DO_STEP LOOP")]
+)
+def test_other_commands(study: Path, name: str, order: str):
+    process = command(study, order, name, study, "-o", study.parent / "out", "--step-timeout", 1)
+    _, complaint = process.communicate(timeout=300)
+    assert process.returncode == 2
+    assert "Traceback" not in complaint
+    assert complaint.count("hostile.fmu") == 1
+    assert not list((study.parent / "temporary").glob("fmucorrect-fmu-*"))
+
+
+@pytest.mark.parametrize("order", ["CONSTRUCTOR CRASH", "DO_STEP EXIT"])
+@pytest.mark.parametrize("version", ["2.0"], indirect=True)
+def test_feedthrough(fmu: Path, order: str, monkeypatch: pytest.MonkeyPatch, nothing_left: None):
+    monkeypatch.setenv("HOSTILE", order)
+    with pytest.raises(SolverDied, match=r"hostile.fmu: the solver (crashed|ended)"):
+        feedthrough(fmu, ["u"], ["y"], 500 * MS)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="there are no signals of that kind")
