@@ -29,16 +29,29 @@ _NOTES = "fmucorrect_notes="
 _TIME_V3 = 1
 _MASTERS = (2, 3)
 """Kinds of channel in MDF 4 that are a master, stored and counted."""
+_FORMULA = 80
+"""Characters of a formula that an error quotes."""
 _SYNCS = {0: "nothing", 2: "an angle", 3: "a distance", 4: "an index"}
 """What a master of MDF 4 counts, other than 1, the time."""
 
 
 def _asammdf() -> Any:
+    """The library, made safe: a formula that numexpr refuses it would hand to sympy, whose parser runs it as Python."""
     try:
         import asammdf
+        from asammdf.blocks import v2_v3_blocks, v4_blocks
     except ImportError as error:
         raise MissingExtra("asammdf", "formats") from error
+    for blocks in (v2_v3_blocks, v4_blocks):
+        vars(blocks)["lambdify"] = _refused
     return asammdf
+
+
+def _refused(_: object, formula: str, **__: object) -> None:
+    raise RecordError(
+        f"the conversion formula {formula[:_FORMULA]!r} cannot be computed",
+        expected="arithmetic of X1 and numbers, as numexpr knows it",
+    )
 
 
 def opened(path: str) -> ChildSource:

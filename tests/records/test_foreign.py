@@ -123,3 +123,21 @@ def test_a_missing_extra_says_how_to_install_it(
     for action in (records.read, records.writer):
         with pytest.raises(MissingExtra, match=rf"{package}.*pip install \"fmucorrect\[formats\]\""):
             action(tmp_path / f"run{suffix}")
+
+
+@pytest.mark.parametrize(("version", "suffix", "x"), [("4.10", ".mf4", "X1"), ("3.30", ".mdf", "X")])
+def test_a_conversion_formula_is_arithmetic_and_never_code(version: str, suffix: str, x: str, tmp_path: Path) -> None:
+    def save(formula: str) -> Path:
+        path = tmp_path / f"run{suffix}"
+        with asammdf.MDF(version=version) as file:
+            signal = asammdf.Signal(np.arange(10.0), np.arange(10) / 100, name="a", conversion={"formula": formula})
+            file.append([signal, asammdf.Signal(np.ones(10), np.arange(10) / 100, name="b")], common_timebase=True)
+            file.save(path, overwrite=True)
+        return path
+
+    assert records.read(save(f"{x} * 2 + 1"), ["a"])["a"].tolist() == [2.0 * i + 1.0 for i in range(10)]
+    made = tmp_path / "made"
+    for formula in (f"__import__('pathlib').Path('{made.as_posix()}').touch()", f"open('{made.as_posix()}', 'w')"):
+        with pytest.raises(RecordError, match="conversion formula"):
+            records.read(save(formula))
+        assert not made.exists()
