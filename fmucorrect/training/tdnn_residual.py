@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -19,12 +18,11 @@ from fmucorrect.training.model import left_out
 from fmucorrect.training.tdnn import Tdnn, fit_tdnn
 
 
-@dataclass(frozen=True)
 class TdnnResidualModel:
     """A fitted case 2."""
 
-    baseline: Tdnn
-    network: Mlp
+    def __init__(self, baseline: Tdnn, network: Mlp) -> None:
+        self.baseline, self.network = baseline, network
 
     @property
     def parameters(self) -> int:

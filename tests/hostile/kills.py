@@ -44,7 +44,7 @@ proposed = { widths = [8, 8], head_width = 8, epochs = 4, tdnn_epochs = 10 }
 baseline_width = 4
 baseline_epochs = 4
 history = 4
-widths = [8]
+widths = [8, 8]
 members = 2
 epochs = [3, 6]
 batch = 512
