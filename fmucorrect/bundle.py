@@ -3,8 +3,8 @@
 Inputs `window` float32 (N, W, J), oldest row first, in the channels' units; `condition` float32 (N, 3): speed km/h,
 amplitude deg, frequency Hz; `time` float64 (N, 1): s since the excitation began. Outputs `corrected`, `baseline` and
 `sigma` float32 (N, J) in the channels' units, `in_envelope` float32 (N, 1) in [0, 1]; further outputs may follow.
-`metadata_props["fmucorrect"]` is JSON (see Info); `metadata_props["fmucorrect_sha256"]`, the last field of the file, seals
-everything before it.
+`metadata_props["fmucorrect"]` is JSON (bundle_metadata.py); `metadata_props["fmucorrect_sha256"]`, the last field of the
+file, seals everything before it.
 """
 
 from __future__ import annotations
@@ -12,14 +12,19 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
+import os
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 from jaxtyping import Float32, Float64
 
+from fmucorrect import bundle_graph, bundle_metadata
+from fmucorrect.bundle_metadata import Info as Info
 from fmucorrect.errors import BundleError
 from fmucorrect.signals import Channel
 from fmucorrect.stepper import Correction
@@ -27,79 +32,41 @@ from fmucorrect.stepper import Correction
 if TYPE_CHECKING:
     import onnxruntime
 
-FORMAT = 1
 CHUNK = 4096
 """Windows that are copied and computed at once; larger chunks leave the cache."""
 
 OUTPUTS = ("corrected", "sigma", "in_envelope")
 _GOLDEN_TOLERANCE = 1e-5
-
-
-@dataclass(frozen=True)
-class Info:
-    """What a bundle says of itself.
-
-    rows: W. step_ns: sample time. uncorrected: (J,) rms of measurement minus simulation in development, in the channels'
-    units: sigma while there is no correction. envelope: for `speed`, `amplitude`, `frequency` and `response <channel>` the
-    four corners outer low, inner low, inner high, outer high: inside the inner ones the correction is whole, beyond the
-    outer ones it is nothing. conditions: those trained on, with the FMU start values of each. parameters: FMU start values
-    of all of them, in the FMU's own units. evaluation: figures, for people.
-    """
-
-    name: str
-    channels: tuple[Channel, ...]
-    rows: int
-    step_ns: int
-    uncorrected: tuple[float, ...]
-    envelope: Mapping[str, tuple[float, float, float, float]]
-    conditions: tuple[Mapping[str, Any], ...]
-    study_hash: str
-    versions: Mapping[str, str]
-    evaluation: Mapping[str, Any] = field(default_factory=dict)
-    parameters: Mapping[str, float] = field(default_factory=dict)
-
-    def to_json(self) -> dict[str, Any]:
-        return {"format": FORMAT, **asdict(self)}
-
-    @staticmethod
-    def from_json(data: Mapping[str, Any], where: str) -> Info:
-        """Raises BundleError where the format is another one or a key is missing."""
-        if data.get("format") != FORMAT:
-            raise BundleError("bundle of another format", where=where, expected=FORMAT, got=data.get("format"))
-        try:
-            return Info(
-                name=data["name"],
-                channels=tuple(Channel(**channel) for channel in data["channels"]),
-                rows=data["rows"],
-                step_ns=data["step_ns"],
-                uncorrected=tuple(data["uncorrected"]),
-                envelope={key: tuple(corners) for key, corners in data["envelope"].items()},
-                conditions=tuple(data["conditions"]),
-                study_hash=data["study_hash"],
-                versions=data["versions"],
-                evaluation=data["evaluation"],
-                parameters=data.get("parameters", {}),
-            )
-        except (KeyError, TypeError) as error:
-            raise BundleError(f"the metadata is incomplete: {error}", where=where) from error
+MEMORY = 1 << 30
+"""Bytes that the first replay of a golden pair may take: a few rows, through a network of at most bundle_graph.LARGEST."""
+LONGEST = 20.0
+"""s that it may take; the shipped correctors take a thousandth of that."""
 
 
 def seal(graph: bytes, info: Info, golden: Mapping[str, np.ndarray]) -> bytes:
-    """A serialised ONNX model without metadata, made a bundle. golden: the three inputs and `corrected`, few rows.
+    """A serialised ONNX model without metadata, made a bundle. golden: the three inputs and the four outputs, few rows.
 
     ONNX is protobuf: fields that are appended belong to the same message, so that the graph's bytes stay as they are.
     """
     packed = {name: _pack(array) for name, array in golden.items()}
-    content = graph + _metadata("fmucorrect", json.dumps({**info.to_json(), "golden": packed}))
+    return sealed(graph, json.dumps({**info.to_json(), "golden": packed}))
+
+
+def sealed(graph: bytes, text: str) -> bytes:
+    """The same with metadata as text."""
+    content = graph + _metadata("fmucorrect", text)
     return content + _metadata("fmucorrect_sha256", hashlib.sha256(content).hexdigest())
 
 
 @final
 class Bundle:
-    """An opened bundle; a stepper.Corrector. Immutable, shared by any number of steppers and threads."""
+    """An opened bundle; a stepper.Corrector. Immutable, shared by any number of steppers and threads. golden: the pair that
+    proves it, inputs and outputs by name."""
 
-    def __init__(self, session: onnxruntime.InferenceSession, info: Info, path: Path) -> None:
-        self._session, self.info, self.path = session, info, path
+    def __init__(
+        self, session: onnxruntime.InferenceSession, info: Info, path: Path, golden: Mapping[str, np.ndarray]
+    ) -> None:
+        self._session, self.info, self.path, self.golden = session, info, path, golden
         self._uncorrected = np.array(info.uncorrected, np.float32)
 
     @property
@@ -134,7 +101,7 @@ class Bundle:
             size = part.stop - start
             block[:size] = windows[part]
             feed = {"window": block[:size], "condition": conditions[:size], "time": seconds[part, None]}
-            corrected, sigma[part], envelope = _arrays(self._session.run(OUTPUTS, feed))
+            corrected, sigma[part], envelope = _run(self._session, OUTPUTS, feed, str(self.path))
             np.subtract(corrected, block[:size, -1], out=delta[part])
             inside[part] = envelope[:, 0]
         return Correction(delta, sigma, inside)
@@ -145,8 +112,7 @@ class Bundle:
         condition: Float32[np.ndarray, "1 3"],
         seconds: Float64[np.ndarray, "1 1"],
     ) -> tuple[Callable[[], object], Correction]:
-        from onnxruntime import OrtValue
-
+        OrtValue = _runtime().OrtValue
         binding = self._session.io_binding()
         shared = {"window": window, "condition": condition, "time": seconds}
         for name, array in shared.items():
@@ -166,81 +132,151 @@ class Bundle:
 
 
 def load(path: str | Path) -> Bundle:
-    """Open and prove a bundle: its seal, its inputs and outputs, and its golden pair, replayed here and now.
+    """Open and prove a bundle: its seal, its metadata, its inputs and outputs, and its golden pair, replayed here and now.
 
-    Raises BundleError that says which of these failed.
+    The file may be anybody's. ONNX Runtime gets it when it is known to hold nothing but arithmetic (bundle_graph.py), and
+    first in a session of bounded memory and time. Raises BundleError that says what failed.
     """
+    path, where = Path(path), str(path)
+    try:
+        with path.open("rb") as file:
+            content = file.read(bundle_graph.LARGEST + 1)
+    except OSError as error:
+        raise BundleError(f"cannot be read: {error.strerror}", where=where) from error
+    entries = bundle_graph.metadata(content, where)
+    if "fmucorrect" not in entries:
+        raise BundleError(
+            "this ONNX file is no corrector", where=where, remedy="Make one with `fmucorrect train` (see tools/)."
+        )
+    last = _metadata("fmucorrect_sha256", entries.get("fmucorrect_sha256", ""))
+    digest = hashlib.sha256(content.removesuffix(last)).hexdigest()
+    if entries.get("fmucorrect_sha256") != digest:
+        raise BundleError(
+            "the seal does not fit: the file was changed after it was made", where=where, remedy="Export it again."
+        )
+    data = bundle_metadata.parse(entries["fmucorrect"], where)
+    info = Info.from_json(data, where)
+    trial = _session(content, where, trial=True)
+    _check_contract(trial, info, where)
+    golden = bundle_metadata.golden(data, info, where)
+    _replay(trial, golden, where)
+    session = _session(content, where)
+    _replay(session, golden, where)
+    return Bundle(session, info, path, golden)
+
+
+def _session(content: bytes, where: str, trial: bool = False) -> onnxruntime.InferenceSession:
+    """trial: all memory comes from where it is bounded, and none is spent on faster forms of the weights. Never is anything
+    computed beforehand, where nothing could end it."""
+    runtime = _runtime()
+    options = runtime.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
+    options.log_severity_level = 4 if trial else 3
+    options.add_session_config_entry("session.load_model_format", "ONNX")  # and not what else its bytes might be
+    if trial:
+        options.graph_optimization_level = runtime.GraphOptimizationLevel.ORT_DISABLE_ALL
+        options.add_session_config_entry("session.use_env_allocators", "1")
+        options.add_session_config_entry("session.disable_prepacking", "1")
+    try:
+        return runtime.InferenceSession(
+            content, options, providers=["CPUExecutionProvider"], disabled_optimizers=["ConstantFolding"]
+        )
+    except Exception as error:  # onnxruntime's own errors have no common base but Exception
+        raise BundleError(f"ONNX Runtime cannot open it: {error}", where=where) from error
+
+
+@cache
+def _runtime() -> Any:
+    """ONNX Runtime, which is imported here alone: it is told before that it may not tell its makers that it runs (its file
+    Privacy.md). What bounds the memory of trials, a process can say once."""
+    os.environ["ORT_DISABLE_TELEMETRY"] = "1"
     import onnxruntime
 
-    path = Path(path)
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise BundleError(f"cannot be read: {error.strerror}", where=str(path)) from error
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = options.inter_op_num_threads = 1
-    options.log_severity_level = 3
-    try:
-        session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
-    except Exception as error:  # onnxruntime's own errors have no common base but Exception
-        raise BundleError(f"ONNX Runtime cannot open it: {error}", where=str(path)) from error
-    metadata = session.get_modelmeta().custom_metadata_map
-    if "fmucorrect" not in metadata:
-        raise BundleError(
-            "this ONNX file is no corrector", where=str(path), remedy="Make one with `fmucorrect train` (see tools/)."
-        )
-    last = _metadata("fmucorrect_sha256", metadata.get("fmucorrect_sha256", ""))
-    digest = hashlib.sha256(content.removesuffix(last)).hexdigest()
-    if metadata.get("fmucorrect_sha256") != digest:
-        raise BundleError(
-            "the seal does not fit: the file was changed after it was made", where=str(path), remedy="Export it again."
-        )
-    data = json.loads(metadata["fmucorrect"])
-    bundle = Bundle(session, Info.from_json(data, str(path)), path)
-    _check_contract(session, bundle)
-    _replay(session, {name: _unpack(entry) for name, entry in data["golden"].items()}, str(path))
-    return bundle
+    native: Any = import_module("onnxruntime.capi._pybind_state")
+    onnxruntime.disable_telemetry_events()
+    place = native.OrtMemoryInfo("Cpu", native.OrtAllocatorType.ORT_ARENA_ALLOCATOR, 0, native.OrtMemType.DEFAULT)
+    arena = {
+        "max_mem": MEMORY,
+        "arena_extend_strategy": 1,
+        "initial_chunk_size_bytes": -1,
+        "max_dead_bytes_per_chunk": -1,
+    }
+    onnxruntime.create_and_register_allocator(place, onnxruntime.OrtArenaCfg(arena))
+    return onnxruntime
 
 
-def _check_contract(session: onnxruntime.InferenceSession, bundle: Bundle) -> None:
-    rows, channels = bundle.rows, len(bundle.channels)
+def _check_contract(session: onnxruntime.InferenceSession, info: Info, where: str) -> None:
+    rows, channels = info.rows, len(info.channels)
     expected = {"window": ("float", [rows, channels]), "condition": ("float", [3]), "time": ("double", [1])}
     found = {item.name: (item.type, list(item.shape)) for item in session.get_inputs()}
     for name, (kind, shape) in expected.items():
         if name not in found:
-            raise BundleError(f"input {name!r} is missing", where=str(bundle.path), got=sorted(found))
+            raise BundleError(f"input {name!r} is missing", where=where, got=sorted(found))
         if found[name][0] != f"tensor({kind})" or found[name][1][1:] != shape:
             raise BundleError(
                 f"input {name!r} has another type or shape",
-                where=str(bundle.path),
+                where=where,
                 expected=f"{kind} (N, {', '.join(map(str, shape))})",
                 got=found[name],
             )
-    names = {item.name for item in session.get_outputs()}
-    missing = {"corrected", "baseline", "sigma", "in_envelope"} - names
+    others = sorted(set(found) - set(expected))
+    if others:
+        raise BundleError("it has further inputs, which nobody feeds", where=where, got=others)
+    outputs = {item.name: item.type for item in session.get_outputs()}
+    missing = set(bundle_metadata.OUTPUTS) - set(outputs)
     if missing:
-        raise BundleError(
-            f"outputs are missing: {', '.join(sorted(missing))}", where=str(bundle.path), got=sorted(names)
-        )
+        raise BundleError(f"outputs are missing: {', '.join(sorted(missing))}", where=where, got=sorted(outputs))
+    wrong = [name for name in bundle_metadata.OUTPUTS if outputs[name] != "tensor(float)"]
+    if wrong:
+        raise BundleError(f"output {wrong[0]!r} has another type", where=where, expected="float", got=outputs[wrong[0]])
 
 
-def _replay(session: onnxruntime.InferenceSession, golden: dict[str, np.ndarray], where: str) -> None:
-    expected = golden.pop("corrected")
-    got = _arrays(session.run(["corrected"], golden))[0]
-    error = float(np.abs(got - expected).max()) / max(float(np.abs(expected).max()), 1e-9)
-    if not error <= _GOLDEN_TOLERANCE:
-        raise BundleError(
-            "the golden pair does not come out on this machine",
-            where=where,
-            expected=f"within {_GOLDEN_TOLERANCE:g} of the largest value",
-            got=f"{error:.3g}",
-            remedy="Another ONNX Runtime may help; do not use this one with this file.",
-        )
+def _replay(session: onnxruntime.InferenceSession, golden: Mapping[str, np.ndarray], where: str) -> None:
+    """All outputs that the golden pair holds, of all its rows at once and of the first alone; the others in their shapes."""
+    outputs = [item.name for item in session.get_outputs()]
+    options = _runtime().RunOptions()
+    options.log_severity_level = 4
+    clock = threading.Timer(LONGEST, setattr, (options, "terminate", True))
+    clock.start()
+    try:
+        for count in dict.fromkeys((1, len(golden["time"]))):
+            feed = {name: golden[name][:count] for name in bundle_metadata.INPUTS}
+            answers = dict(zip(outputs, _run(session, outputs, feed, where, options), strict=True))
+            for name in bundle_metadata.OUTPUTS:
+                got = answers[name]
+                shape = (count, 1 if name == "in_envelope" else golden["corrected"].shape[1])
+                if got.shape != shape:
+                    raise BundleError(f"output {name!r} has another shape", where=where, expected=shape, got=got.shape)
+                if name not in golden:
+                    continue
+                expected = golden[name]
+                error = float(np.abs(got - expected[:count]).max()) / max(float(np.abs(expected).max()), 1e-9)
+                if not error <= _GOLDEN_TOLERANCE:
+                    raise BundleError(
+                        f"the golden pair does not come out on this machine: {name!r}",
+                        where=where,
+                        expected=f"within {_GOLDEN_TOLERANCE:g} of the largest value",
+                        got=f"{error:.3g}",
+                        remedy="Another ONNX Runtime may help; do not use this one with this file.",
+                    )
+    finally:
+        clock.cancel()
 
 
-def _arrays(outputs: Any) -> list[np.ndarray]:
-    """ONNX Runtime's answer, which its stubs take for anything that an ONNX value may be."""
-    return outputs
+def _run(
+    session: onnxruntime.InferenceSession,
+    names: Sequence[str] | None,
+    feed: Mapping[str, np.ndarray],
+    where: str,
+    options: onnxruntime.RunOptions | None = None,
+) -> list[np.ndarray]:
+    """What the network says. Raises BundleError."""
+    try:
+        return session.run(names, feed, options)  # type: ignore[return-value]
+    except Exception as error:  # onnxruntime's own errors have no common base but Exception
+        late = options is not None and options.terminate
+        what = f"takes more than {LONGEST:g} s" if late else f"could not be computed: {error}"
+        raise BundleError(f"the network {what}", where=where) from error
 
 
 def _pack(array: np.ndarray) -> dict[str, Any]:
@@ -250,10 +286,6 @@ def _pack(array: np.ndarray) -> dict[str, Any]:
         "shape": list(contiguous.shape),
         "base64": base64.b64encode(contiguous.tobytes()).decode(),
     }
-
-
-def _unpack(entry: Mapping[str, Any]) -> np.ndarray:
-    return np.frombuffer(base64.b64decode(entry["base64"]), entry["dtype"]).reshape(entry["shape"])
 
 
 def _metadata(key: str, value: str) -> bytes:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from difflib import SequenceMatcher, get_close_matches
+from itertools import islice
+from pathlib import Path
 from typing import Any
 
 from fmucorrect import units
@@ -12,6 +14,21 @@ from fmucorrect.errors import SignalError
 
 Location = tuple[str | int, ...]
 """The path of a value: table, row of an array of tables, keys; as ("channels", 1, "unit")."""
+
+MOST_BYTES = 4 * 2**20
+"""Bytes of a TOML file; the largest that were seen, mapping files of whole vehicles, have 30 000."""
+
+DEEPEST = 16
+"""Tables and arrays inside each other; a study has five."""
+
+LONGEST_TEXT = 4096
+"""Characters of one text: a path has no more."""
+
+MOST_NAMES = 1000
+"""Files beside a missing one among which a similar name is looked for."""
+
+MOST_SCANNED = 16 * 2**20
+"""Characters that are parsed to find lines: a value over several lines is parsed again at each of them."""
 
 Places = Mapping[Location, str]
 """Where each value stands, in words: `line 16, [[channels]] 2 "FB", key unit`."""
@@ -41,29 +58,78 @@ def place(places: Places, loc: Location) -> str:
 
 
 def parse_toml(data: bytes) -> tuple[str, dict[str, Any], list[str]]:
-    """The text of a TOML file, its content, and, where it is none, what is wrong with its line."""
+    """The text of a TOML file, its content, and what is wrong, with its line, where it is none or holds impossible values."""
+    if len(data) > MOST_BYTES:
+        return "", {}, [f"line 1: the file has {len(data)} bytes, expected {MOST_BYTES} at most"]
     try:
         text = data.decode("utf-8-sig").replace("\r\n", "\n")
-        return text, tomllib.loads(text), []
+        document = tomllib.loads(text)
+        found = list(_impossible(document))
+        places = scan(text, document) if found else {}
+        return text, document, [f"{place(places, loc)}: {what}" for loc, what in found]
+    except RecursionError:
+        return "", {}, ["line 1: the file is nested too deeply to be read"]
     except UnicodeDecodeError as error:
         return "", {}, [f"line {len(data[: error.start].splitlines()) or 1}: is not UTF-8 text"]
     except tomllib.TOMLDecodeError as error:
         what, _, at = str(error).partition(" (at ")
         line = at.split(",")[0] if at.startswith("line") else f"line {len(data.splitlines())}"
         return "", {}, [f"{line}: is not TOML: {what}"]
+    except ValueError as error:  # a number of thousands of digits
+        return "", {}, [f"line 1: is not TOML: {error}"]
+
+
+def _impossible(document: Mapping[str, Any]) -> Iterator[tuple[Location, str]]:
+    """Values that nothing here can take, whatever the key: so the checks that follow need not expect them."""
+    waiting: list[tuple[Location, Any]] = [((), document)]
+    while waiting:
+        loc, value = waiting.pop()
+        if len(loc) > DEEPEST:
+            yield loc[:1], f"is nested more than {DEEPEST} deep"
+            return
+        if isinstance(value, dict | list):
+            inner = value.items() if isinstance(value, dict) else enumerate(value)
+            waiting += [((*loc, key), below) for key, below in inner]
+        names = [value, loc[-1]] if loc else [value]
+        if any(isinstance(name, str) and "\0" in name for name in names):
+            yield loc[:-1], "holds a character of code 0, which no name has"
+        if isinstance(value, int) and not -(2**63) <= value < 2**63:
+            yield loc, "is a whole number of more than 64 bits"
+        if isinstance(value, str) and len(value) > LONGEST_TEXT:
+            yield loc, f"is a text of {len(value)} characters, expected {LONGEST_TEXT} at most"
+
+
+def missing_file(folder: Path, name: str, beside: str) -> str | None:
+    """What is wrong where `folder`, in which `beside` lies, has no such file, with the nearest name; None where it has."""
+    target = folder / name
+    try:
+        if target.is_file():
+            return None
+        there = [file.name for file in islice(target.parent.iterdir(), MOST_NAMES)] if target.parent.is_dir() else []
+    except OSError as error:  # a name too long, a folder that may not be read
+        return f"{name!r} cannot be looked for: {error.strerror}"
+    what = "is a folder, expected a file" if target.is_dir() else "is not there as a file"
+    if target.exists():
+        return f"{name!r} {what}"
+    return f"there is no file {name!r} beside {beside}{nearest(target.name, there)}"
 
 
 def scan(text: str, document: Mapping[str, Any]) -> Places:
     """The places of a valid TOML text, which `document` is the content of.
 
-    A table stands at its header, a key at the line where it begins; what is inside an inline value, at that line too.
+    A table stands at its header, a key at the line where it begins; what is inside an inline value, at that line too. What
+    stands behind values of thousands of lines, which take too long to be scanned, is left out.
     """
     places: dict[Location, str] = {(): "line 1"}
+    budget = MOST_SCANNED
     counts: dict[str, int] = {}
     prefix: Location = ()
     statement, first = "", 0
     for number, line in enumerate(text.split("\n"), start=1):
         statement, first = (f"{statement}\n{line}", first) if statement else (line, number)
+        budget -= len(statement)
+        if budget < 0:
+            break
         try:
             parsed = tomllib.loads(statement)
         except tomllib.TOMLDecodeError:

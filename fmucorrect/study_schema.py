@@ -14,7 +14,7 @@ from pydantic import AfterValidator, Field, ValidationError
 
 from fmucorrect import study_training_schema, units
 from fmucorrect.errors import SignalError
-from fmucorrect.study_places import Location, Places, by_line, nearest, parse_toml, place, scan
+from fmucorrect.study_places import Location, Places, by_line, missing_file, nearest, parse_toml, place, scan
 from fmucorrect.study_validation import Table, message
 
 _QUANTITIES = {
@@ -35,9 +35,21 @@ def _unit(text: str) -> str:
     return text
 
 
+LONGEST_STEP = 86_400.0
+"""s; a communication step is milliseconds, a day is a mistake."""
+
+LONGEST = 9.0e9
+"""s from zero that a time in nanoseconds can be (int64)."""
+
+FASTEST = 1.0e6
+"""km/h, deg and Hz up to which a condition is one: what a corrector is conditioned on stays finite in single precision."""
+
+
 def _step(seconds: float) -> float:
     if seconds <= 0:
         raise ValueError(f"must be positive, in s, got {seconds}")
+    if not 1e-9 <= seconds <= LONGEST_STEP:
+        raise ValueError(f"must be between 1e-09 and {LONGEST_STEP:g} s, got {seconds!r}")
     nanoseconds = Decimal(repr(seconds)) * 1_000_000_000
     if nanoseconds % 1:
         below = int(nanoseconds)
@@ -58,6 +70,7 @@ Text = Annotated[str, Field(min_length=1)]
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Feature = Annotated[float, Field(ge=0, le=FASTEST)]
 Sign = Literal[1, -1]
 
 
@@ -123,10 +136,10 @@ class AdjustableRow(Table):
 class ConditionRow(Table):
     name: Text = Field(description="name, role and measurement are required")
     role: Literal["development", "evaluation"] = Field(description="'development' or 'evaluation'")
-    speed: NotNegative = 0.0
-    amplitude: NotNegative = 0.0
-    frequency: NotNegative = 0.0
-    start: Number = 0.0
+    speed: Feature = 0.0
+    amplitude: Feature = 0.0
+    frequency: Feature = 0.0
+    start: Annotated[float, Field(ge=-LONGEST, le=LONGEST)] = 0.0
     parameters: dict[str, Number] = {}
     inputs: Text | None = None
     measurement: Text = Field(description="the measured record's file; name, role and measurement are required")
@@ -259,6 +272,5 @@ def _files(document: Mapping[str, Any], folder: Path, places: Places) -> Iterato
             text = "is missing: without [simulation] fmu every condition needs a simulated record"
             yield f"{place(places, ('conditions', i, 'simulated'))}: {text}"
     for loc, name in files:
-        if isinstance(name, str) and name and not (target := folder / name).is_file():
-            there = [file.name for file in target.parent.iterdir()] if target.parent.is_dir() else []
-            yield f"{place(places, loc)}: there is no file {name!r} beside the study{nearest(target.name, there)}"
+        if isinstance(name, str) and name and (text := missing_file(folder, name, "the study")):
+            yield f"{place(places, loc)}: {text}"

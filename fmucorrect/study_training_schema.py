@@ -68,12 +68,18 @@ def _tuples(value: Any) -> Any:
     return {key: _tuples(inner) for key, inner in value.items()} if isinstance(value, dict) else value
 
 
+def _rows(document: Mapping[str, Any], table: str) -> list[dict[str, Any]]:
+    """The rows of a table; what has a wrong type is passed over: validation reports it."""
+    rows = document.get(table)
+    return [row for row in rows if isinstance(row, dict)] if isinstance(rows, list) else []
+
+
 def _names(training: Training, document: Mapping[str, Any]) -> Iterator[tuple[Location, str]]:
     """Channels and conditions that [training.proposed] names and the study does not have; bands that end before they begin."""
     place = ("training", "proposed")
     proposed = training.proposed
-    channels = [row.get("name") for row in document.get("channels", []) if isinstance(row, dict)]
-    conditions = [row.get("name") for row in document.get("conditions", []) if isinstance(row, dict)]
+    channels = [row.get("name") for row in _rows(document, "channels")]
+    conditions = [row.get("name") for row in _rows(document, "conditions")]
     for name in proposed.acceleration_channels or ():
         if name not in channels:
             yield (*place, "acceleration_channels"), f"there is no channel {name!r}{nearest(name, map(str, channels))}"
@@ -95,7 +101,7 @@ def _matrices(training: Training, document: Mapping[str, Any]) -> Iterator[tuple
     """H_q is J x p with p <= J, the nominal matrices are symmetric positive definite p x p (eq. physics_residual)."""
     import numpy as np
 
-    proposed, channels = training.proposed, len(document.get("channels", []))
+    proposed, channels = training.proposed, len(_rows(document, "channels"))
     size = channels
     if (rows := proposed.observation) is not None:
         place = ("training", "proposed", "observation")

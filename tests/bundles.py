@@ -35,7 +35,8 @@ def make(
         "time": np.array([[0.0], [1.0], [2.5]]),
     }
     session = onnxruntime.InferenceSession(graph, providers=["CPUExecutionProvider"])
-    golden["corrected"] = np.asarray(session.run(["corrected"], golden)[0])
+    names = ["corrected", "baseline", "sigma", "in_envelope"]
+    golden |= dict(zip(names, map(np.asarray, session.run(names, golden)), strict=True))
     info = Info(
         name="toy",
         channels=channels,

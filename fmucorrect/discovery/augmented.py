@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import re
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,6 +19,7 @@ from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, Term
 from fmucorrect.effects import Effects, ForceEffect, ParameterOffset, Remarks
 from fmucorrect.errors import FmucorrectError
 from fmucorrect.study import Study
+from fmucorrect.study_places import parse_toml
 from fmucorrect.wrapping.wiring import known_by_solver
 
 
@@ -131,7 +131,7 @@ def write_model(study: Study, found: Found, out: Path) -> tuple[list[str], list[
 def augmented_study(study: Study, out: Path, starts: Mapping[str, Mapping[str, float]]) -> str:
     """The study file with augmented.fmu in place of the solver's, which brings the start values of all conditions with it, and
     with new `starts` of single conditions; everything else stays, paths made relative to `out`."""
-    document = tomllib.loads(study.path.read_text(encoding="utf-8"))
+    _, document, _ = parse_toml(study.path.read_bytes())
     document["simulation"] = {**document["simulation"], "fmu": "augmented.fmu"}
     document["simulation"].pop("parameters", None)
     for row in document["conditions"]:

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import hashlib
-import io
-import pickle
 from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
+from fmucorrect import packing
 from fmucorrect.catalogue import CATALOGUE, Law
 from fmucorrect.catalogue.signal import SIGNALS, SignalLaw
-
-Put = Callable[[object], object | None]
 
 
 def digest(value: object) -> str:
@@ -59,51 +55,26 @@ def _feed(update: Callable[[bytes | memoryview], object], value: Any) -> None:
         _feed(update, (type(value).__name__, vars(value)))
 
 
-class _Pickler(pickle.Pickler):
-    """Laws go by their names."""
+def packed(value: object, put: packing.Put = lambda _: None) -> bytes:
+    """A value as bytes; laws go by their names. put: what stands for an object that is kept elsewhere, None for one that is
+    not."""
 
-    def __init__(self, file: io.BytesIO, put: Put) -> None:
-        super().__init__(file, protocol=5)
-        self._put = put
+    def stands(item: Any) -> tuple[str, Any] | None:
+        return ("law", [type(item).__name__, item.label]) if isinstance(item, Law | SignalLaw) else put(item)
 
-    def persistent_id(self, obj: object) -> object | None:
-        return self._put(obj)
-
-    def reducer_override(self, obj: object) -> Any:
-        if isinstance(obj, Law | SignalLaw):
-            return law_called, (type(obj).__name__, obj.label)
-        if isinstance(obj, MappingProxyType):
-            return fixed, (dict(obj),)
-        return NotImplemented
+    return packing.pack(value, stands)
 
 
-class _Unpickler(pickle.Unpickler):
-    def __init__(self, file: io.BytesIO, get: Callable[[Any], object]) -> None:
-        super().__init__(file)
-        self._get = get
+def unpacked(data: bytes, get: packing.Get | None = None) -> Any:
+    """What `packed` made bytes of. get: the object that something stands for. Raises ValueError for other bytes."""
 
-    def persistent_load(self, pid: Any) -> object:
-        return self._get(pid)
+    def stood_for(name: str, content: Any) -> Any:
+        if name == "law":
+            kind, label = content
+            known = CATALOGUE if kind == "Law" else SIGNALS
+            return {law.label: law for forms in known.values() for law in forms}[label]
+        if get is None:
+            raise ValueError(f"nothing is known by the name {name!r}")
+        return get(name, content)
 
-
-def packed(value: object, put: Put = lambda _: None) -> bytes:
-    """A value as bytes. put: what stands for an object that is kept elsewhere, None for one that is not."""
-    buffer = io.BytesIO()
-    _Pickler(buffer, put).dump(value)
-    return buffer.getvalue()
-
-
-def unpacked(data: bytes, get: Callable[[Any], object] = lambda _: None) -> Any:
-    """What `packed` made bytes of. get: the object that something stands for."""
-    return _Unpickler(io.BytesIO(data), get).load()
-
-
-def fixed(table: dict[Any, Any]) -> MappingProxyType[Any, Any]:
-    """A table that nobody changes."""
-    return MappingProxyType(table)
-
-
-def law_called(kind: str, label: str) -> Law | SignalLaw:
-    """A law of the catalogue."""
-    known = CATALOGUE if kind == "Law" else SIGNALS
-    return {law.label: law for forms in known.values() for law in forms}[label]
+    return packing.unpack(data, stood_for)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import io
 import os
-import pickle
+import re
 from collections.abc import Callable
 from functools import cache, wraps
 from pathlib import Path
@@ -21,6 +21,7 @@ import numpy as np
 import fmucorrect
 from fmucorrect.discovery.content import digest, packed, unpacked
 
+_DIGEST = re.compile(r"[0-9a-f]{40}")
 LARGE = 50_000
 """Bytes of an array beyond which it is a file of its own, however many results hold it."""
 
@@ -35,13 +36,16 @@ class Kept:
     def read(self, key: str, given: list[object]) -> tuple[Any] | None:
         """The result of this key, in a tuple; None where there is none that can be read. given: objects that it may hold."""
 
-        def get(place: tuple[str, Any]) -> object:
-            kind, name = place
-            return given[name] if kind == "given" else self._loaded(self._folder / f"{name}.npy")
+        def get(kind: str, name: Any) -> object:
+            if kind == "given":
+                return given[name]
+            if not _DIGEST.fullmatch(name):
+                raise ValueError(f"no array is called {name!r}")
+            return self._loaded(self._folder / f"{name}.npy")
 
         try:
             return (unpacked((self._folder / f"{key}.result").read_bytes(), get),)
-        except (OSError, EOFError, ValueError, LookupError, pickle.UnpicklingError):
+        except (OSError, EOFError, ValueError):
             return None
 
     def write(self, key: str, result: object, given: list[object]) -> None:

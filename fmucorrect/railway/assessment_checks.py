@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from fmucorrect.railway.supports import GROUND
-from fmucorrect.study_places import Location, nearest
+from fmucorrect.study_places import Location, missing_file, nearest
 
 Found = Iterator[tuple[Location, str]]
 """Where something stands, and what is wrong with it."""
@@ -73,9 +73,8 @@ def _files(document: Mapping[str, Any], folder: Path) -> Found:
     name = simulation.get("fmu")
     if name is None:
         yield ("simulation", "fmu"), "is missing: the FMU to assess, as fmu = 'vehicle.fmu'"
-    elif isinstance(name, str) and name and not (target := folder / name).is_file():
-        there = [file.name for file in target.parent.iterdir()] if target.parent.is_dir() else []
-        yield ("simulation", "fmu"), f"there is no file {name!r} beside the mapping{nearest(target.name, there)}"
+    elif isinstance(name, str) and name and (text := missing_file(folder, name, "the mapping")):
+        yield ("simulation", "fmu"), text
 
 
 def _names(document: Mapping[str, Any]) -> Found:

@@ -41,8 +41,7 @@ class Rho:
 def fit_rho(development: Sequence[Samples], training: Training, run: Run, held: Sequence[Samples] = ()) -> Rho:
     """One number from all development conditions and channels."""
     baseline = Tdnn(None, inputs(development, scales(development, 1, training.decimation)))
-    baseline.align(development)
-    return Rho(baseline)
+    return Rho(baseline.fitted_to(development))
 
 
 @dataclass(frozen=True)
@@ -153,11 +152,13 @@ class Gru(nn.Module):
         return x[..., :-1] + self.out(self.cells(x)[0])
 
 
+@dataclass(frozen=True)
 class GruModel:
     """A fitted GRU. It runs on the training grid; a full-rate response is made of interleaved sequences."""
 
-    def __init__(self, network: Gru, see: Inputs, decimation: int) -> None:
-        self.network, self.see, self.decimation = network, see, decimation
+    network: Gru
+    see: Inputs
+    decimation: int
 
     @property
     def parameters(self) -> int:

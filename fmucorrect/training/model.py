@@ -14,7 +14,7 @@ from fmucorrect.training.data import Samples
 
 @runtime_checkable
 class Model(Protocol):
-    """A fitted case. It can be pickled: folds and seeds are fitted in other processes."""
+    """A fitted case: a frozen dataclass, so that it can be kept in a file (packing.py)."""
 
     @property
     def parameters(self) -> int:

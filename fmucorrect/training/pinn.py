@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -52,11 +53,14 @@ class Sdof(nn.Module):
         return inertia / self.first**2 - (a * waves[:, :1] + b * waves[:, 1:])
 
 
+@dataclass(frozen=True)
 class PinnModel:
-    """A fitted case 1. oscillator: what its regularisation found."""
+    """A fitted case 1. oscillator: what its regularisation found. offset: (J,), mean of what was measured."""
 
-    def __init__(self, network: Mlp, oscillator: Sdof, see: Inputs, offset: np.ndarray) -> None:
-        self.network, self.oscillator, self.see, self.offset = network, oscillator, see, offset
+    network: Mlp
+    oscillator: Sdof
+    see: Inputs
+    offset: Float[np.ndarray, " J"]
 
     @property
     def parameters(self) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -49,21 +49,17 @@ class Correction(nn.Module):
         return torch.cat([self.branch(torch.cat([hidden, acceleration], 1)), acceleration], 1)
 
 
+@dataclass(frozen=True)
 class ProposedModel:
-    """A fitted case 3. observation: H_q, (J, p). coordinates: (p,) scales of the reduced coordinates. kind: what it sees in
-    the place of time."""
+    """A fitted case 3. observation: H_q. coordinates: scales of the reduced coordinates. kind: what it sees in the place of
+    time."""
 
-    def __init__(
-        self,
-        baseline: Tdnn,
-        network: Correction,
-        dynamics: EffectiveDynamics,
-        observation: np.ndarray,
-        coordinates: np.ndarray,
-        kind: str,
-    ) -> None:
-        self.baseline, self.network, self.dynamics, self.kind = baseline, network, dynamics, kind
-        self.observation, self.coordinates = observation, coordinates
+    baseline: Tdnn
+    network: Correction
+    dynamics: EffectiveDynamics
+    observation: Float[np.ndarray, "J p"]
+    coordinates: Float[np.ndarray, " p"]
+    kind: str
 
     @property
     def parameters(self) -> int:
@@ -127,10 +123,9 @@ def fit_proposed(
     if settings.tdnn:
         baseline = fit_tdnn(development, training, see, run, settings.tdnn_epochs, rate, decay, held)
     else:
-        baseline = Tdnn(None, see)
-        baseline.align(development)
+        baseline = Tdnn(None, see).fitted_to(development)
     if not settings.alignment:
-        baseline.rho = 1.0
+        baseline = replace(baseline, rho=1.0)
     torch.manual_seed(run.seed + 1)
     channels = len(basis.response)
     observation = np.eye(channels) if settings.observation is None else np.array(settings.observation, np.float64)

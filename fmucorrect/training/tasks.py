@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import pickle
 import tempfile
 import threading
 import time
@@ -25,7 +24,7 @@ import numpy as np
 import torch
 
 from fmucorrect.errors import TrainingError
-from fmucorrect.training import cluster
+from fmucorrect.training import cluster, fitted
 
 Advance = Callable[[int], object]
 CORES = os.cpu_count() or 1
@@ -149,14 +148,17 @@ class Workshop:
         path = None if self.folder is None else self.folder / f"{key}.result"
         if path is None or not path.is_file():
             return None
-        return (pickle.loads(path.read_bytes()),)
+        try:
+            return (fitted.unpack(path.read_bytes()),)
+        except ValueError:  # torn, or of a version that kept them in another form: to be done again
+            return None
 
     def _keep(self, key: str, task: Task, result: Any) -> None:
         self._tell(key, task.epochs)
         if self.folder is None:
             return
         partial = self.folder / f"{key}.partial"
-        partial.write_bytes(pickle.dumps(result, protocol=5))
+        partial.write_bytes(fitted.pack(result))
         partial.replace(self.folder / f"{key}.result")
         for ending in ("checkpoint", "progress"):
             (self.folder / f"{key}.{ending}").unlink(missing_ok=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -17,11 +18,13 @@ from fmucorrect.training.loop import Run, Terms, adam, minimise
 from fmucorrect.training.mlp import Mlp, in_pieces, parameters
 
 
+@dataclass(frozen=True)
 class Tdnn:
     """q^ML = F(u^W, v) (eq. tdnn_definition), and rho q^ML (eq. alignment_fit). network None: the simulation itself."""
 
-    def __init__(self, network: Mlp | None, see: Inputs) -> None:
-        self.network, self.see, self.rho = network, see, 1.0
+    network: Mlp | None
+    see: Inputs
+    rho: float = 1.0
 
     @property
     def parameters(self) -> int:
@@ -38,11 +41,12 @@ class Tdnn:
         """The aligned baseline in units of the response scales."""
         return self.rho * self.modelled(item, stride)
 
-    def align(self, development: Sequence[Samples]) -> None:
-        """Set rho, the root of measured over modelled power, all development conditions and channels (eq. alignment_fit)."""
+    def fitted_to(self, development: Sequence[Samples]) -> Tdnn:
+        """With rho, the root of measured over modelled power, all development conditions and channels (eq. alignment_fit)."""
         response = torch.from_numpy(self.see.scales.response)
         modelled = sum(float(((self.modelled(item) * response) ** 2).sum()) for item in development)
-        self.rho = float(np.sqrt(sum(float((item.measured**2).sum()) for item in development) / modelled))
+        measured = sum(float((item.measured**2).sum()) for item in development)
+        return replace(self, rho=float(np.sqrt(measured / modelled)))
 
 
 def window_and_speed(see: Inputs, item: Samples, stride: int = 1) -> Float[Tensor, "N U"]:
@@ -90,5 +94,4 @@ def fit_tdnn(
         held_out=error if held else None,
     )
     network.cpu()
-    model.align(development)
-    return model
+    return model.fitted_to(development)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -18,11 +19,12 @@ from fmucorrect.training.model import left_out
 from fmucorrect.training.tdnn import Tdnn, fit_tdnn
 
 
+@dataclass(frozen=True)
 class TdnnResidualModel:
     """A fitted case 2."""
 
-    def __init__(self, baseline: Tdnn, network: Mlp) -> None:
-        self.baseline, self.network = baseline, network
+    baseline: Tdnn
+    network: Mlp
 
     @property
     def parameters(self) -> int:

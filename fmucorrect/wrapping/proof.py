@@ -6,10 +6,8 @@ envelope; once for every instruction set that this machine has.
 
 from __future__ import annotations
 
-import base64
 import contextlib
 import ctypes
-import json
 import sys
 from collections.abc import Generator, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -185,12 +183,7 @@ def _windows(
 
 def _golden(bundle: Bundle) -> Questions:
     """The golden pair. Its `corrected` takes the place of ONNX Runtime's."""
-    import onnx
-
-    metadata = {item.key: item.value for item in onnx.load(str(bundle.path)).metadata_props}
-    arrays: dict[str, np.ndarray] = {}
-    for name, entry in json.loads(metadata["fmucorrect"])["golden"].items():
-        arrays[name] = np.frombuffer(base64.b64decode(entry["base64"]), entry["dtype"]).reshape(entry["shape"])
+    arrays = bundle.golden
     windows, conditions, seconds = arrays["window"], arrays["condition"], arrays["time"][:, 0]
     rows = [_answered(bundle, windows[i : i + 1], c, seconds[i : i + 1]) for i, c in enumerate(conditions)]
     golden = _joined(rows)

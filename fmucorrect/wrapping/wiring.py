@@ -14,7 +14,6 @@ A mapping file (TOML), every table and key of it optional:
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -24,6 +23,7 @@ from fmucorrect.bundle import Info
 from fmucorrect.errors import FmuError, SignalError, WrapError
 from fmucorrect.fmu import FmuDescription, Variable, matching
 from fmucorrect.fmu.startvalues import start_values
+from fmucorrect.study_places import parse_toml
 from fmucorrect.units import conversion
 
 CONDITIONS: Mapping[str, str] = {"speed": "km/h", "amplitude": "deg", "frequency": "Hz", "start": "s"}
@@ -62,11 +62,11 @@ class MappingFile:
 def read_mapping(path: Path) -> MappingFile:
     """Raises WrapError that names everything wrong with the file at once."""
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
+        _, data, wrong = parse_toml(path.read_bytes())
     except OSError as error:
         raise WrapError(f"cannot be read: {error.strerror}", where=str(path)) from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise WrapError(f"this is no TOML file ({error})", where=str(path)) from error
+    if wrong:
+        raise WrapError("; ".join(wrong), where=str(path))
     problems = [f"unknown table {name!r}" for name in data if name not in ("channels", "conditions", "parameters")]
     tables: dict[str, dict[str, Any]] = {}
     for name in ("channels", "conditions", "parameters"):

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from odd import CHANNELS, MS, ROWS, plain, solver, walk
 from onnx import TensorProto, helper
 
-from fmucorrect.errors import WrapError
+from fmucorrect.errors import FmucorrectError, WrapError
 from fmucorrect.fmu import open_fmu
 from fmucorrect.signals import Channel
 from fmucorrect.wrapping import compiler, ctext, network
@@ -112,7 +112,7 @@ def test_a_channel_with_a_name_of_code(fmi: int, tmp_path: Path) -> None:
 def test_a_channel_whose_name_no_xml_can_hold(name: str, alone: bool, tmp_path: Path) -> None:
     channels = (Channel(name, "mm", "displacement", simulation="x"), *CHANNELS[1:])
     model = bundles.make(tmp_path / "corrector.onnx", channels, rows=ROWS, step_ns=MS)
-    with pytest.raises(WrapError, match=r"no XML file can hold|NUL"):
+    with pytest.raises(FmucorrectError, match=r"no XML file can hold|NUL"):
         wrap(None if alone else solver(2), model, tmp_path / "made.fmu", platforms=["linux64"])
 
 
