@@ -72,6 +72,7 @@ class Summary:
             "elapsed": round(self.elapsed, 6),
             "real_time_factor": round(self.real_time_factor, 3),
             "status": dict(self.status),
+            "complete": True,  # a run that broke off ends in an error, and its file says false
             "damage": self.damage,
             "repaired": self.repaired,
         }

@@ -286,3 +286,22 @@ def _python(*arguments: object) -> list[str]:
 
 def _environment(extra: Sequence[tuple[str, str]] = ()) -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": str(ROOT), **dict(extra)}
+
+
+@pytest.mark.parametrize("encoding", ["cp1252", "ascii"])
+def test_a_console_that_lacks_characters_shows_the_others(model: Path, encoding: str) -> None:
+    for arguments in (["--help"], ["inspect", model, STUDY], ["run", STUDY, "--condition", "Ω→", "-o", "é.mcap"]):
+        command = _python("-m", "fmucorrect", *arguments)
+        done = subprocess.run(
+            command, env=_environment([("PYTHONIOENCODING", encoding)]), capture_output=True, check=False
+        )
+        assert done.returncode in (0, 2)
+        assert b"Traceback" not in done.stderr
+        assert done.stdout or done.stderr
+
+
+@pytest.mark.parametrize(
+    "command", ["demo", "run", "replay", "inspect", "wrap", "train", "compare", "discover", "diagnose", "assess"]
+)
+def test_every_command_that_writes_can_be_told_to_write_over(command: str) -> None:
+    assert "--overwrite" in call(command, "--help").output

@@ -164,7 +164,7 @@ def test_names_twice(folder: Path, table: str) -> None:
 def test_group_named_as_a_joint_and_parameter_twice(folder: Path) -> None:
     more = '\n[[adjustable]]\nparameters = ["k", "equivalent_conicity"]\nminimum = 0\nmaximum = 1\n'
     found = problems(folder, edited(('"yaw dampers"', '"yaw damper, left"')) + more)
-    assert "'yaw damper, left' is taken by line 27" in found[0]
+    assert f"'yaw damper, left' is taken by line {line_of(EXAMPLE, '[[joints]]')}" in found[0]
     assert found[1].endswith("[[adjustable]] 2, key parameters: 'equivalent_conicity' is already in [[adjustable]] 1")
 
 

@@ -13,6 +13,10 @@ from fmucorrect.stepper import Stepper, grid
 ROWS = 1024
 
 
+MOST_ROWS = 10_000_000
+"""Samples of a run that is held in memory whole: nearly three hours at 1 ms."""
+
+
 def simulated_record(
     stepper: Stepper,
     name: str,
@@ -25,6 +29,13 @@ def simulated_record(
 
     Raises what the stepper raises, the run named, and SignalError with channel and time where a value is not finite.
     """
+    rows = duration * NANOSECONDS / step_ns
+    if rows > MOST_ROWS:
+        raise SignalError(
+            f"{duration:g} s at a step of {step_ns / NANOSECONDS:g} s would be {rows:.3g} samples",
+            where=f"run {name!r}",
+            expected=f"at most {MOST_ROWS:.0e}",
+        )
     chunks: list[Record] = []
     for chunk in grid(duration, step_ns, ROWS):
         try:
