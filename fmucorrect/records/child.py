@@ -15,6 +15,7 @@ import os
 import struct
 import subprocess
 import sys
+import tempfile
 import threading
 from collections.abc import Iterator, Sequence
 from importlib import import_module
@@ -56,6 +57,9 @@ class ChildSource:
         root = str(Path(__file__).resolve().parents[2])
         places = json.dumps([*(str(Path(place).resolve()) for place in sys.path if place), root])
         environment = os.environ | dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
+        # libraries unpack to temporary files, and a child that is killed removes none
+        self._temporary = tempfile.TemporaryDirectory(prefix="fmucorrect-reader-", ignore_cleanup_errors=True)
+        environment |= dict.fromkeys(("TMPDIR", "TEMP", "TMP"), self._temporary.name)
         # -I: no module of the working directory or the user's can take the place of an installed one
         self._process = subprocess.Popen(
             [sys.executable, "-I", "-c", _START, places, opened, str(Path(path).resolve()), path],
@@ -107,6 +111,7 @@ class ChildSource:
             if pipe is not None:
                 with contextlib.suppress(OSError):
                     pipe.close()
+        self._temporary.cleanup()
 
     def _ask(self, request: dict[str, Any]) -> tuple[dict[str, Any], bytearray]:
         assert self._process.stdin is not None

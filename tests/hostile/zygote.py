@@ -173,6 +173,7 @@ class Forked(subprocess.Popen):  # type: ignore[type-arg]
                     os.dup2(writing if number else reading, number)
                 os.closerange(3, 512)
                 os.environ.update(options.get("env") or {})
+                tempfile.tempdir = None
                 sys.argv = ["-c", *words[words.index("-c") + 2 :]]
                 exec(code, {})
                 result = 0

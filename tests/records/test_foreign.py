@@ -141,3 +141,18 @@ def test_a_conversion_formula_is_arithmetic_and_never_code(version: str, suffix:
         with pytest.raises(RecordError, match="conversion formula"):
             records.read(save(formula))
         assert not made.exists()
+
+
+def test_a_damaged_mdf_file_leaves_nothing_temporary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path, folder = tmp_path / "run.mf4", tmp_path / "temporary"
+    folder.mkdir()
+    with asammdf.MDF(version="4.10") as file:
+        file.append([asammdf.Signal(np.arange(100.0), np.arange(100) / 100, name="a")])
+        file.save(path, overwrite=True, compression=2)
+    data = path.read_bytes()
+    monkeypatch.setattr("tempfile.tempdir", str(folder))
+    assert len(records.read(path)) == 100
+    path.write_bytes(data[: len(data) // 2])
+    with pytest.raises(RecordError):
+        records.read(path)
+    assert not list(folder.iterdir())
