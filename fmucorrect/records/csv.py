@@ -98,21 +98,24 @@ class CsvSource:
         """What is wrong with the end of the file, in words.
 
         A last line without its end may be cut off in the middle of a number, which nothing in it tells. It counts only
-        if its cells are all there and its last one is as long (behind the decimal mark, if it has one) as in all lines
-        before it; otherwise it is left out. Files written here, with nine decimals of the time, always end their lines.
+        if its cells are all there and the last one is surely whole: it holds no number that is read, or all lines have
+        the same decimals in it and some end in a zero, which only a fixed format writes. Otherwise it is left out.
         """
         found = self._layout
         lines = tail(self.path, found.encoding)
         last = lines.pop()
         if not last.strip():
             return ""
-        rows = [cells for line in lines[-_COMPARED:] if len(cells := self._cells(line)) == len(found.columns)]
         cells = self._cells(last)
-        complete = len(cells) == len(found.columns) and not _NINE.match(cells[0])
-        if complete and len(found.columns) - 1 in (found.time, *found.numeric):
-            lengths = {len(re.split("[.,]", row[-1])[-1]) for row in rows if not missing(row[-1])}
-            complete = lengths == {len(re.split("[.,]", cells[-1])[-1])}
-        return "" if complete else "cut off: the last line has no end and may be incomplete, so it is left out"
+        whole = len(cells) == len(found.columns) and not _NINE.match(cells[0])
+        if whole and len(found.columns) - 1 in (found.time, *found.numeric):
+            rows = [self._cells(line) for line in lines[-_COMPARED:]]
+            decimals = [
+                re.split("[.,]", row[-1])[1:] for row in rows if len(row) == len(cells) and not missing(row[-1])
+            ]
+            lengths = {len(part[0]) if part else 0 for part in [*decimals, re.split("[.,]", cells[-1])[1:]]}
+            whole = len(lengths) == 1 and any(part and len(part[0]) > 1 and part[0][-1] == "0" for part in decimals)
+        return "" if whole else "cut off: the last line has no end and may be incomplete, so it is left out"
 
     def _cells(self, line: str) -> list[str]:
         with suppress(csv.Error):

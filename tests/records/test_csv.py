@@ -23,7 +23,7 @@ def write(folder: Path, text: str) -> Path:
     [
         "time,a [mm],b\n0,1,2\n0.001,3,4\n",
         "time [s];a[mm];b\r\n0;1,0;2\r\n0,001;3;4\r\n",
-        "\ufefftime\ta [mm]\tb\n0\t1\t2\n1e-3\t3\t4",
+        "\ufefftime\ta [mm]\tb\n0\t1\t2\n1e-3\t3\t4\n",
         'time,"a [mm]",b\n0,"1",2\n\n0.001,3,4\n\n',
         "Time , a [mm] , b , note\n0, 1, 2, x\n0.001, 3, 4, y\n",
     ],
