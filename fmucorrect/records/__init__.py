@@ -1,4 +1,4 @@
-"""Record files: MCAP, CSV, Parquet, MDF4, TDMS and MATLAB, chosen by the file's suffix.
+"""Record files: MCAP, CSV, Parquet, MDF, TDMS and MATLAB, chosen by the file's suffix.
 
     record = read("measured_385.mcap", ["lvdt_FW", "lvdt_FB"])
     for chunk in stream("simulated_385.mcap", topic="/simulation"): ...
@@ -10,7 +10,9 @@ dots; entries of lists are `field[i]`. A name matches in full, or as the end (af
 column only. Stamps that repeat or go back, and NaN, are errors that say where, unless a repair rule of
 `fmucorrect.records.timebase` was chosen. What a file's metadata gives is in `Record.metadata`, with `path`, `topic`
 and, for a file that was cut off, `truncated` = "true". What a damaged file lost stands in words in `damage`, what a
-repair rule changed in `repaired`; both are written on into files made from the record.
+repair rule changed in `repaired`; both are written on into files made from the record. What was taken to be so without
+the file saying it (a zone, a unit, an encoding) stands in `assumed`. Formats whose library can die, hang or fill the
+memory on a damaged file (Parquet, MDF, MATLAB) are read in a process of their own, `fmucorrect.records.child`.
 """
 
 from __future__ import annotations
@@ -136,7 +138,7 @@ def _source(path: str | PathLike[str]) -> Guarded:
     elif suffix == ".csv":
         from fmucorrect.records.csv import CsvSource as Opened
     elif suffix == ".parquet":
-        from fmucorrect.records.parquet import ParquetSource as Opened
+        from fmucorrect.records.parquet import opened as Opened
     elif suffix in (".mf4", ".mdf"):
         from fmucorrect.records.mdf4 import opened as Opened
     elif suffix == ".tdms":

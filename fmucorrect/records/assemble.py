@@ -16,7 +16,7 @@ from fmucorrect.signals import Channel, Record
 _STREAMED = {"drop"}
 """Rules that need only what came before a row; the others need the whole file."""
 
-RESERVED = ("path", "topic", "truncated")
+RESERVED = ("path", "topic", "truncated", "assumed", "preamble")
 """Metadata that reading sets and writing leaves out. What was lost ("damage") and mended ("repaired") is written on."""
 
 

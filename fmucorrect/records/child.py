@@ -56,7 +56,9 @@ class ChildSource:
         self._limit = ANSWER_S + ANSWER_S_PER_BYTE * Path(path).stat().st_size
         root = str(Path(__file__).resolve().parents[2])
         places = json.dumps([*(str(Path(place).resolve()) for place in sys.path if place), root])
-        environment = os.environ | dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
+        # one thread, and no arena of a gigabyte kept ready: the bound on memory counts what is kept, too
+        environment = os.environ | dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+        environment["ARROW_DEFAULT_MEMORY_POOL"] = "system"
         # libraries unpack to temporary files, and a child that is killed removes none
         self._temporary = tempfile.TemporaryDirectory(prefix="fmucorrect-reader-", ignore_cleanup_errors=True)
         environment |= dict.fromkeys(("TMPDIR", "TEMP", "TMP"), self._temporary.name)

@@ -111,7 +111,9 @@ class CsvSource:
         if whole and len(found.columns) - 1 in (found.time, *found.numeric):
             rows = [self._cells(line) for line in lines[-_COMPARED:]]
             decimals = [
-                re.split("[.,]", row[-1])[1:] for row in rows if len(row) == len(cells) and not missing(row[-1])
+                re.split("[.,]", row[-1])[1:]
+                for row in rows
+                if len(row) == len(cells) and number(row[-1], found.mark) is not None
             ]
             lengths = {len(part[0]) if part else 0 for part in [*decimals, re.split("[.,]", cells[-1])[1:]]}
             whole = len(lengths) == 1 and any(part and len(part[0]) > 1 and part[0][-1] == "0" for part in decimals)

@@ -260,6 +260,8 @@ def _content(path: str) -> dict[str, Any]:
         content: dict[str, Any] = loadmat(path, simplify_cells=True)
     except RecordError:
         raise
+    except MemoryError as error:
+        raise RecordError("the file unfolds to more than memory is spent on", where=path) from error
     except Exception as error:  # scipy and h5py raise many kinds on damaged files
         raise RecordError(f"this cannot be read as .mat: {error}", where=path) from error
     opaque = (MatlabOpaque, MatlabFunction)

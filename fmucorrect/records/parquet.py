@@ -1,12 +1,14 @@
 """Parquet: a column `time` in s or its unit, or of a type of time, units in the columns' metadata key `unit`.
 
-Columns that are no numbers are named in `left_out`; equal names are numbered. Pages are written with checksums.
+Columns that are no numbers are named in `left_out`; equal names are numbered. Pages are written with checksums. Reading
+is done in a process of its own: damaged metadata can end the interpreter, and a small file can unfold to gigabytes.
 Files written here hold `time` as doubles. Where those could not hold every nanosecond (beyond 24 days) the whole
 seconds of the first stamp are subtracted and stand in the file's metadata as `time_origin_ns`.
 """
 
 from __future__ import annotations
 
+import importlib.util
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -16,6 +18,7 @@ import numpy as np
 from fmucorrect.errors import MissingExtra, RecordError
 from fmucorrect.records import naming, seconds
 from fmucorrect.records.assemble import RESERVED
+from fmucorrect.records.child import ChildSource
 from fmucorrect.records.contents import Column, Extent, Topic
 from fmucorrect.records.source import MOST_COLUMNS, NO_TIME, RAM_ROWS, Block, extent_of
 from fmucorrect.signals import Record
@@ -37,12 +40,24 @@ def _pyarrow() -> tuple[Any, Any]:
     return pyarrow, pyarrow.parquet
 
 
+def opened(path: str) -> ChildSource:
+    """A Parquet file, read in a process of its own. Raises MissingExtra, and RecordError as `ParquetSource`."""
+    if importlib.util.find_spec("pyarrow") is None:
+        raise MissingExtra("pyarrow", "formats")
+    return ChildSource(path, "fmucorrect.records.parquet:ParquetSource")
+
+
 class ParquetSource:
     """A Parquet file opened for reading. Raises RecordError when it has no time."""
 
     format = "Parquet"
     truncated = False
     damage = ""
+
+    @staticmethod
+    def load() -> None:
+        """Import the library. Raises MissingExtra."""
+        _pyarrow()
 
     def __init__(self, path: str) -> None:
         self.path = path

@@ -18,7 +18,7 @@ from fmucorrect.records import seconds
 from fmucorrect.signals import Channel, Record, join
 
 SUFFIXES = pytest.mark.parametrize("suffix", [s for s in records.SUFFIXES if s != ".mdf"])
-APART = (".mf4", ".mat")  # read in a process of its own, which takes seconds to start: fewer cases of these
+APART = (".mf4", ".mat", ".parquet")  # read in a process of their own, which takes a second to start: fewer cases
 CHANNELS = (Channel("FW", "mm"), Channel("yaw_damper_left.f", "N"), Channel("acc x", "m/s2"), Channel("w[0]", "1"))
 
 
