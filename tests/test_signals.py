@@ -153,6 +153,11 @@ def test_every_name_that_occurs_twice_is_named() -> None:
         Record(np.arange(3), np.zeros((3, 6)), channels)
 
 
+def test_hundreds_of_channels_are_a_record() -> None:
+    channels = tuple(Channel(f"c{i}") for i in range(600))
+    assert len(Record(np.arange(2), np.zeros((2, 600)), channels).names) == 600
+
+
 def test_a_channel_that_is_not_there_is_told_with_the_file() -> None:
     with pytest.raises(RecordError, match=r"^run\.csv: there is no channel 'c'"):
         record(metadata={"path": "run.csv"}).index("c")

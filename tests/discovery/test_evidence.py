@@ -52,6 +52,15 @@ def test_the_error_is_the_likeliest_from_the_floor_upward(level, share) -> None:
         assert best - 1e-6 * abs(best) <= found.surprise <= best + 1e-2  # of a grid, not of a search
 
 
+@pytest.mark.parametrize("m", [0, 3, 5, 6])
+def test_what_explains_nothing_takes_its_degrees_of_freedom(m) -> None:
+    rng, n, share = np.random.default_rng(0), 60, 0.2
+    basis = np.linalg.qr(rng.normal(size=(n, m + 1)))[0]
+    r = 300.0 * np.sqrt(n) * basis[:, m]  # orthogonal to every column, and the columns may be of any size
+    found = Nuisances(1e9 * basis[:, :m]).believe(r, share)
+    assert found.s2 == pytest.approx(300.0**2 * share * n / (share * n - m), rel=0.02)
+
+
 def test_nothing_but_noise_needs_no_more_than_the_noise() -> None:
     columns, _ = case(0)
     assert Nuisances(columns).believe(np.zeros(60), 1.0).s2 == pytest.approx(1.0)

@@ -1,6 +1,7 @@
 """The network as C says what ONNX Runtime says, for every instruction set, and a real-time system can take it."""
 
 import ctypes
+import importlib.util
 import re
 import shutil
 import subprocess
@@ -17,7 +18,7 @@ from onnx import helper
 
 from fmucorrect import bundle
 from fmucorrect.bundle import Info
-from fmucorrect.errors import WrapError
+from fmucorrect.errors import MissingExtra, WrapError
 from fmucorrect.training.data import Scales
 from fmucorrect.training.export import to_bundle
 from fmucorrect.training.networks import Band, Baseline, Corrector, Member, Residual
@@ -227,6 +228,17 @@ def test_an_operator_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     path.write_bytes(model.SerializeToString())
     with pytest.raises(WrapError, match=r"; node GlobalLpPool that makes 'baseline'\. Export"):
         network.sources(path)
+
+
+def test_an_operator_that_no_graph_has_and_a_package_that_is_not_there(tmp_path: Path, monkeypatch) -> None:
+    (tmp_path / "broken.onnx").write_bytes(b"\x12\xff no graph")
+    with pytest.raises(WrapError, match=r"broken\.onnx: .*cannot be written as C"):
+        network.sources(tmp_path / "broken.onnx")
+    here = importlib.util.find_spec
+    for module, package in (("onnx", "onnx"), ("emx_onnx_cgen", "emx-onnx-cgen")):
+        monkeypatch.setattr(importlib.util, "find_spec", lambda name, gone=module: None if name == gone else here(name))
+        with pytest.raises(MissingExtra, match=package):
+            network.sources(SHIPPED)
 
 
 def test_dividing_a_matrix_loses_nothing() -> None:
