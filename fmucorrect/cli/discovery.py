@@ -14,7 +14,12 @@ from fmucorrect.cli.group import ALLOW_DAMAGED, OVERWRITE, PATH, STEP_TIMEOUT, o
 @click.command()
 @click.argument("study", type=PATH)
 @click.option("-o", "--out", type=PATH, required=True, help="The folder to write to.")
-@click.option("--scheduler", default="", help="Address of a dask scheduler; default: this machine's cores.")
+@click.option(
+    "--scheduler",
+    default="",
+    help="Address of a dask scheduler that you trust: it can run anything here and on its workers. tls://... takes the "
+    "certificates of dask's configuration. Default: this machine's cores.",
+)
 @STEP_TIMEOUT
 @OVERWRITE
 @ALLOW_DAMAGED

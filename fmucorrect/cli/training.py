@@ -19,7 +19,12 @@ if TYPE_CHECKING:
 def _training_options(command: Callable[..., None]) -> Callable[..., None]:
     """Where the fits are done."""
     for option in (
-        click.option("--scheduler", default="", help="Address of a dask scheduler; default: this machine's cores."),
+        click.option(
+            "--scheduler",
+            default="",
+            help="Address of a dask scheduler that you trust: it can run anything here and on its workers. tls://... takes the "
+            "certificates of dask's configuration. Default: this machine's cores.",
+        ),
         click.option("--device", default="cpu", show_default=True, help="Where torch computes: cpu, or cuda."),
     ):
         command = option(command)

@@ -18,6 +18,7 @@ import numpy as np
 from fmucorrect.discovery import native
 from fmucorrect.discovery.content import digest, packed, unpacked
 from fmucorrect.discovery.model import Model
+from fmucorrect.discovery.ownfolder import own_folder
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.trials import Trial
 from fmucorrect.study import Adjustable, Study
@@ -113,10 +114,8 @@ def work(parcel: bytes, models: bytes) -> list[np.ndarray | None]:
 
 
 def library() -> Path:
-    """The native loop with the laws, kept between runs where there is a folder for what is temporary."""
-    cache = Path(tempfile.gettempdir()) / "fmucorrect"
-    cache.mkdir(exist_ok=True)
-    return native.build(cache)
+    """The native loop with the laws, kept between runs where the user has a folder of his own."""
+    return native.build(own_folder())
 
 
 @contextmanager

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import hashlib
+import tempfile
 from collections.abc import Sequence
 from ctypes import POINTER, Structure, c_double, c_int, c_long, c_uint, c_void_p
 from pathlib import Path
 
 from fmucorrect.catalogue import CATALOGUE, Law
+from fmucorrect.discovery.ownfolder import own
 from fmucorrect.wrapping import laws
 from fmucorrect.wrapping.compiler import compile_library, host
 
@@ -64,21 +66,22 @@ class Road(Structure):
 
 
 def build(folder: Path) -> Path:
-    """The library in `folder`, compiled where it is not there yet. Raises WrapError, MissingExtra."""
+    """The library in `folder`, which is the user's own; compiled where it is not there yet, or not his. Several processes may
+    do so at once. Raises WrapError, MissingExtra."""
     sources = {name: (_C / name).read_text(encoding="utf-8") for name in ("march.h", "march.c")}
     sources[_SHARED.name] = _SHARED.read_text(encoding="utf-8")
     sources["laws.c"] = _laws()
     digest = hashlib.sha256("".join(sources.values()).encode()).hexdigest()[:16]
     target, _, suffix = host()
     library = folder / f"march_{digest}{suffix}"
-    if not library.exists():
-        place = folder / "sources"
-        place.mkdir(parents=True, exist_ok=True)
-        for name, text in sources.items():
-            (place / name).write_text(text, encoding="utf-8")
-        partial = library.with_suffix(".partial")
-        compile_library(place, ["laws.c", "march.c"], target, partial)
-        partial.replace(library)
+    if not library.is_file() or not own(library):
+        with tempfile.TemporaryDirectory(dir=folder, ignore_cleanup_errors=True) as place:
+            for name, text in sources.items():
+                (Path(place) / name).write_text(text, encoding="utf-8")
+            made = Path(place) / library.name
+            compile_library(Path(place), ["laws.c", "march.c"], target, made)
+            made.chmod(0o700)
+            made.replace(library)
     return library
 
 

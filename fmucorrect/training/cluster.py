@@ -1,4 +1,9 @@
-"""A dask cluster as an executor of concurrent.futures."""
+"""A dask cluster as an executor of concurrent.futures.
+
+What goes to a cluster and comes back is dask's own: whoever holds its scheduler can run anything on the machines that take
+part, this one among them. An address `tls://...` is taken with the certificates of dask's configuration (distributed.comm.tls, or
+DASK_DISTRIBUTED__COMM__TLS__CA_FILE and the like), which is how a cluster knows its members.
+"""
 
 from __future__ import annotations
 
@@ -14,12 +19,13 @@ from fmucorrect.errors import MissingExtra, TrainingError
 def executor(scheduler: str) -> Generator[Executor]:
     """Of the scheduler at this address. Raises MissingExtra without dask, TrainingError where nobody answers."""
     try:
-        from dask.distributed import Client
+        from dask.distributed import Client, Security
     except ModuleNotFoundError as error:
         raise MissingExtra("dask.distributed", "cluster") from error
     try:
-        client = Client(scheduler, timeout=5)
-    except OSError as error:
+        security = Security()  # from dask's configuration
+        client = Client(scheduler, timeout=5, security=security)
+    except (OSError, TypeError, ValueError) as error:  # nobody there; no certificate; no address
         raise TrainingError(
             f"the scheduler does not answer: {error}",
             got=scheduler,
