@@ -17,7 +17,22 @@ All of them are the user's to mend: the command line prints the message alone an
 
 from __future__ import annotations
 
+import re
 from typing import Any
+
+_CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
+"""Control characters (C0 but tab and line end, DEL, C1), those that turn the direction of writing, and halves of characters:
+in a name they would steer the terminal, or make a line read as another one."""
+
+
+def printable(text: str) -> str:
+    """Text with these as \\x1b, \\u202e, ... Line ends stay."""
+    return _CONTROL.sub(lambda match: ascii(match[0])[1:-1], text)
+
+
+def one_line(text: str) -> str:
+    """The same, line ends too: a name or another text of a file, within a line of this program's own."""
+    return printable(text).replace("\n", "\\n")
 
 
 class FmucorrectError(Exception):
@@ -38,11 +53,11 @@ class FmucorrectError(Exception):
         got: object = None,
         remedy: str | None = None,
     ) -> None:
-        parts = [f"{where}: {what}" if where else what]
+        parts = [f"{one_line(where)}: {printable(what)}" if where else printable(what)]
         if expected is not None:
-            parts.append(f"expected {expected}")
+            parts.append(f"expected {one_line(str(expected))}")
         if got is not None:
-            parts.append(f"got {got}")
+            parts.append(f"got {one_line(str(got))}")
         message = ", ".join(parts)
         super().__init__(f"{message}. {remedy}" if remedy else message)
 
@@ -52,8 +67,8 @@ class StudyError(FmucorrectError):
 
     def __init__(self, path: str, problems: list[str]) -> None:
         self.problems = problems
-        lines = "\n".join(f"  - {problem}" for problem in problems)
-        super().__init__(f"{path}: {len(problems)} problem{'s' if len(problems) > 1 else ''}\n{lines}")
+        lines = "\n".join(f"  - {printable(problem)}" for problem in problems)
+        super().__init__(f"{one_line(path)}: {len(problems)} problem{'s' if len(problems) > 1 else ''}\n{lines}")
 
 
 class RecordError(FmucorrectError):

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from fmucorrect.bundle import Bundle
+from fmucorrect.errors import one_line
 from fmucorrect.fmu import FmuDescription
 from fmucorrect.records.contents import Contents, TopicContents
 from fmucorrect.signals import NANOSECONDS, Condition
@@ -131,7 +132,7 @@ def text(view: Mapping[str, Any]) -> str:
     for key, value in view.items():
         if key not in ("path", "kind") and value not in (None, "", [], {}, False):
             lines += _item(key, value, 1)
-    return "\n".join(lines)
+    return "\n".join(map(one_line, lines))
 
 
 def _item(key: str, value: Any, depth: int) -> Iterator[str]:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from fmucorrect.cli.group import OVERWRITE, PATH, STEP_TIMEOUT
+from fmucorrect.cli.group import OVERWRITE, PATH, STEP_TIMEOUT, say
 
 SECTIONS = {"preload": ("preload",), "critical-speed": ("critical_speed",), "safety": ("safety",)}
 
@@ -53,4 +53,4 @@ def assess(what: str, mapping: Path, out: Path, step_timeout: float | None, over
     outputs.write(out / "assessment.json", text + "\n")
     page = out / "assessment.html"
     assess_page.write_page(page, found)
-    click.echo(text if as_json else "\n".join([*assess_text.verdicts(found), str(page)]))
+    say(text if as_json else "\n".join([*assess_text.verdicts(found), str(page)]))

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from fmucorrect.cli.group import ALLOW_DAMAGED, OVERWRITE, PATH, STEP_TIMEOUT, open_study
+from fmucorrect.cli.group import ALLOW_DAMAGED, OVERWRITE, PATH, STEP_TIMEOUT, open_study, say
 
 
 @click.command()
@@ -65,25 +65,23 @@ def discover(
                 overwrite=overwrite,
             )
     if as_json:
-        click.echo((out / "report.json").read_text(encoding="utf-8"))
+        say((out / "report.json").read_text(encoding="utf-8"))
         return
-    click.echo(f"{report['verdict']}: {report['sentence']}")
+    say(f"{report['verdict']}: {report['sentence']}")
     for row in report["effects"]:
         values = ", ".join(
             f"{name} = {entry['value']:.4g} +- {entry['std']:.2g} {entry['unit']}"
             for name, entry in row["parameters"].items()
             if entry["std"] > 0.0
         )
-        click.echo(
-            f"  {row['effect']} at {row['joint']} ({100 * row['probability']:.0f} %): {row['equation']}; {values}"
-        )
+        say(f"  {row['effect']} at {row['joint']} ({100 * row['probability']:.0f} %): {row['equation']}; {values}")
     for row in report["gap"]:
         held = ", held out" if row["role"] == "evaluation" else ""
-        click.echo(
+        say(
             f"  {row['condition']}{held}: {row['nrmse_before']:.3g} -> {row['nrmse_after']:.3g} %"
             f" (noise {row['noise_floor']:.2g} %)"
         )
-    click.echo(f"{out / 'report.html'}")
+    say(f"{out / 'report.html'}")
 
 
 def _executor(scheduler: str) -> AbstractContextManager[Executor | None]:

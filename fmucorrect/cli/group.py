@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from fmucorrect import __version__
-from fmucorrect.errors import FmucorrectError
+from fmucorrect.errors import FmucorrectError, printable
 
 if TYPE_CHECKING:
     from fmucorrect.study import Study
@@ -47,6 +47,11 @@ class UserError(click.ClickException):
     exit_code = 2
 
 
+def say(text: str, err: bool = False) -> None:
+    """Print what may hold names from a file: their control characters are shown, not obeyed."""
+    click.echo(printable(text), err=err)
+
+
 class Ended(KeyboardInterrupt):
     """Asked to end by a signal: everything ends as after Ctrl-C, with the exit code that a shell has for it."""
 
@@ -71,7 +76,7 @@ class Commands(click.Group):
                 return super().invoke(ctx)
         except KeyboardInterrupt as error:
             name, code = (str(error), 128 + error.number) if isinstance(error, Ended) else ("Ctrl-C", 130)
-            click.echo(_with_notes(f"Ended by {name}.", error), err=True)
+            say(_with_notes(f"Ended by {name}.", error), err=True)
             ctx.exit(code)
         except FmucorrectError as error:
             raise UserError(_with_notes(str(error), error)) from error
@@ -139,7 +144,7 @@ def open_study(path: Path, allow_damaged: bool) -> Study:
 
 def tell_damage(file: Path, damage: str) -> None:
     """On standard error, in one line."""
-    click.echo(f"{file}: damaged, {damage}", err=True)
+    say(f"{file}: damaged, {damage}", err=True)
 
 
 @contextmanager

@@ -17,6 +17,7 @@ from fmucorrect.cli.group import (
     UserError,
     open_study,
     progress_bar,
+    say,
     tell_damage,
 )
 
@@ -51,18 +52,18 @@ def demo(out: Path, overwrite: bool, as_json: bool) -> None:
 
         result = demonstration.run_demo(out, progress=tell, overwrite=overwrite)
     if as_json:
-        click.echo(json.dumps(demonstration.to_json(result), indent=1))
+        say(json.dumps(demonstration.to_json(result), indent=1))
         return
     comparison = result.comparison
-    click.echo(f"{headline(comparison, demonstration.unseen(comparison, result.model))}.\n")
-    click.echo(demonstration.table(comparison))
-    click.echo(
+    say(f"{headline(comparison, demonstration.unseen(comparison, result.model))}.\n")
+    say(demonstration.table(comparison))
+    say(
         f"\nStepped online, one sample a call: {1e6 * result.online.step:.0f} us a step of "
         f"{result.study.simulation.step_ns / 1e6:g} ms, solver included. All of it took {result.seconds:.1f} s."
     )
-    click.echo(f"\n{demonstration.NOTICE}")
-    click.echo(f"\nLook at      {result.page}\nand open     {result.record}  in Foxglove or any MCAP reader")
-    click.echo(f"\nTry next\n{demonstration.next_steps(result)}")
+    say(f"\n{demonstration.NOTICE}")
+    say(f"\nLook at      {result.page}\nand open     {result.record}  in Foxglove or any MCAP reader")
+    say(f"\nTry next\n{demonstration.next_steps(result)}")
 
 
 @click.command()
@@ -189,7 +190,7 @@ def inspect(paths: tuple[Path, ...], as_json: bool, out: Path | None, overwrite:
     mark = {} if out is None else {"made_by": outputs.mark("inspect")}
     text = json.dumps(mark | found.to_json(), indent=1) if as_json else found.text()
     if out is None:
-        click.echo(text)
+        say(text)
     else:
         outputs.write(out, text + "\n")
     if found.misfits:
@@ -221,17 +222,17 @@ def _condition(
 
 def _print_summary(summary: Summary, as_json: bool) -> None:
     if as_json:
-        click.echo(json.dumps(summary.to_json(), indent=1))
+        say(json.dumps(summary.to_json(), indent=1))
         return
-    click.echo(f"{summary.path}: {', '.join(summary.topics)}")
+    say(f"{summary.path}: {', '.join(summary.topics)}")
     if summary.repaired:
-        click.echo(f"repaired: {summary.repaired}")
-    click.echo(
+        say(f"repaired: {summary.repaired}")
+    say(
         f"{summary.rows} samples, {summary.seconds:g} s simulated in {summary.elapsed:.2f} s, "
         f"{summary.real_time_factor:.0f} times real time"
     )
     if summary.status:
         shares = ", ".join(f"{name} {100 * share:.2f} %" for name, share in summary.status.items())
-        click.echo(f"status: {shares}")
+        say(f"status: {shares}")
         if summary.status["outside"] > 0:
-            click.echo("outside: the corrector was not trained for this, there it fades to the bare simulation")
+            say("outside: the corrector was not trained for this, there it fades to the bare simulation")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from fmucorrect.cli.group import ALLOW_DAMAGED, OVERWRITE, PATH, STEP_TIMEOUT, UserError, open_study, progress_bar
+from fmucorrect.cli.group import ALLOW_DAMAGED, OVERWRITE, PATH, STEP_TIMEOUT, UserError, open_study, progress_bar, say
 
 if TYPE_CHECKING:
     from fmucorrect.study import Study
@@ -77,9 +77,9 @@ def train(
         results.facts(done.trained),
     )
     if as_json:
-        click.echo(json.dumps(results.figures(done.evaluations), indent=1))
+        say(json.dumps(results.figures(done.evaluations), indent=1))
     else:
-        click.echo(
+        say(
             f"{results.lines(done.evaluations)}\n\nRead  {out / 'card.md'}\nopen  {page}\nuse   {out / 'corrector.onnx'}"
         )
 
@@ -124,7 +124,7 @@ def compare(
     if len(loaded) > 1:
         if ablate or seeds is not None:
             raise UserError("--seeds and --ablate belong to the comparison of methods on one study")
-        click.echo(_compare_models(loaded, out, device, scheduler, overwrite, as_json))
+        say(_compare_models(loaded, out, device, scheduler, overwrite, as_json))
         return
     from fmucorrect.report import compare_page
 
@@ -139,7 +139,7 @@ def compare(
     path = results.save_comparison(out, result.table, result.histories)
     page = out / "compare.html"
     compare_page.write_page(page, result.table, result.histories)
-    click.echo(path.read_text(encoding="utf-8") if as_json else f"{table.lines(result.table)}\n\nOpen  {page}")
+    say(path.read_text(encoding="utf-8") if as_json else f"{table.lines(result.table)}\n\nOpen  {page}")
 
 
 def _claim(out: Path, command: str, writes: Sequence[str], studies: Sequence[Study], overwrite: bool) -> None:
@@ -204,7 +204,7 @@ def diagnose(
         from fmucorrect.report import diagnosis_page
 
         diagnosis_page.write_page(out, f"{the_study.name}: accelerometers", found)
-    click.echo(text if as_json else diagnosis.table(found))
+    say(text if as_json else diagnosis.table(found))
 
 
 def _training(*modules: str) -> list[Any]:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from fmucorrect.cli.group import OVERWRITE, PATH, UserError, progress_bar
+from fmucorrect.cli.group import OVERWRITE, PATH, UserError, progress_bar, say
 
 
 @click.command()
@@ -58,6 +58,6 @@ def wrap(
             progress=lambda _: advance(1),
         )
     if as_json:
-        click.echo(json.dumps(made.to_json(), indent=1))
+        say(json.dumps(made.to_json(), indent=1))
     else:
-        click.echo(made.text())
+        say(made.text())

@@ -126,7 +126,7 @@ class Page:
             self._parts.append(f'<div class="buttons" data-for="{name}">Show {buttons}</div>')
         height = int(cast(Any, figure).layout.height or 400)
         self._parts.append(f'<div class="figure" id="{name}" style="height:{height}px"></div>')
-        content = str(figure.to_json()).replace("</", "<\\/")
+        content = str(figure.to_json()).replace("<", "\\u003c")  # neither </script> nor <!-- in a name
         self._scripts.append(f"(f => Plotly.newPlot({name!r}, f.data, f.layout, {json.dumps(_SETTINGS)}))({content});")
 
     def strip(

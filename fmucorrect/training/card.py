@@ -2,23 +2,38 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 from fmucorrect.bundle import Bundle
 from fmucorrect.comparison import BAND_90, Comparison
+from fmucorrect.errors import one_line
 from fmucorrect.training.protocol import Trained
+
+_MEANS = re.compile(r"[\\`*\[\]<>|&#!~]|(?<![A-Za-z0-9])_|_(?![A-Za-z0-9])")
+"""What Markdown and HTML would take for their own."""
+
+
+def _plain(text: str) -> str:
+    """A name that stays one in Markdown: no HTML, no link, no further line or cell."""
+    return _MEANS.sub(lambda match: f"\\{match[0]}", one_line(text))
+
+
+def _code(text: str) -> str:
+    """The same between backticks."""
+    return one_line(text).replace("`", "'").replace("|", "/")
 
 
 def card(trained: Trained, bundle: Bundle, evaluations: Sequence[Comparison], command: str) -> str:
     """The card as Markdown. command: what made the model."""
     info, settings, selection = bundle.info, trained.training, trained.selection
-    unit = info.channels[0].unit
-    names = [channel.name for channel in info.channels]
+    unit = _plain(info.channels[0].unit)
+    names = [_plain(channel.name) for channel in info.channels]
     lines = [
-        f"# {info.name}: corrector",
+        f"# {_plain(info.name)}: corrector",
         "",
-        f"Corrects {', '.join(names)} ({info.channels[0].unit}) of a simulation sampled every {info.step_ns / 1e6:g} ms, from "
-        f"the last {info.rows} samples and the operating condition. Made by `{command}`.",
+        f"Corrects {', '.join(names)} ({unit}) of a simulation sampled every {info.step_ns / 1e6:g} ms, from "
+        f"the last {info.rows} samples and the operating condition. Made by `{_code(command)}`.",
         "",
         "## How good it is",
         "",
@@ -32,7 +47,7 @@ def card(trained: Trained, bundle: Bundle, evaluations: Sequence[Comparison], co
         for label, scores in (("simulated", item.before), ("corrected", item.after)):
             r2 = " | ".join(f"{value:.4f}" for value in scores.r2)
             lines.append(
-                f"| {item.condition.name} | {item.condition.role} | {label} | {scores.mean_r2:.4f} | {r2} | "
+                f"| {_plain(item.condition.name)} | {item.condition.role} | {label} | {scores.mean_r2:.4f} | {r2} | "
                 f"{scores.mean_nrmse:.2f} | {scores.mean_nmae:.2f} |"
             )
     lines += [
@@ -41,7 +56,8 @@ def card(trained: Trained, bundle: Bundle, evaluations: Sequence[Comparison], co
     ]
     lines += [
         ", ".join(
-            f"{e.oracle.scores.mean_r2:.4f} at {e.condition.name} (shift {e.oracle.lag} samples)" for e in evaluations
+            f"{e.oracle.scores.mean_r2:.4f} at {_plain(e.condition.name)} (shift {e.oracle.lag} samples)"
+            for e in evaluations
         )
         + "."
     ]
@@ -49,11 +65,11 @@ def card(trained: Trained, bundle: Bundle, evaluations: Sequence[Comparison], co
     for e in evaluations:
         excited = e.within(BAND_90, e.excited)
         lines.append(
-            f"- {e.condition.name}: "
+            f"- {_plain(e.condition.name)}: "
             + ", ".join(f"{100 * c:.1f} ({100 * x:.1f}) %" for c, x in zip(e.within(BAND_90), excited, strict=True))
         )
     fields = ", ".join(f"{key} {value:.2f} %" for key, value in selection.errors.items())
-    left = ", ".join(f"{key} {value:.2f} %" for key, value in selection.held_out.items())
+    left = ", ".join(f"{_plain(key)} {value:.2f} %" for key, value in selection.held_out.items())
     band = selection.band
     lines += [
         "",
@@ -68,7 +84,7 @@ def card(trained: Trained, bundle: Bundle, evaluations: Sequence[Comparison], co
         "folds and scaled so that 90 % of them lie within 1.645 sigma (split conformal with a local scale). A measured band, "
         "no guarantee: neighbouring samples err alike, and the folds are few. "
         + "; ".join(
-            f"{c.name}: floor {f:.4f} {unit}, size {s:.4f}, deviation {d:.2f}"
+            f"{_plain(c.name)}: floor {f:.4f} {unit}, size {s:.4f}, deviation {d:.2f}"
             for c, f, s, d in zip(info.channels, band.floor, band.size, band.deviation, strict=True)
         )
         + ".",
@@ -81,12 +97,16 @@ def card(trained: Trained, bundle: Bundle, evaluations: Sequence[Comparison], co
         "| quantity | outer low | inner low | inner high | outer high |",
         "|---|---|---|---|---|",
     ]
-    lines += [f"| {key} | " + " | ".join(f"{v:.4g}" for v in corners) + " |" for key, corners in info.envelope.items()]
+    lines += [
+        f"| {_plain(key)} | " + " | ".join(f"{v:.4g}" for v in corners) + " |" for key, corners in info.envelope.items()
+    ]
     lines += [
         "",
         "One axle arrangement, one excitation: the figures hold for this study. They are no evidence for safety or acceptance.",
         "",
-        f"Study sha256 `{info.study_hash}`; " + ", ".join(f"{k} {v}" for k, v in info.versions.items()) + ".",
+        f"Study sha256 `{_code(info.study_hash)}`; "
+        + ", ".join(f"{_plain(k)} {_plain(v)}" for k, v in info.versions.items())
+        + ".",
         "",
     ]
     return "\n".join(lines)

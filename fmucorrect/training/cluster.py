@@ -1,8 +1,8 @@
 """A dask cluster as an executor of concurrent.futures.
 
 What goes to a cluster and comes back is dask's own: whoever holds its scheduler can run anything on the machines that take
-part, this one among them. An address `tls://...` is taken with the certificates of dask's configuration (distributed.comm.tls, or
-DASK_DISTRIBUTED__COMM__TLS__CA_FILE and the like), which is how a cluster knows its members.
+part, this one among them. An address `tls://...` is taken with the certificates of dask's configuration
+(distributed.comm.tls, or DASK_DISTRIBUTED__COMM__TLS__CA_FILE and the like), which is how a cluster knows its members.
 """
 
 from __future__ import annotations
