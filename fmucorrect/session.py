@@ -232,7 +232,7 @@ def _recording(
         raise RecordError(f"the file cannot be written: {error.strerror}", where=str(out)) from error
     recorder: _Recorder | None = None
     try:
-        file = records.writer(growing.beside, made_by=outputs.mark(command))
+        file = records.writer(growing.beside, made_by=outputs.mark(command), becomes=out)
         recorder = _Recorder(file, notes, added, out.suffix.lower() == ".mcap", progress)
         yield recorder
         if not recorder.rows:

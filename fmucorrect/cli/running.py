@@ -183,7 +183,7 @@ def inspect(paths: tuple[Path, ...], as_json: bool, out: Path | None, overwrite:
     from fmucorrect.study import load_study
 
     if out is not None:
-        studies = [load_study(path) for path in paths if path.suffix == ".toml"]
+        studies = [load_study(path) for path in paths if path.suffix.lower() == ".toml"]
         read = [*(("the file", path) for path in paths), *(pair for study in studies for pair in study.files())]
         outputs.check_file(out, read, "inspect", overwrite)
     found = inspection.inspect(paths)

@@ -91,20 +91,22 @@ def stream(
         source.close()
 
 
-def writer(path: str | PathLike[str], *, made_by: str = "") -> Writer:
+def writer(path: str | PathLike[str], *, made_by: str = "", becomes: str | PathLike[str] | None = None) -> Writer:
     """A file to write records to, over what may be there. To be used as a context manager.
 
-    made_by: what MCAP names as its writer, "fmucorrect" by default; other formats have no place for it.
+    made_by: what MCAP names as its writer, "fmucorrect" by default; other formats have no place for it. becomes: the name
+    that the file will have, for messages.
 
     MCAP takes several topics, the others one. A killed process leaves every finished `write` readable in MCAP, CSV and
     TDMS; Parquet, MDF4 and .mat files are complete only once closed (the last two are held in memory until then). A
     format other than MCAP makes no file when nothing is written.
     """
-    suffix = _suffix(path)
+    name = fspath(path if becomes is None else becomes)
+    suffix = _suffix(name)
     try:
-        return Writer(_sink(suffix, fspath(path), made_by), fspath(path), topics=suffix == ".mcap")
+        return Writer(_sink(suffix, fspath(path), made_by), name, topics=suffix == ".mcap")
     except OSError as error:
-        raise RecordError(f"the file cannot be written: {error.strerror}", where=fspath(path)) from error
+        raise RecordError(f"the file cannot be written: {error.strerror}", where=name) from error
 
 
 def describe(path: str | PathLike[str]) -> Contents:
