@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import re
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
+from itertools import islice
 from typing import Any
 
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
@@ -13,7 +14,8 @@ from google.protobuf.descriptor import FieldDescriptor
 from google.protobuf.message import DecodeError
 
 from fmucorrect.records.bulk import Layout, Place
-from fmucorrect.records.decode import LONGEST
+from fmucorrect.records.decode import DEEPEST, LONGEST
+from fmucorrect.records.source import MOST_COLUMNS
 
 _PACKAGE = "fmucorrect"
 _FIXED = {
@@ -92,10 +94,11 @@ class ProtobufDecoder:
             while waiting:
                 self._add(pool, waiting, next(iter(waiting)))
             self._descriptor: Any = pool.FindMessageTypeByName(name)
-        except (DecodeError, KeyError, TypeError) as error:
+        except (DecodeError, KeyError, TypeError, RecursionError) as error:
             raise ValueError(f"the protobuf schema {name!r} cannot be used: {error}") from error
         self._class: Any = message_factory.GetMessageClass(self._descriptor)
         self._units = _units(files)
+        self._declares: list[tuple[str, str]] | None = None
 
     def _add(self, pool: Any, waiting: dict[str, Any], name: str) -> None:
         file = waiting.pop(name)
@@ -105,10 +108,25 @@ class ProtobufDecoder:
         pool.Add(file)
 
     def declared(self) -> list[tuple[str, str]]:
-        """The single numbers of the schema at any depth, with the units that comments give in brackets."""
-        return list(self._declared(self._descriptor, "", ()))
+        """The single numbers of the schema at any depth, with the units that comments give in brackets.
+
+        Raises ValueError for more than MOST_COLUMNS: types that hold one another twice multiply with every level.
+        """
+        if self._declares is None:
+            most = MOST_COLUMNS
+            self._declares = list(islice(self._declared(self._descriptor, "", ()), most + 1))
+            if len(self._declares) > most:
+                self._declares = None
+                raise ValueError(f"the protobuf schema declares more than {most} numbers")
+        return self._declares
+
+    def complete(self, names: Collection[str]) -> bool:
+        """Whether the schema declares no more than these, and no lists."""
+        return all(name in names for name, _ in self.declared())
 
     def _declared(self, descriptor: Any, prefix: str, above: tuple[str, ...]) -> Iterator[tuple[str, str]]:
+        if len(above) > DEEPEST:
+            raise ValueError(f"the protobuf schema is nested more than {DEEPEST} deep")
         for field in descriptor.fields:
             name = f"{prefix}{field.name}"
             unit = self._units.get(field.full_name, "1")
@@ -166,7 +184,7 @@ class ProtobufDecoder:
                 return None
             layout = Layout(payload, tuple(fixed), places)
             same = _equal(layout.leaves(), self.leaves(payload))
-        except (ValueError, IndexError, struct.error):
+        except (ValueError, IndexError, struct.error, RecursionError):
             return None
         return layout if same else None
 
@@ -209,7 +227,7 @@ def _trace(
 
 def _read_varint(data: bytes, at: int) -> tuple[int, int]:
     value, shift = 0, 0
-    while data[at] > 127:
+    while data[at] > 127 and shift < 64:
         value |= (data[at] & 127) << shift
         at, shift = at + 1, shift + 7
     return value | data[at] << shift, at + 1

@@ -10,7 +10,8 @@ import numpy as np
 from fmucorrect.errors import RecordError
 from fmucorrect.records import timebase
 from fmucorrect.records.columns import Part, Plan, plan
-from fmucorrect.records.source import NO_TIME, RAM_ROWS, Block, Source
+from fmucorrect.records.guarded import Guarded
+from fmucorrect.records.source import NO_TIME, RAM_ROWS, Block
 from fmucorrect.signals import Channel, Record
 
 _STREAMED = {"drop"}
@@ -21,7 +22,7 @@ RESERVED = ("path", "topic", "truncated", "assumed", "preamble")
 
 
 def whole(
-    source: Source, columns: Sequence[str] | None, topic: str | None, repair: str | Sequence[str] | None
+    source: Guarded, columns: Sequence[str] | None, topic: str | None, repair: str | Sequence[str] | None
 ) -> Record:
     """The record of these columns, all rows."""
     names = timebase.rules(repair)
@@ -33,7 +34,7 @@ def whole(
 
 
 def chunks(
-    source: Source, columns: Sequence[str] | None, topic: str | None, repair: str | Sequence[str] | None, rows: int
+    source: Guarded, columns: Sequence[str] | None, topic: str | None, repair: str | Sequence[str] | None, rows: int
 ) -> Iterator[Record]:
     """The same record in chunks of at most `rows` rows."""
     names = timebase.rules(repair)
@@ -47,7 +48,7 @@ def chunks(
             yield record.rows(start, min(start + rows, len(record)))
 
 
-def _record(source: Source, found: Plan, block: Block) -> Record:
+def _record(source: Guarded, found: Plan, block: Block) -> Record:
     channels = tuple(Channel(name, unit) for name, unit in zip(found.names, found.units, strict=True))
     metadata = dict(found.parts[0].topic.metadata) if len(found.parts) == 1 else {}
     metadata["path"] = source.path
@@ -60,7 +61,7 @@ def _record(source: Source, found: Plan, block: Block) -> Record:
     return Record(block.t_ns, block.values, channels, metadata)
 
 
-def _checked(source: Source, found: Plan, names: tuple[str, ...], rows: int | None) -> Iterator[Block]:
+def _checked(source: Guarded, found: Plan, names: tuple[str, ...], rows: int | None) -> Iterator[Block]:
     """Blocks with increasing time and finite values, of `rows` rows (None: as the file gives them)."""
     series = [_sound(source, part, names) for part in found.parts]
     if len(series) == 1:
@@ -79,7 +80,7 @@ def _checked(source: Source, found: Plan, names: tuple[str, ...], rows: int | No
         row += agreed
 
 
-def _sound(source: Source, part: Part, names: tuple[str, ...]) -> Iterator[Block]:
+def _sound(source: Guarded, part: Part, names: tuple[str, ...]) -> Iterator[Block]:
     """One topic's blocks, dropped where asked, checked."""
     row, last = 0, NO_TIME
     labels = [part.topic.full_name(column) for column in part.columns]
@@ -119,7 +120,7 @@ def _concatenate(blocks: list[Block], columns: int) -> Block:
     return Block(np.concatenate([b.t_ns for b in blocks]), np.concatenate([b.values for b in blocks]))
 
 
-def _joined(source: Source, found: Plan, blocks: Sequence[Block], first_row: int) -> Block:
+def _joined(source: Guarded, found: Plan, blocks: Sequence[Block], first_row: int) -> Block:
     """Blocks of several topics side by side. Raises RecordError at the first row where the stamps differ."""
     t_ns = blocks[0].t_ns
     for part, block in zip(found.parts, blocks, strict=True):
@@ -145,7 +146,7 @@ def _side_by_side(found: Plan, values: Sequence[np.ndarray], rows: int) -> np.nd
     return together
 
 
-def _ended(source: Source, found: Plan, counts: Sequence[int], row: int) -> RecordError:
+def _ended(source: Guarded, found: Plan, counts: Sequence[int], row: int) -> RecordError:
     short = found.parts[int(np.argmin(counts))].topic.name
     return RecordError(
         f"topic {short!r} ends at row {row + min(counts)}, before the others",
@@ -154,7 +155,7 @@ def _ended(source: Source, found: Plan, counts: Sequence[int], row: int) -> Reco
     )
 
 
-def _repaired(source: Source, found: Plan, names: tuple[str, ...]) -> Record:
+def _repaired(source: Guarded, found: Plan, names: tuple[str, ...]) -> Record:
     """Every topic in memory, mended rule by rule, then joined."""
     blocks: list[Block] = []
     for part in found.parts:
@@ -172,7 +173,7 @@ def _repaired(source: Source, found: Plan, names: tuple[str, ...]) -> Record:
     return timebase.resample(record) if "resample" in names else record
 
 
-def _one_base(source: Source, found: Plan, blocks: Sequence[Block], names: tuple[str, ...]) -> Block:
+def _one_base(source: Guarded, found: Plan, blocks: Sequence[Block], names: tuple[str, ...]) -> Block:
     if len(blocks) == 1:
         return blocks[0]
     if "interpolate" not in names:

@@ -7,8 +7,10 @@ endian, packed. Where payloads have one size, a chunk is an array of such record
 from __future__ import annotations
 
 import struct
+from array import array
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from jaxtyping import Bool, Float64, Int64, UInt8
@@ -89,7 +91,7 @@ def walk(data: bytes) -> tuple[Messages, list[tuple[int, bytes]]]:
     """
     others: list[tuple[int, bytes]] = []
     runs: list[_Run] = []
-    loose: list[tuple[int, int, int, int]] = []
+    loose = array("Q")  # four numbers a message; tuples would take ten times the memory of a chunk of tiny messages
     position, end = 0, len(data)
     while position < end:
         if position + 9 > end:
@@ -105,10 +107,10 @@ def walk(data: bytes) -> tuple[Messages, list[tuple[int, bytes]]]:
             after = position + (9 + length) * len(runs[0][0])
         else:
             _, _, channel, _, log, _ = _HEAD.unpack_from(data, position)
-            loose.append((channel, log, position + 31, length - 22))
+            loose.extend((channel, log, position + 31, length - 22))
         position = after
     if loose:
-        columns = np.ascontiguousarray(np.array(loose, dtype=np.uint64).astype(np.int64).T)
+        columns = np.ascontiguousarray(np.frombuffer(loose, np.int64).reshape(-1, 4).T)
         runs.append((columns[0], columns[1], columns[2], columns[3]))
     if not runs:
         none = np.empty(0, np.int64)
@@ -123,15 +125,16 @@ def _run(data: bytes, position: int, length: int) -> _Run:
     """channel, log, start, size of the messages of this length that follow one another from here."""
     step = 9 + length
     count = (len(data) - position) // step
-
-    def field(offset: int, kind: str) -> np.ndarray:
-        return np.ndarray((count,), kind, buffer=data, offset=position + offset, strides=(step,))
-
+    field = partial(_strided, data, count, step, position)
     good = (field(0, "u1") == MESSAGE) & (field(1, "<u8") == length)
     n = count if good.all() else int(np.argmin(good))
     start = position + 31 + step * np.arange(n, dtype=np.int64)
     channel, log = field(9, "<u2")[:n].astype(np.int64), field(15, "<i8")[:n].copy()
     return channel, log, start, np.full(n, length - 22, np.int64)
+
+
+def _strided(data: bytes, count: int, step: int, position: int, offset: int, kind: str) -> np.ndarray:
+    return np.ndarray((count,), kind, buffer=data, offset=position + offset, strides=(step,))
 
 
 @dataclass(frozen=True)

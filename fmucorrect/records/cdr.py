@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import re
 import struct
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from fmucorrect.records.bulk import Layout, Place
-from fmucorrect.records.decode import LONGEST
+from fmucorrect.records.decode import DEEPEST, LONGEST
+from fmucorrect.records.source import MOST_COLUMNS
 
 _KINDS = {
     "bool": "u1", "byte": "u1", "octet": "u1", "char": "u1", "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2",
@@ -36,12 +37,32 @@ class CdrDecoder:
     def __init__(self, name: str, schema: str) -> None:
         sections = re.split(r"^=+\s*$", schema, flags=re.MULTILINE)
         self._root = _plain(name)
+        self._known_fixed: dict[str, bool] = {}
         self._types: dict[str, list[_Field]] = {self._root: _fields(sections[0])}
         for section in sections[1:]:
             head, _, body = section.strip().partition("\n")
             if not head.startswith("MSG:"):
                 raise ValueError(f"the ros2msg schema of {name!r} has a section without 'MSG:'")
             self._types[_plain(head[4:].strip())] = _fields(body)
+        self._fixed = self._all_fixed(self._root, ())
+
+    def _all_fixed(self, kind: str, above: tuple[str, ...]) -> bool:
+        """Whether every message has the same numbers. Raises ValueError for a type that holds itself or lies too deep."""
+        if kind in above:
+            raise ValueError(f"the ros2msg type {kind!r} holds itself")
+        if len(above) > DEEPEST:
+            raise ValueError(f"the ros2msg schema is nested more than {DEEPEST} deep")
+        if kind in self._known_fixed:
+            return self._known_fixed[kind]
+        fixed = True
+        for field in self._types[kind]:
+            free = field.array and field.count is None
+            plain = field.kind in _KINDS or field.kind in ("string", "wstring")
+            if not plain and not (_TIME.match(field.kind) and _plain(field.kind) not in self._types):
+                fixed &= self._all_fixed(self._resolve(kind, field.kind), (*above, kind))
+            fixed &= not free
+        self._known_fixed[kind] = fixed
+        return fixed
 
     def declared(self) -> list[tuple[str, str]]:
         """Nothing but what messages hold: the schema has no units and may have free arrays."""
@@ -50,6 +71,10 @@ class CdrDecoder:
     def leaves(self, payload: bytes) -> dict[str, float]:
         """Every number by its path."""
         return self.layout(payload).leaves()
+
+    def complete(self, names: Collection[str]) -> bool:
+        """Whether the schema has no free lists, and a message was seen."""
+        return self._fixed and bool(names)
 
     def layout(self, payload: bytes) -> Layout:
         """Where the numbers lie. Raises ValueError when the payload does not fit the schema."""
@@ -64,6 +89,7 @@ class CdrDecoder:
 
     def _message(self, trace: _Trace, kind: str, prefix: str) -> None:
         fields = self._types[kind]
+        trace.visit()
         if not fields:
             trace.take("u1")  # an empty structure has a dummy member
         for field in fields:
@@ -93,9 +119,9 @@ class CdrDecoder:
             if _TIME.match(found) and "/" in found and found.startswith("builtin_interfaces/"):
                 trace.time(name)
             elif name is None:
-                skipped = _Trace(trace.data, trace.order, trace.largest, trace.at)
+                skipped = _Trace(trace.data, trace.order, trace.largest, trace.at, trace.visits)
                 self._message(skipped, found, "")
-                trace.at = skipped.at
+                trace.at, trace.visits = skipped.at, skipped.visits
                 trace.fixed += skipped.fixed
             else:
                 self._message(trace, found, f"{name}.")
@@ -115,14 +141,22 @@ class CdrDecoder:
 class _Trace:
     """A position in a payload, and what was found before it."""
 
-    def __init__(self, data: bytes, order: str, largest: int, at: int = 4) -> None:
-        self.data, self.order, self.largest, self.at = data, order, largest, at
+    def __init__(self, data: bytes, order: str, largest: int, at: int = 4, visits: int = 0) -> None:
+        self.data, self.order, self.largest, self.at, self.visits = data, order, largest, at, visits
         self.fixed: list[int] = [0, 1]
         self.places: dict[str, tuple[Place, ...]] = {}
+
+    def visit(self) -> None:
+        """Count a structure: one of nothing takes no bytes, so that only their number ends a multitude of them."""
+        self.visits += 1
+        if self.visits > len(self.data) + MOST_COLUMNS:
+            raise ValueError(f"the message holds more than {self.visits - 1} structures in {len(self.data)} bytes")
 
     def take(self, kind: str, count: int = 1) -> int:
         """The offset of `count` numbers from here, which is then behind them. Alignment counts from the fifth byte."""
         size = int(kind[1])
+        if len(self.places) > MOST_COLUMNS:
+            raise ValueError(f"there are more than {MOST_COLUMNS} numbers in it")
         align = min(size, self.largest)
         self.at += (4 - self.at) % align if count else 0
         start = self.at

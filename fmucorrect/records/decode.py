@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from typing import Any, Protocol, cast, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float64, Int64
 
 from fmucorrect.records.bulk import Layout, Messages
+from fmucorrect.records.source import MOST_COLUMNS
 
 LONGEST = 4096
 """A list with more entries (an image, a point cloud) makes no columns."""
 
+DEEPEST = 64
+"""How deep messages may be nested, in schemas and in JSON. Ten is deep; Python's own stack ends at a thousand."""
+
 _ATTEMPTS = 8
+_FIRST = 32
 
 
 @runtime_checkable
@@ -33,6 +38,10 @@ class Decoder(Protocol):
         """Where the numbers lie in this message and all that are built alike; None when that cannot be said."""
         ...
 
+    def complete(self, names: Collection[str]) -> bool:
+        """Whether no message can hold a number that is not among these."""
+        ...
+
 
 class JsonDecoder:
     """JSON objects: numbers and truth values at any depth, entries of lists as name[i]."""
@@ -43,24 +52,89 @@ class JsonDecoder:
 
     def leaves(self, payload: bytes) -> dict[str, float]:
         """Every number by its path."""
-        return dict(_numbers("", json.loads(payload)))
+        try:
+            return dict(_numbers("", json.loads(payload), DEEPEST))
+        except RecursionError:
+            raise ValueError("the JSON is nested too deep") from None
 
     def layout(self, payload: bytes) -> Layout | None:
         """None: text has no fixed places."""
         return None
 
+    def complete(self, names: Collection[str]) -> bool:
+        """False: JSON promises nothing."""
+        return False
 
-def _numbers(path: str, value: Any) -> Iterator[tuple[str, float]]:
+
+def _numbers(path: str, value: Any, deeper: int) -> Iterator[tuple[str, float]]:
+    if not deeper:
+        raise ValueError(f"the JSON is nested more than {DEEPEST} deep")
     if isinstance(value, dict):
         for key, inner in cast(dict[str, Any], value).items():
-            yield from _numbers(f"{path}.{key}" if path else key, inner)
+            yield from _numbers(f"{path}.{key}" if path else key, inner, deeper - 1)
     elif isinstance(value, list):
         entries = cast(list[Any], value)
         if len(entries) <= LONGEST:
             for i, inner in enumerate(entries):
-                yield from _numbers(f"{path}[{i}]", inner)
+                yield from _numbers(f"{path}[{i}]", inner, deeper - 1)
     elif isinstance(value, (bool, int, float)):
-        yield path or "value", float(value)
+        try:
+            yield path or "value", float(value)
+        except OverflowError:
+            raise ValueError(f"the integer at {path or 'value'!r} is larger than any double") from None
+
+
+class Fields:
+    """The names of the numbers in the messages of one channel, as they come.
+
+    done: no more can come. problem: why its messages cannot be read, in words.
+    """
+
+    def __init__(self, decoder: Decoder) -> None:
+        self.names: dict[str, None] = {}
+        self.done = False
+        self.problem = ""
+        self._decoder = decoder
+        self._layouts: dict[int, Layout] = {}
+
+    def look(self, messages: Messages, rows: Int64[np.ndarray, " n"]) -> bool:
+        """Take in the names of these messages; whether the channel is done."""
+        try:
+            for part in (rows[:_FIRST], rows[_FIRST:]):
+                if not self.done:
+                    self._take(messages, part)
+                    self.done = self._decoder.complete(self.names)
+        except ValueError as error:  # of later messages it is told where they are read
+            self.problem = "" if self.names else str(error)
+            self.done = True
+        return self.done
+
+    def _take(self, messages: Messages, rows: Int64[np.ndarray, " n"]) -> None:
+        sizes = messages.size[rows]
+        for size in np.unique(sizes).tolist():
+            group = rows[sizes == size]
+            if size in self._layouts:
+                _, fits = self._layouts[size].decode(messages.payloads(group), ())
+                group = group[~fits]
+            for _ in range(_ATTEMPTS):
+                if not len(group):
+                    break
+                payload = messages.payload(int(group[0]))
+                self._add(self._decoder.leaves(payload))
+                layout = self._decoder.layout(payload)
+                if layout is None:
+                    break
+                self._layouts[size] = layout
+                _, fits = layout.decode(messages.payloads(group), ())
+                group = group[~fits]
+            for row in group.tolist():
+                self._add(self._decoder.leaves(messages.payload(row)))
+
+    def _add(self, leaves: dict[str, float]) -> None:
+        self.names |= dict.fromkeys(leaves)
+        if len(self.names) > MOST_COLUMNS:
+            self.names.clear()
+            raise ValueError(f"there are more than {MOST_COLUMNS} numbers in it")
 
 
 class Rows:

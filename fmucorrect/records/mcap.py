@@ -1,111 +1,150 @@
 """MCAP files: reading any JSON, protobuf or ROS 2 topic. Writing: mcap_writer.py.
 
 Files are read front to back, so a file that was cut off anywhere gives all its complete chunks. The summary at the end
-is used to know the topics and to leave out chunks that do not hold a topic. Values are those of the messages; time is
-the log time; messages stay in file order.
+is used to know the topics, to leave out chunks that do not hold a topic, and to find the way past a damaged record. Values
+are those of the messages; time is the log time; messages stay in file order.
+
+What is damaged is left out and told. A wrong bit is found by the checksum of its chunk, of the summary or of the whole
+data, by lengths that do not fit the chunk index, and by counts that differ from the statistics. Files written here have
+all of that; in a file without checksums a wrong bit in a number cannot be seen.
 """
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator, Sequence
-from io import BytesIO
+import zlib
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import IO
 
 import numpy as np
-from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, ChunkIndex, Footer, Metadata, MetadataIndex, Schema, Statistics
+from mcap.records import Channel, Schema
 
 from fmucorrect.errors import RecordError
 from fmucorrect.records.bulk import Messages, walk
-from fmucorrect.records.chunks import MAGIC, Frame, frames, unpacked
+from fmucorrect.records.chunks import (
+    EXPANSION,
+    LARGEST_CHUNK,
+    MAGIC,
+    Fault,
+    Frame,
+    frames,
+    rows_words,
+    stamps_words,
+    unpacked,
+)
 from fmucorrect.records.contents import Column, Extent, Topic
-from fmucorrect.records.decode import Decoder, JsonDecoder, Rows
+from fmucorrect.records.decode import Decoder, Fields, JsonDecoder, Rows
+from fmucorrect.records.mcap_summary import read_summary, stream_of
 from fmucorrect.records.source import Block
 
-NOTES = "fmucorrect"
-"""Name of the metadata record that holds what was known of the whole file only at its end."""
+_CELLS = 2**22
+"""Numbers in a block at most: 32 MB."""
 
-_FOOTER_SIZE = 9 + 20 + len(MAGIC)
-_SAMPLES = 32
-_LOOSE = 4096
+_NAMED = 3  # damaged places that are described one by one
+_PIECE = 2**20  # bytes that are read at once for a checksum
+_NOWHERE = -1  # the place of what is wrong with the file as a whole
 
 
 class McapSource:
     """An MCAP file opened for reading. Raises RecordError when it is no MCAP file or holds no topic."""
 
     format = "MCAP"
-    damage = ""
-    left_out: tuple[str, ...] = ()
 
     def __init__(self, path: str) -> None:
         self.path = path
         self._streams: list[IO[bytes]] = []
-        self._channels: dict[int, Channel] = {}
-        self._schemas: dict[int, Schema] = {}
-        self._notes: dict[str, str] = {}
-        self._counts: dict[int, int] | None = None
-        self._holds: dict[int, set[int]] = {}
         self._decoders: dict[int, Decoder | str] = {}
         self._topics: tuple[Topic, ...] | None = None
+        self._faults: dict[int, Fault] = {}
+        self._surveyed, self._checked = False, False
+        self._told: tuple[int, str] = (0, "")
+        self._there: dict[int, tuple[int, int, int]] | None = None
+        self._fields: dict[int, Fields] = {}
         self._stream = self._open()
         self._size = self._stream.seek(0, 2)
         self._stream.seek(0)
         if self._stream.read(len(MAGIC)) != MAGIC:
             self.close()
             raise RecordError("this is not an MCAP file", where=path, expected="the MCAP magic at its start")
-        self.truncated = not self._read_summary()
+        self._summary = read_summary(self._stream, self._size)
+        self.truncated = not self._summary.whole
+        if self._summary.problem:
+            self._faults[self._size] = Fault(self._size, f"the summary is damaged: {self._summary.problem}", False)
+        self._channels: dict[int, Channel] = dict(self._summary.channels)
+        self._schemas: dict[int, Schema] = dict(self._summary.schemas)
 
     def close(self) -> None:
         """Release the file."""
         for stream in self._streams:
             stream.close()
 
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """Topics that cannot be read."""
+        return tuple(f"topic {topic.name}: {topic.note}" for topic in self.topics() if topic.note)
+
+    @property
+    def damage(self) -> str:
+        """What is damaged and how many rows of each topic are there, by reading all of it where anything is damaged."""
+        if not self._surveyed:
+            for _ in self._frames(self._open()):
+                pass
+        if not self._checked:
+            self._check_data()
+            self._checked = True
+        if self._told[0] != len(self._faults) or (self.truncated and not self._told[1]):
+            self._all()
+            self._told = (len(self._faults), self._words())
+        return self._told[1]
+
     def topics(self) -> tuple[Topic, ...]:
-        """The topics, with the numbers that their first messages hold (or that a protobuf schema declares)."""
+        """The topics, with the numbers that their messages hold (or that a protobuf schema declares, without messages)."""
         if self._topics is None:
-            samples = self._samples()
+            counts = self._summary.counts
+            self._scan(None if counts is None else {i for i, count in counts.items() if count})
+            fields = self._fields
             if not self._channels:
-                what = "it was cut off before its first complete chunk" if self.truncated else "it holds no channel"
-                raise RecordError(f"there is no topic: {what}", where=self.path)
-            first: dict[str, Topic] = {}
+                faults = "; ".join(fault.what for fault in self._faults.values())
+                cut = "it was cut off before its first complete chunk" if self.truncated else "it holds no channel"
+                raise RecordError(f"there is no topic: {faults or cut}", where=self.path)
+            by_name: dict[str, list[tuple[Channel, Topic]]] = {}
             for channel in self._channels.values():
-                topic = self._describe(channel, samples.get(channel.id, []))
-                if channel.topic not in first or (topic.columns and not first[channel.topic].columns):
-                    first[channel.topic] = topic
-            self._topics = tuple(first.values())
+                topic = self._describe(channel, fields.get(channel.id))
+                by_name.setdefault(channel.topic, []).append((channel, topic))
+            self._topics = tuple(_one_topic(name, every, fields) for name, every in by_name.items())
         return self._topics
 
     def blocks(self, topic: str, columns: Sequence[str]) -> Iterator[Block]:
-        """One block a chunk. Raises RecordError for a damaged chunk or message."""
+        """Blocks of a chunk or a part of one. Raises RecordError for a message that cannot be decoded."""
         ids = self._ids(topic)
         fields = {i: _fields(self._channels[i], columns) for i in ids}
         readers = {i: Rows(self._decoder(i), fields[i]) for i in ids}
+        most = max(1, _CELLS // max(1, len(columns)))
+        count = 0
         for messages in self._messages(ids):
-            rows = _of(messages, ids)
-            if not len(rows):
-                continue
-            values = np.empty((len(rows), len(columns)))
-            for i in ids:
-                mine = np.flatnonzero(messages.channel[rows] == i) if len(ids) > 1 else np.arange(len(rows))
-                if len(mine) == len(rows):
-                    values = self._values(readers[i], messages, rows, topic)
-                elif len(mine):
-                    values[mine] = self._values(readers[i], messages, rows[mine], topic)
-            log_ns = messages.log_ns
-            yield Block(log_ns if len(rows) == len(log_ns) else log_ns[rows], values)
+            every = _of(messages, ids)
+            count += len(every)
+            for start in range(0, len(every), most):
+                rows = every[start : start + most]
+                values = np.empty((len(rows), len(columns)))
+                for i in ids:
+                    mine = np.flatnonzero(messages.channel[rows] == i) if len(ids) > 1 else np.arange(len(rows))
+                    if len(mine) == len(rows):
+                        values = self._values(readers[i], messages, rows, topic)
+                    elif len(mine):
+                        values[mine] = self._values(readers[i], messages, rows[mine], topic)
+                log_ns = messages.log_ns
+                yield Block(log_ns if len(rows) == len(log_ns) else log_ns[rows], values)
+        self._compare(dict.fromkeys(ids[1:], 0) | {ids[0]: count}, ids)
 
     def extent(self, topic: str) -> Extent:
-        """From the message indexes where chunks have them, else from the chunks."""
-        ids = self._ids(topic)
-        rows, low, high = 0, [], []
-        for stamps in self._stamps(ids):
-            rows += len(stamps)
-            low.append(int(stamps.min()))
-            high.append(int(stamps.max()))
-        return Extent(rows, min(low, default=None), max(high, default=None))
+        """By reading every chunk."""
+        mine = [self._all()[i] for i in self._ids(topic) if i in self._all()]
+        rows = sum(count for count, _, _ in mine)
+        return Extent(rows, min((m[1] for m in mine), default=None), max((m[2] for m in mine), default=None))
 
     def _open(self) -> IO[bytes]:
         try:
@@ -119,133 +158,167 @@ class McapSource:
         stream.seek(frame.start)
         return stream.read(frame.length)
 
-    def _read_summary(self) -> bool:
-        """Channels and indexes from the summary; False when the file does not end as it should."""
-        if self._size < len(MAGIC) + _FOOTER_SIZE:
-            return False
-        self._stream.seek(self._size - _FOOTER_SIZE)
-        tail = self._stream.read(_FOOTER_SIZE)
-        if tail[:9] != struct.pack("<BQ", Opcode.FOOTER, 20) or tail[-len(MAGIC) :] != MAGIC:
-            return False
-        start = Footer.read(_data(tail[9:29])).summary_start
-        declared = None
-        for frame in frames(self._stream, self._size - _FOOTER_SIZE, start) if start else ():
-            body = self._body(self._stream, frame)
-            self._learn(frame.opcode, body)
-            if frame.opcode == Opcode.STATISTICS:
-                statistics = Statistics.read(_data(body))
-                self._counts, declared = statistics.channel_message_counts, statistics.channel_count
-            elif frame.opcode == Opcode.METADATA_INDEX:
-                index = MetadataIndex.read(_data(body))
-                if index.name == NOTES:
-                    self._stream.seek(index.offset + 9)
-                    self._notes = Metadata.read(_data(self._stream.read(index.length - 9))).metadata
-            elif frame.opcode == Opcode.CHUNK_INDEX:
-                index = ChunkIndex.read(_data(body))
-                self._holds[index.chunk_start_offset] = set(index.message_index_offsets)
-        if declared is None or declared != len(self._channels):
-            self._counts = None
-        return True
+    def _frames(self, stream: IO[bytes]) -> Iterator[Frame]:
+        whole = self._summary.whole and not self._summary.problem
+        yield from frames(stream, self._summary.data_stop, self._summary.chunks, self._faults, whole)
+        self._surveyed = True
 
-    def _learn(self, opcode: int, body: bytes) -> None:
+    def _check_data(self) -> None:
+        """The checksum of the data section, where it has one."""
+        end = self._summary.data_stop - 13
+        if not self._summary.whole or self._summary.problem or end < len(MAGIC):
+            return
+        self._stream.seek(end)
+        opcode, length, stated = struct.unpack("<BQI", self._stream.read(13))
+        if opcode != Opcode.DATA_END or length != 4 or not stated:
+            return
+        self._stream.seek(0)
+        found, rest = 0, end
+        while rest > 0:
+            piece = self._stream.read(min(rest, _PIECE))
+            found, rest = zlib.crc32(piece, found), rest - len(piece)
+        if found != stated and not self._faults:
+            self._faults[_NOWHERE] = Fault(_NOWHERE, "the checksum of all data is wrong, where cannot be told", False)
+
+    def _learn(self, opcode: int, body: bytes, at: int) -> None:
+        """A schema or channel. What the summary said of it before is right where both differ."""
         if opcode == Opcode.SCHEMA:
-            schema = Schema.read(_data(body))
-            self._schemas.setdefault(schema.id, schema)
+            known, kind, read = self._schemas, "schema", Schema.read
         elif opcode == Opcode.CHANNEL:
-            channel = Channel.read(_data(body))
-            self._channels.setdefault(channel.id, channel)
+            known, kind, read = self._channels, "channel", Channel.read
+        else:
+            return
+        try:
+            found = read(stream_of(body))
+        except (ValueError, struct.error, McapError) as error:
+            self._faults[at] = Fault(at, f"a {kind} is damaged: {error}", False)
+            return
+        if known.setdefault(found.id, found) != found:  # pyright: ignore[reportArgumentType] (both are of one kind)
+            self._faults[at] = Fault(at, f"{kind} {found.id} is told twice, differently", False)
 
     def _ids(self, topic: str) -> list[int]:
         return [i for i, channel in self._channels.items() if channel.topic == topic]
 
-    def _messages(self, ids: Sequence[int] | None) -> Iterator[Messages]:
+    def _messages(self, ids: Collection[int] | None) -> Iterator[Messages]:
         """All messages, chunk by chunk; chunks that the index says hold none of the channels are left out."""
         stream = self._open()
-        loose = bytearray()
-        count = 0
-        for frame in frames(stream, self._size):
+        left = EXPANSION * self._size + LARGEST_CHUNK
+        for frame in self._frames(stream):
             if frame.opcode == Opcode.CHUNK:
-                if loose:
-                    yield walk(bytes(loose))[0]
-                    loose, count = bytearray(), 0
-                holds = self._holds.get(frame.start - 9)
-                if ids is not None and holds and holds.isdisjoint(ids):
+                index = self._summary.chunks.get(frame.start - 9)
+                holds = index.message_index_offsets if index else {}
+                if ids is not None and holds and holds.keys().isdisjoint(ids):
                     continue
                 messages = self._chunk(self._body(stream, frame), frame)
-                if messages is None:
-                    return
-                yield messages
+                if messages is not None:
+                    left -= len(messages.data)
+                    yield messages
             elif frame.opcode == Opcode.MESSAGE:
-                loose += struct.pack("<BQ", frame.opcode, frame.length) + self._body(stream, frame)
-                count += 1
-                if count == _LOOSE:
-                    yield walk(bytes(loose))[0]
-                    loose, count = bytearray(), 0
-            elif frame.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                self._learn(frame.opcode, self._body(stream, frame))
-        if loose:
-            yield walk(bytes(loose))[0]
+                yield self._sound(walk(self._body(stream, frame))[0], frame.start)
+            else:
+                self._learn(frame.opcode, self._body(stream, frame), frame.start - 9)
+            if left < 0:
+                raise RecordError(
+                    f"the file unpacks to more than {EXPANSION} times its size",
+                    where=self.path,
+                    got="an attack on memory",
+                )
 
     def _chunk(self, body: bytes, frame: Frame) -> Messages | None:
-        """The messages of a chunk; None where a file that was cut off holds a chunk never fully written."""
+        """The messages of a chunk; None where it is damaged."""
+        at = frame.start - 9
+        index = self._summary.chunks.get(at)
         try:
-            messages, others = walk(unpacked(body))
+            messages, others = walk(unpacked(body, index))
         except (ValueError, struct.error) as error:
-            if self.truncated:
-                return None
-            raise RecordError(f"the chunk at byte {frame.start - 9} is damaged: {error}", where=self.path) from error
+            when = f" ({stamps_words(index.message_start_time, index.message_end_time)})" if index else ""
+            self._faults[at] = Fault(at, f"the chunk{when} is damaged: {error}")
+            return None
         for opcode, record in others:
-            self._learn(opcode, record)
+            self._learn(opcode, record, at)
+        return self._sound(messages, at)
+
+    def _sound(self, messages: Messages, at: int) -> Messages:
+        """The same messages. Raises RecordError for a stamp that int64 cannot hold, notes channels that nothing describes."""
+        if not len(messages.channel):
+            return messages
+        if messages.log_ns.min() < 0:
+            raise RecordError(f"a stamp at byte {at} lies beyond the year 2262", where=self.path)
+        first = int(messages.channel[0])
+        same = bool((messages.channel == first).all())
+        for i in [first] if same else np.unique(messages.channel).tolist():
+            if i not in self._channels:
+                self._faults[at] = Fault(at, f"messages of channel {i}, which nothing describes, are lost")
         return messages
 
-    def _stamps(self, ids: Sequence[int]) -> Iterator[np.ndarray]:
-        """The stamps of channels, without unpacking chunks that message indexes describe."""
-        stream = self._open()
-        pending: Frame | None = None
-        indexed: list[np.ndarray] = []
-        described = False
+    def _all(self) -> dict[int, tuple[int, int, int]]:
+        """Rows, smallest and largest stamp of every channel, by reading every chunk once."""
+        if self._there is None:
+            self._scan(None)
+        assert self._there is not None
+        return self._there
 
-        def finish() -> Iterator[np.ndarray]:
-            if pending is not None and not described:
-                messages = self._chunk(self._body(stream, pending), pending)
-                if messages is not None:
-                    yield messages.log_ns[_of(messages, ids)]
-            yield from indexed
+    def _scan(self, waiting: set[int] | None) -> None:
+        """Look at messages until no channel of `waiting` can hold more numbers; all of them where that is None, and count."""
+        there: dict[int, tuple[int, int, int]] = {}
+        for messages in self._messages(waiting):
+            single = len(messages.channel) > 0 and bool((messages.channel == messages.channel[0]).all())
+            for i in messages.channel[:1].tolist() if single else np.unique(messages.channel).tolist():
+                rows = np.arange(len(messages.channel)) if single else np.flatnonzero(messages.channel == i)
+                stamps = messages.log_ns[rows]
+                low, high = int(stamps.min()), int(stamps.max())
+                count, least, most = there.get(i, (0, low, high))
+                there[i] = (count + len(stamps), min(low, least), max(high, most))
+                decoder = self._decoder_or_why(i) if i in self._channels else ""
+                if isinstance(decoder, str):
+                    done = True
+                else:
+                    fields = self._fields.setdefault(i, Fields(decoder))
+                    done = fields.done or fields.look(messages, rows)
+                if done and waiting is not None:
+                    waiting.discard(i)
+            if waiting is not None and not waiting:
+                return
+        if waiting is None:
+            self._there = {i: found for i, found in there.items() if i in self._channels}
+            self._compare({i: count for i, (count, _, _) in self._there.items()}, list(self._channels))
 
-        def nonempty(parts: Iterator[np.ndarray]) -> Iterator[np.ndarray]:
-            return (part for part in parts if len(part))
+    def _compare(self, there: dict[int, int], ids: Sequence[int]) -> None:
+        """Note where less was read than the summary counts, and nothing damaged was met."""
+        counts = self._summary.counts
+        if counts is None:
+            return
+        have, want = sum(there.values()), sum(counts.get(i, 0) for i in ids)
+        if have != want and not any(fault.chunk for fault in self._faults.values()):
+            self._faults[_NOWHERE] = Fault(_NOWHERE, f"the summary counts {want} messages, and {have} are there")
 
-        for frame in frames(stream, self._size):
-            if frame.opcode == Opcode.MESSAGE_INDEX:
-                described = True
-                body = self._body(stream, frame)
-                if struct.unpack_from("<H", body)[0] in ids:
-                    indexed.append(np.frombuffer(body, "<i8", offset=6)[::2])
-                continue
-            yield from nonempty(finish())
-            pending, indexed, described = None, [], False
-            if frame.opcode == Opcode.CHUNK:
-                pending = frame
-            elif frame.opcode == Opcode.MESSAGE:
-                stream.seek(frame.start)
-                channel, _, log_ns = struct.unpack("<HIq", stream.read(14))
-                if channel in ids:
-                    yield np.array([log_ns], np.int64)
+    def _words(self) -> str:
+        """The damage, for people."""
+        faults = [self._faults[at] for at in sorted(self._faults)]
+        parts: list[str] = []
         if self.truncated:
-            described, indexed = False, []  # its indexes may not be complete
-        yield from nonempty(finish())
+            parts.append(f"cut off at byte {self._size}, before its summary is complete")
+        parts += [f"{fault.what}" + (f" (byte {fault.at})" if fault.at >= 0 else "") for fault in faults[:_NAMED]]
+        if len(faults) > _NAMED:
+            parts.append(f"and {len(faults) - _NAMED} more damaged places")
+        if not parts:
+            return ""
+        return "; ".join([*parts, self._rows_there()])
 
-    def _samples(self) -> dict[int, list[bytes]]:
-        """The first messages of every channel."""
-        samples: dict[int, list[bytes]] = {}
-        for messages in self._messages(None):
-            for i in np.unique(messages.channel):
-                have = samples.setdefault(int(i), [])
-                for row in np.flatnonzero(messages.channel == i)[: _SAMPLES - len(have)]:
-                    have.append(messages.payload(int(row)))
-            if self._counts is not None and all(i in samples for i, count in self._counts.items() if count):
-                break
-        return samples
+    def _rows_there(self) -> str:
+        """How many rows of each topic are there, and how many were."""
+        there: dict[str, int] = {}
+        for i, channel in self._channels.items():
+            there[channel.topic] = there.get(channel.topic, 0) + self._all().get(i, (0, 0, 0))[0]
+        counts = self._summary.counts
+        expected: dict[str, int] = {}
+        if counts is not None:
+            for i, count in counts.items():
+                name = self._channels[i].topic if i in self._channels else f"channel {i}"
+                expected[name] = expected.get(name, 0) + count
+        elif not self.truncated and not any(fault.chunk for fault in self._faults.values()):
+            expected = there
+        return rows_words(there, expected)
 
     def _decoder(self, channel: int) -> Decoder:
         decoder = self._decoder_or_why(channel)
@@ -271,22 +344,21 @@ class McapSource:
                 f"a message cannot be decoded: {error}", where=f"{self.path}, topic {topic}, {between}"
             ) from error
 
-    def _describe(self, channel: Channel, samples: Sequence[bytes]) -> Topic:
+    def _describe(self, channel: Channel, fields: Fields | None) -> Topic:
         schema = self._schemas.get(channel.schema_id)
         encoding = channel.message_encoding + (f" {schema.name}" if schema and schema.name else "")
         metadata = {key: value for key, value in channel.metadata.items() if not key.startswith(("unit.", "name."))}
-        metadata |= self._notes
+        metadata |= self._summary.notes
         decoder = self._decoder_or_why(channel.id)
         if isinstance(decoder, str):
             return Topic(channel.topic, (), encoding, metadata, decoder)
-        units = dict(decoder.declared())
-        fields: dict[str, None] = {}
+        if fields is not None and fields.problem:
+            return Topic(channel.topic, (), encoding, metadata, f"a message cannot be decoded: {fields.problem}")
         try:
-            for payload in samples:
-                fields |= dict.fromkeys(decoder.leaves(payload))
+            units = dict(decoder.declared())
         except ValueError as error:
-            return Topic(channel.topic, (), encoding, metadata, f"a message cannot be decoded: {error}")
-        names = list(fields) if samples else [field for field in units if not field.endswith("[")]
+            return Topic(channel.topic, (), encoding, metadata, str(error))
+        names = list(fields.names) if fields is not None else [field for field in units if not field.endswith("[")]
         columns = tuple(
             Column(
                 channel.metadata.get(f"name.{field}", field),
@@ -295,6 +367,17 @@ class McapSource:
             for field in names
         )
         return Topic(channel.topic, columns, encoding, metadata)
+
+
+def _one_topic(name: str, every: Sequence[tuple[Channel, Topic]], fields: dict[int, Fields]) -> Topic:
+    """The topic of the channels that have this name: those with messages must hold the same columns."""
+    used = [(channel, topic) for channel, topic in every if channel.id in fields] or every
+    first = next((topic for _, topic in used if topic.columns), used[0][1])
+    if all(topic.columns == first.columns for _, topic in used):
+        return first
+    each = "; ".join(f"channel {c.id}: {', '.join(k.name for k in t.columns) or t.note}" for c, t in used)
+    note = f"{len(used)} channels with different columns have this name ({each}), so its rows cannot be told apart"
+    return Topic(name, (), first.encoding, first.metadata, note)
 
 
 def _decoder(channel: Channel, schema: Schema | None) -> Decoder:
@@ -321,7 +404,3 @@ def _fields(channel: Channel, columns: Sequence[str]) -> list[str]:
 
 def _of(messages: Messages, ids: Sequence[int]) -> np.ndarray:
     return np.flatnonzero(messages.channel == ids[0] if len(ids) == 1 else np.isin(messages.channel, ids))
-
-
-def _data(body: bytes) -> ReadDataStream:
-    return ReadDataStream(BytesIO(body))

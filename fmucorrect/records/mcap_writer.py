@@ -35,7 +35,7 @@ from fmucorrect.records import _protobuf
 from fmucorrect.records.assemble import RESERVED
 from fmucorrect.records.bulk import assemble, assemble_index
 from fmucorrect.records.chunks import MAGIC
-from fmucorrect.records.mcap import NOTES
+from fmucorrect.records.mcap_summary import NOTES
 from fmucorrect.signals import Record
 
 CHUNK_ROWS = 2**14

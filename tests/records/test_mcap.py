@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import struct
 import subprocess
@@ -167,13 +168,21 @@ def test_a_tail_of_zeros_is_a_cut(tmp_path: Path) -> None:
     same(back, record.rows(0, len(back)))
 
 
-def test_a_flipped_bit_is_an_error_with_its_place(tmp_path: Path) -> None:
-    path, _ = save(tmp_path / "run.mcap", 40_000)
+def test_a_flipped_bit_costs_its_chunk_and_is_told(tmp_path: Path) -> None:
+    path, record = save(tmp_path / "run.mcap", 40_000)
     data = bytearray(path.read_bytes())
     data[len(data) // 2] ^= 4
     path.write_bytes(bytes(data))
-    with pytest.raises(RecordError, match=r"run.mcap: the chunk at byte \d+ is damaged"):
-        records.read(path)
+    back = records.read(path)
+    same(back, join([record.rows(0, 2**14), record.rows(2**15, 40_000)]))
+    told = (
+        r"the chunk \(16.384 s to 32.767 s\) is damaged: .*\(byte \d+\); 23616 of 40000 rows of /simulation are there"
+    )
+    assert re.search(told, back.metadata["damage"])
+    with pytest.raises(RecordError, match=told):
+        records.read(path, allow_damaged=False)
+    with pytest.raises(RecordError, match=told):
+        list(records.stream(path, allow_damaged=False))
 
 
 def test_killed_writer(tmp_path: Path) -> None:
