@@ -11,6 +11,7 @@ from fmucorrect.errors import RecordError
 from fmucorrect.records import timebase
 from fmucorrect.records.columns import Part, Plan, plan
 from fmucorrect.records.guarded import Guarded
+from fmucorrect.records.repairs import Repairs
 from fmucorrect.records.source import NO_TIME, RAM_ROWS, Block
 from fmucorrect.signals import Channel, Record
 
@@ -28,8 +29,9 @@ def whole(
     names = timebase.rules(repair)
     found = plan(source.topics(), columns, topic, source.path)
     if set(names) <= _STREAMED:
-        blocks = list(_checked(source, found, names, RAM_ROWS if len(found.parts) > 1 else None))
-        return _record(source, found, _concatenate(blocks, len(found.names)))
+        repairs = [Repairs() for _ in found.parts]
+        blocks = list(_checked(source, found, names, RAM_ROWS if len(found.parts) > 1 else None, repairs))
+        return _record(source, found, _concatenate(blocks, len(found.names)), repairs)
     return _repaired(source, found, names)
 
 
@@ -40,15 +42,16 @@ def chunks(
     names = timebase.rules(repair)
     found = plan(source.topics(), columns, topic, source.path)
     if set(names) <= _STREAMED:
-        for block in _checked(source, found, names, rows):
-            yield _record(source, found, block)
+        repairs = [Repairs() for _ in found.parts]
+        for block in _checked(source, found, names, rows, repairs):
+            yield _record(source, found, block, repairs)
     else:
         record = _repaired(source, found, names)
         for start in range(0, len(record), rows):
             yield record.rows(start, min(start + rows, len(record)))
 
 
-def _record(source: Guarded, found: Plan, block: Block) -> Record:
+def _record(source: Guarded, found: Plan, block: Block, repairs: Sequence[Repairs]) -> Record:
     channels = tuple(Channel(name, unit) for name, unit in zip(found.names, found.units, strict=True))
     metadata = dict(found.parts[0].topic.metadata) if len(found.parts) == 1 else {}
     metadata["path"] = source.path
@@ -58,12 +61,20 @@ def _record(source: Guarded, found: Plan, block: Block) -> Record:
         metadata["truncated"] = "true"
     if damage := source.damage:
         metadata["damage"] = "; ".join(filter(None, [damage, metadata.get("damage")]))
+    repaired = [
+        f"{part.topic.name}: {one.text()}" for part, one in zip(found.parts, repairs, strict=True) if one.text()
+    ]
+    if repaired:
+        told = [text.removeprefix(": ") for text in repaired]
+        metadata["repaired"] = "; ".join(filter(None, [*told, metadata.get("repaired")]))
     return Record(block.t_ns, block.values, channels, metadata)
 
 
-def _checked(source: Guarded, found: Plan, names: tuple[str, ...], rows: int | None) -> Iterator[Block]:
+def _checked(
+    source: Guarded, found: Plan, names: tuple[str, ...], rows: int | None, repairs: Sequence[Repairs]
+) -> Iterator[Block]:
     """Blocks with increasing time and finite values, of `rows` rows (None: as the file gives them)."""
-    series = [_sound(source, part, names) for part in found.parts]
+    series = [_sound(source, part, names, one) for part, one in zip(found.parts, repairs, strict=True)]
     if len(series) == 1:
         yield from series[0] if rows is None else _regular(series[0], rows)
         return
@@ -80,14 +91,15 @@ def _checked(source: Guarded, found: Plan, names: tuple[str, ...], rows: int | N
         row += agreed
 
 
-def _sound(source: Guarded, part: Part, names: tuple[str, ...]) -> Iterator[Block]:
+def _sound(source: Guarded, part: Part, names: tuple[str, ...], repairs: Repairs) -> Iterator[Block]:
     """One topic's blocks, dropped where asked, checked."""
     row, last = 0, NO_TIME
     labels = [part.topic.full_name(column) for column in part.columns]
     for block in source.blocks(part.topic.name, part.columns):
         if names:
-            block = timebase.drop(block, last)
+            block = timebase.drop(block, last, repairs)
         timebase.check(block, labels, source.path, row, last)
+        timebase.check_clock(block.t_ns, source.path, row, last)
         row += len(block.t_ns)
         if len(block.t_ns):
             last = int(block.t_ns[-1])
@@ -158,22 +170,34 @@ def _ended(source: Guarded, found: Plan, counts: Sequence[int], row: int) -> Rec
 def _repaired(source: Guarded, found: Plan, names: tuple[str, ...]) -> Record:
     """Every topic in memory, mended rule by rule, then joined."""
     blocks: list[Block] = []
-    for part in found.parts:
+    every = [Repairs() for _ in found.parts]
+    for part, repairs in zip(found.parts, every, strict=True):
         block = _concatenate(list(source.blocks(part.topic.name, part.columns)), len(part.columns))
         for name in names:
             if name == "sort":
-                block = timebase.sort(block)
+                block = timebase.sort(block, repairs)
             elif name == "drop":
-                block = timebase.drop(block)
+                block = timebase.drop(block, repairs=repairs)
+            elif name == "clock":
+                block = timebase.clock(block, repairs)
             elif name == "interpolate":
-                block = timebase.interpolate(block, source.path)
+                block = timebase.interpolate(block, source.path, repairs)
         timebase.check(block, [part.topic.full_name(column) for column in part.columns], source.path)
+        timebase.check_clock(block.t_ns, source.path)
         blocks.append(block)
-    record = _record(source, found, _one_base(source, found, blocks, names))
-    return timebase.resample(record) if "resample" in names else record
+    joined = _one_base(source, found, blocks, names, every)
+    if "resample" in names:
+        channels = tuple(Channel(name) for name in found.names)
+        mended = timebase.resample(Record(joined.t_ns, joined.values, channels), repairs=every[0])
+        joined = Block(mended.t_ns, mended.values)
+    for repairs in every:
+        repairs.require_known(source.path)
+    return _record(source, found, joined, every)
 
 
-def _one_base(source: Guarded, found: Plan, blocks: Sequence[Block], names: tuple[str, ...]) -> Block:
+def _one_base(
+    source: Guarded, found: Plan, blocks: Sequence[Block], names: tuple[str, ...], repairs: Sequence[Repairs]
+) -> Block:
     if len(blocks) == 1:
         return blocks[0]
     if "interpolate" not in names:
@@ -188,4 +212,5 @@ def _one_base(source: Guarded, found: Plan, blocks: Sequence[Block], names: tupl
     start, stop = max(int(b.t_ns[0]) for b in blocks), min(int(b.t_ns[-1]) for b in blocks)
     base = blocks[0].t_ns
     base = base[(base >= start) & (base <= stop)]
-    return Block(base, _side_by_side(found, [timebase.at_stamps(block, base) for block in blocks], len(base)))
+    values = [timebase.at_stamps(block, base, one) for block, one in zip(blocks, repairs, strict=True)]
+    return Block(base, _side_by_side(found, values, len(base)))

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from fmucorrect import records
 from fmucorrect.errors import RecordError
-from fmucorrect.records import timebase
+from fmucorrect.records import repairs, timebase
 from fmucorrect.records.source import Block
 from fmucorrect.signals import Channel, Record, join
 
@@ -60,7 +60,14 @@ def test_without_a_rule(rows: list[tuple[float, float]], message: str, tmp_path:
         (("drop", "resample"), [(0, 0), (1, 1), (1, 7), (3, 3)], [(0, 0), (1.5, 1.5), (3, 3)]),
     ],
 )
-def test_rules(rule: str, rows: list[tuple[float, float]], mended: list[tuple[float, float]], tmp_path: Path) -> None:
+def test_rules(
+    rule: str,
+    rows: list[tuple[float, float]],
+    mended: list[tuple[float, float]],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(repairs, "MADE_UP", 1.0)  # so few rows are soon half made up
     path = csv(tmp_path, rows)
     record = records.read(path, repair=rule)
     assert list(zip((record.t_ns / 1e9).tolist(), record["a"].tolist(), strict=True)) == mended
@@ -72,7 +79,7 @@ def test_rules(rule: str, rows: list[tuple[float, float]], mended: list[tuple[fl
 @pytest.mark.parametrize(
     ("rule", "rows", "message"),
     [
-        ("mend", [(0, 1)], r"no repair rule 'mend', expected some of drop, interpolate, resample, sort"),
+        ("mend", [(0, 1)], r"no repair rule 'mend', expected some of clock, drop, interpolate, resample, sort"),
         ("sort", [(0, 1), (0, 2)], "time is repeated at row 1"),
         ("interpolate", [(0, np.nan), (1, 2)], "column 'a' is nan at row 0"),
         ("interpolate", [(1, 1), (0, np.nan), (2, 2)], r"goes back at row 1.*'sort' or 'drop' before"),
@@ -82,6 +89,59 @@ def test_rules(rule: str, rows: list[tuple[float, float]], mended: list[tuple[fl
 def test_what_a_rule_does_not_mend(rule: str, rows: list[tuple[float, float]], message: str, tmp_path: Path) -> None:
     with pytest.raises(RecordError, match=message):
         records.read(csv(tmp_path, rows), repair=rule)
+
+
+@pytest.mark.parametrize(
+    ("rule", "spoil", "told"),
+    [
+        ("drop", slice(10, 13), "drop left out 4 of 100 rows, at most 3 in a row from t = 10 s, over 2 s"),
+        ("interpolate", slice(10, 13), "interpolate filled 4 of 100 rows, at most 3 in a row from t = 10 s, over 2 s"),
+        ("drop,resample", slice(10, 13), "resample bridged gaps with 4 of 100 rows, at most 3 in a row from t = 10 s"),
+    ],
+)
+def test_what_a_rule_changed_is_counted(rule: str, spoil: slice, told: str, tmp_path: Path) -> None:
+    values = np.arange(100.0)
+    values[spoil], values[50] = np.nan, np.nan
+    path = csv(tmp_path, list(enumerate(values.tolist())))
+    assert told in records.read(path, repair=rule).metadata["repaired"]
+    for rows in (1, 11, 100):  # a stretch may lie across chunks
+        assert told in list(records.stream(path, repair=rule, rows=rows))[-1].metadata["repaired"]
+    clean = csv(tmp_path, [(i, 1) for i in range(9)])
+    assert "repaired" not in records.read(clean, repair=rule).metadata
+
+
+@pytest.mark.parametrize("rule", ["interpolate", "drop,resample"])
+def test_a_rule_does_not_make_up_more_than_a_tenth(rule: str, tmp_path: Path) -> None:
+    values = np.arange(100.0)
+    values[40:49] = np.nan
+    assert len(records.read(csv(tmp_path, list(enumerate(values.tolist()))), repair=rule)) == 100
+    values[70:75] = np.nan
+    with pytest.raises(RecordError, match=r"would make up 14 % of the rows \(.*9 in a row from t = 40 s"):
+        records.read(csv(tmp_path, list(enumerate(values.tolist()))), repair=rule)
+
+
+@pytest.mark.parametrize(("before", "after", "row"), [([0], 50, 1), ([0, 1, 2], 50, 3), ([], 50, 50), ([-3e8], 50, 1)])
+def test_a_clock_that_jumps_is_refused_and_its_rule_named(
+    before: list[float], after: int, row: int, tmp_path: Path
+) -> None:
+    """One stamp or some before the clock was set, or one far behind the end."""
+    epoch = [1.7e9 + i for i in range(after)]
+    times = [*before, *epoch] if before else [*epoch, 1.9e9]
+    path = csv(tmp_path, [(t, i) for i, t in enumerate(times)])
+    with pytest.raises(
+        RecordError, match=rf"the clock jumps at row {row}, from t = .*expected steps of about 1 s.*'clock'"
+    ):
+        records.read(path)
+    with pytest.raises(RecordError, match="the clock jumps"):
+        list(records.stream(path, rows=1))
+    mended = records.read(path, repair="clock")
+    assert mended.t_ns.tolist() == [round(t * 1e9) for t in epoch]
+    assert f"clock left out {len(times) - after} of {len(times)} rows" in mended.metadata["repaired"]
+
+
+def test_a_long_pause_is_no_jump_of_the_clock(tmp_path: Path) -> None:
+    for times in ([0, 1, 2, 3000, 3001], [86400.0 * i for i in range(9)], [0, 20000]):
+        assert len(records.read(csv(tmp_path, [(t, 1) for t in times]))) == len(times)
 
 
 @pytest.mark.parametrize("last", [8191, 8192, 8193, 20000])
