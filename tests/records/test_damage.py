@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -60,3 +62,11 @@ def test_whatever_a_reader_raises_names_the_file(tmp_path: Path) -> None:
     path.write_bytes(b"\x89MCAP0\r\n" + b"\x04" + (40).to_bytes(8, "little") + b"\xff" * 200)
     with pytest.raises(RecordError, match=r"run\.mcap"):
         records.describe(path)
+
+
+def test_a_cut_at_every_byte_and_a_wrong_bit_in_every_byte_are_told(tmp_path: Path) -> None:
+    """Rows of a cut file are a prefix; a wrong bit changes nothing, or is told, or is an error. Never in silence."""
+    script = Path(__file__).with_name("broken_mcap.py")
+    done = subprocess.run([sys.executable, script, tmp_path, "1"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr[-2000:]
+    assert len(done.stdout.splitlines()) == 6
