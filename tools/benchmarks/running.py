@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +12,7 @@ from benchmark import Row
 from benchmarks.steps import CONDITION, MODEL
 
 from fmucorrect import bundle
-from fmucorrect.fmu import FmuStepper
+from fmucorrect.fmu import FmuStepper, IsolatedStepper
 from fmucorrect.signals import Channel, Condition, Record
 from fmucorrect.stepper import CorrectedStepper, Step, Stepper, grid, run
 
@@ -62,14 +63,33 @@ def streamed_per_second(stepper: Stepper, condition: Condition, count: int) -> f
     return count / (time.perf_counter() - begun)
 
 
+def isolated_over_bare(make: Callable[..., Stepper], count: int, pairs: int) -> tuple[float, float]:
+    """Time of a run by run(), the solver in a process of its own, over that in this process: the median of pairs taken in
+    turn, when the process is there already; and what it took to get there, s."""
+    bare, isolated = make(FmuStepper), make(IsolatedStepper)
+    bare.reset(CONDITION)
+    begun = time.perf_counter()
+    isolated.reset(CONDITION)
+    start = time.perf_counter() - begun
+    ratios: list[float] = []
+    for turn in range(pairs):
+        rate = {
+            s: streamed_per_second(s, CONDITION, count) for s in ((bare, isolated) if turn % 2 else (isolated, bare))
+        }
+        ratios.append(rate[bare] / rate[isolated])
+    bare.close()
+    isolated.close()
+    return float(np.median(ratios)), start
+
+
 def measure(quick: bool) -> list[Row]:
     model = bundle.load(MODEL)
     count, repeats = (3000, 3) if quick else (20_000, 7)
     named = tuple(replace(c, unit="mm", simulation=f"mass{i + 1}.x") for i, c in enumerate(model.channels))
     parameters = {"masses": 4.0, "x1": 1e-3}
 
-    def oscillator() -> FmuStepper:
-        return FmuStepper(FMUS / "oscillator" / "oscillator.fmu", named, parameters=parameters)
+    def oscillator(kind: Callable[..., Stepper] = FmuStepper) -> Stepper:
+        return kind(FMUS / "oscillator" / "oscillator.fmu", named, parameters=parameters)
 
     def rig() -> FmuStepper:
         return FmuStepper(FMUS / "roller_rig" / "roller_rig.fmu", model.channels, parameters={"speed": 385 / 3.6})
@@ -93,6 +113,7 @@ def measure(quick: bool) -> list[Row]:
         ratios["real time"].append(two / 1e3)
         for stepper in (bare, corrected, slower, plain, better):
             stepper.close()
+    apart, start = isolated_over_bare(oscillator, 20_000, 5 * repeats)
     m = {name: float(np.median(values)) for name, values in ratios.items()}
     trivial = f"oscillator FMU, {m['bare us']:.2f} us a step bare"
     return [
@@ -105,6 +126,14 @@ def measure(quick: bool) -> list[Row]:
             1.07,
             False,
             "the same, the solver held busy for 100 us",
+        ),
+        Row(
+            "solver in a process of its own / in this one, trivial FMU, streamed in chunks",
+            apart,
+            "",
+            1.05,
+            False,
+            f"the same by run(); the process is there after {start:.2f} s",
         ),
         Row("corrected / bare run, roller rig, streamed", m["rig"], "", None, False, "run()"),
         Row("real-time factor of the corrected roller rig", m["real time"], "", None, True, "1 ms a step, streamed"),
