@@ -26,6 +26,7 @@ from fmucorrect.stepper import (
     Status,
     Stepper,
     corrected_channels,
+    finished_rows,
     run,
 )
 from fmucorrect.study import Study
@@ -251,8 +252,9 @@ def _kept(recorder: _Recorder, growing: outputs.Growing, out: Path, error: BaseE
     """Close the file of a run that `error` broke off, with what it had finished: whether there was anything to keep. The
     error's notes say how much, and where."""
     with suppress(FmucorrectError, OSError):  # of the rest, when it cannot be written either, the error is told already
-        if isinstance(error, FmucorrectError) and error.finished is not None:
-            recorder.take(error.finished)
+        rows = finished_rows(error)
+        if rows is not None:
+            recorder.take(rows)
     if isinstance(error, KeyboardInterrupt):
         why = "ended from outside, by Ctrl-C or SIGTERM"
     else:

@@ -6,7 +6,8 @@ Online co-simulation, batch and replay differ only in the plant (an FMU, a log) 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Generator, Iterable
+from contextlib import closing
 from dataclasses import replace
 from enum import IntEnum
 from typing import NamedTuple, Protocol, final, runtime_checkable
@@ -115,6 +116,36 @@ class Corrector(Protocol):
     ) -> tuple[Callable[[], object], Correction]:
         """A call that corrects what these three arrays hold at that moment, and the one-row answer that it overwrites."""
         ...
+
+
+@runtime_checkable
+class Streaming(Protocol):
+    """A Stepper that may work ahead: stream() gives what process() would give for each record, in turn."""
+
+    def stream(self, records: Iterable[Record]) -> Generator[Record]: ...
+
+
+BROKEN_OFF = (FmucorrectError, KeyboardInterrupt)
+"""What ends a process() that had finished some rows."""
+
+
+def finished_rows(error: BaseException) -> Record | None:
+    """The rows that had been computed when the error came."""
+    return getattr(error, "finished", None)
+
+
+def keep_finished(error: BaseException, rows: Record) -> None:
+    """Have the error carry rows that had been computed when it came."""
+    vars(error)["finished"] = rows
+
+
+def streamed(stepper: Stepper, records: Iterable[Record]) -> Generator[Record]:
+    """Results of `records` one by one; close it when not all are taken."""
+    if isinstance(stepper, Streaming):
+        yield from stepper.stream(records)
+    else:
+        for record in records:
+            yield stepper.process(record)
 
 
 @final
@@ -243,13 +274,23 @@ class CorrectedStepper:
 
     def process(self, record: Record) -> Record:
         """Columns that come back: those of the plant, then `<name>_corrected`, `<name>_sigma` and `corrector_status`."""
-        try:
-            plant = self._plant.process(record)
-        except FmucorrectError as error:
-            if error.finished is not None and len(error.finished):
-                error.finished = self._corrected(error.finished)
-            raise
-        return self._corrected(plant)
+        with closing(self.stream([record])) as results:
+            return next(results)
+
+    def stream(self, records: Iterable[Record]) -> Generator[Record]:
+        """process() of each; the plant may work ahead."""
+        with closing(streamed(self._plant, records)) as results:
+            while True:
+                try:
+                    plant = next(results)
+                except StopIteration:
+                    return
+                except BROKEN_OFF as error:
+                    rows = finished_rows(error)
+                    if rows is not None and len(rows):
+                        keep_finished(error, self._corrected(rows))
+                    raise
+                yield self._corrected(plant)
 
     def _corrected(self, plant: Record) -> Record:
         """The plant's rows with their correction. An error at one of them carries those before it, corrected."""
@@ -344,8 +385,9 @@ def run(
     kept: list[Record] = []
     accept = sink or kept.append
     stepper.reset(condition)
-    for chunk in inputs:
-        accept(stepper.process(chunk))
+    with closing(streamed(stepper, inputs)) as results:
+        for result in results:
+            accept(result)
     return None if sink else join(kept)
 
 

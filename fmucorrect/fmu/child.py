@@ -38,7 +38,8 @@ _WATCH = 0.5
 
 @dataclass(frozen=True)
 class Layout:
-    """Shared memory behind the clock: so many rows of times (int64, ns), of inputs and of outputs (float64)."""
+    """Shared memory behind the clock, two halves alike, so that one is filled while the other is read: so many rows of times
+    (int64, ns), of inputs and of outputs (float64)."""
 
     rows: int
     inputs: int
@@ -47,13 +48,18 @@ class Layout:
     @property
     def size(self) -> int:
         """In bytes, with the clock."""
-        return CLOCK + 8 * self.rows * (1 + self.inputs + self.outputs)
+        return CLOCK + 2 * self._half
 
-    def arrays(self, memory: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Times, inputs and outputs."""
-        t_ns = np.frombuffer(memory, np.int64, self.rows, CLOCK)
-        u = np.frombuffer(memory, np.float64, self.rows * self.inputs, CLOCK + 8 * self.rows)
-        y = np.frombuffer(memory, np.float64, self.rows * self.outputs, CLOCK + 8 * self.rows * (1 + self.inputs))
+    @property
+    def _half(self) -> int:
+        return 8 * self.rows * (1 + self.inputs + self.outputs)
+
+    def arrays(self, memory: Any, half: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Times, inputs and outputs of half 0 or 1."""
+        at = CLOCK + half * self._half
+        t_ns = np.frombuffer(memory, np.int64, self.rows, at)
+        u = np.frombuffer(memory, np.float64, self.rows * self.inputs, at + 8 * self.rows)
+        y = np.frombuffer(memory, np.float64, self.rows * self.outputs, at + 8 * self.rows * (1 + self.inputs))
         return t_ns, u.reshape(self.rows, self.inputs), y.reshape(self.rows, self.outputs)
 
 
@@ -87,16 +93,17 @@ class _Solver:
     def open(self, path: str, channels: Sequence[str], inputs: Sequence[str], rows: int) -> None:
         named = tuple(Channel(name, unit="") for name in channels)
         self._stepper = FmuStepper(path, named, inputs=inputs, place=self._place)
-        self._rows = Layout(rows, len(inputs), len(channels)).arrays(self._memory)
+        layout = Layout(rows, len(inputs), len(channels))
+        self._halves = layout.arrays(self._memory, 0), layout.arrays(self._memory, 1)
         self._stepper.load()
 
     def reset(self, parameters: Mapping[str, float]) -> None:
         assert self._stepper is not None
         self._stepper.reset(Condition("", parameters=parameters))
 
-    def advance(self, rows: int, width: int) -> None:
+    def advance(self, rows: int, width: int, half: int) -> None:
         assert self._stepper is not None
-        t_ns, u, y = (array[:rows] for array in self._rows)
+        t_ns, u, y = (array[:rows] for array in self._halves[half])
         self._stepper.advance(t_ns, u[:, :width], y)
 
     def close(self) -> None:

@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Generator, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType, TracebackType
 from typing import final
@@ -28,12 +28,21 @@ from fmucorrect.fmu.matching import match
 from fmucorrect.fmu.process import DEFAULT, Limits, SolverProcess
 from fmucorrect.fmu.startvalues import start_values
 from fmucorrect.fmu.stepper import finished
-from fmucorrect.signals import Channel, Condition, Record, Times
-from fmucorrect.stepper import Row, Status, Step
+from fmucorrect.signals import Channel, Condition, Record, join
+from fmucorrect.stepper import BROKEN_OFF, Row, Status, Step, finished_rows, keep_finished
 
 ROWS, BYTES = 4096, 1 << 24
 """Rows that are asked for at once, and what they take at most: one asks takes some 0.1 ms, however many they are."""
 _NONE: Mapping[str, float] = MappingProxyType({})
+
+
+@dataclass(frozen=True)
+class _Sent:
+    """Rows that were asked for. half: of the memory, where they are. limit: s, until the first step is begun."""
+
+    record: Record
+    half: int
+    limit: float
 
 
 @final
@@ -63,6 +72,7 @@ class IsolatedStepper:
         self._layout = Layout(rows, len(self._matched.inputs), len(self._matched.outputs))
         self._process: SolverProcess | None = None
         self._last_ns: int | None = None
+        self._half = 0
         self._zeros = np.zeros(len(channels))
 
     @property
@@ -88,60 +98,95 @@ class IsolatedStepper:
     def step(self, t_ns: int, u: Row) -> Step:
         if len(u) and not math.isfinite(sum(u.tolist())):
             self._matched.require_finite(u[None], np.array([t_ns]))
-        values = np.zeros((1, len(self.channels)))
-        self._advance(np.array([t_ns], np.int64), u[None], values)
-        simulated = values[0] if self._matched.factors is None else values[0] * self._matched.factors
+        record = Record(np.array([t_ns], np.int64), np.zeros((1, 0)), ())
+        simulated = self._take(self._send(record, u[None])).values[0]
         return Step(t_ns, simulated, simulated, self._zeros, Status.OK)
 
     def process(self, record: Record) -> Record:
         """Columns of `record` are inputs by name, in any order and fitting unit; a record without columns leaves the
         inputs as they are. What comes back: the responses. An error carries the rows before it in `finished`."""
+        u = self._inputs(record)
+        parts = [self._responses(record.rows(0, 0), np.zeros((0, len(self.channels))))]
+        for start in range(0, len(record), self._layout.rows):
+            rows = slice(start, min(start + self._layout.rows, len(record)))
+            try:
+                parts.append(self._take(self._send(record.rows(rows.start, rows.stop), u[rows])))
+            except BROKEN_OFF as error:
+                rest = finished_rows(error)
+                keep_finished(error, join(parts if rest is None else [*parts, rest]))
+                raise
+        return join(parts)
+
+    def stream(self, records: Iterable[Record]) -> Generator[Record]:
+        """process() of each; the solver works on the next one while the caller has the last."""
+        ahead: _Sent | None = None
+        source = iter(records)
+        try:
+            while True:
+                try:
+                    record = next(source)
+                    small = 0 < len(record) <= self._layout.rows
+                    sent = self._send(record, self._inputs(record)) if small else None
+                except StopIteration:
+                    break
+                except FmucorrectError:  # belongs to this record; the one before has a result
+                    if ahead is not None:
+                        result, ahead = self._take(ahead), None
+                        yield result
+                    raise
+                if ahead is not None:
+                    result, ahead = self._take(ahead), sent
+                    yield result
+                ahead = sent
+                if sent is None:
+                    yield self.process(record)
+            if ahead is not None:
+                result, ahead = self._take(ahead), None
+                yield result
+        finally:
+            if ahead is not None:  # nobody takes its rows any more
+                self.close()
+
+    def _inputs(self, record: Record) -> Float64[np.ndarray, "T U"]:
         u = self._matched.input_values(record)
         self._matched.require_finite(u, record.t_ns)
-        values = np.full((len(record), len(self.channels)), np.nan)
-        try:
-            self._advance(record.t_ns, u, values)
-        except FmucorrectError as error:
-            done = self._done
-            error.finished = self._responses(record.rows(0, done), values[:done])
-            raise
-        return self._responses(record, values)
+        return u
 
-    def _responses(self, record: Record, values: Float64[np.ndarray, "T J"]) -> Record:
-        if self._matched.factors is not None:
-            values = values * self._matched.factors
-        return replace(record, values=values, channels=self.channels)
-
-    def _advance(self, t_ns: Times, u: Float64[np.ndarray, "T U"], values: Float64[np.ndarray, "T J"]) -> None:
-        """The rows into `values`, in the FMU's units; `_done` counts them."""
-        self._done = 0
-        if not len(t_ns):
-            return
+    def _send(self, record: Record, u: Float64[np.ndarray, "T U"]) -> _Sent:
+        """Ask for these rows, no more than the memory has."""
         if self._process is None:
             raise FmuError("the solver is not running", where=str(self.description.path), remedy="Call reset() first.")
-        self._matched.check_row(int(t_ns[0]), self._last_ns, u.shape[1])
-        times, given, found = self._layout.arrays(self._process.memory)
-        width = u.shape[1]
+        count, width = len(record), u.shape[1]
+        self._matched.check_row(int(record.t_ns[0]), self._last_ns, width)
+        limit = self._limits.start if self._last_ns is None else self._limits.step
+        half, self._half = self._half, 1 - self._half
+        times, given, _ = self._layout.arrays(self._process.memory, half)
+        times[:count] = record.t_ns
+        given[:count, :width] = u
+        self._process.ask("advance", rows=count, width=width, half=half)
+        self._last_ns = int(record.t_ns[-1])
+        return _Sent(record, half, limit)
+
+    def _take(self, sent: _Sent) -> Record:
+        """The responses to rows that were asked for."""
+        process, record = self._process, sent.record
+        assert process is not None
         try:
-            for start in range(0, len(t_ns), self._layout.rows):
-                rows = slice(start, min(start + self._layout.rows, len(t_ns)))
-                count = rows.stop - rows.start
-                times[:count] = t_ns[rows]
-                given[:count, :width] = u[rows]
-                try:
-                    limit = self._limits.start if self._last_ns is None else self._limits.step
-                    self._process.call("advance", limit, rows=count, width=width)
-                    self._last_ns = int(t_ns[rows.stop - 1])
-                except FmuError:
-                    count = finished(t_ns[rows], *self._process.clock)
-                    raise
-                finally:
-                    values[start : start + count] = found[:count]
-                    self._done += count
-        except BaseException:
-            del times, given, found
+            process.answer("advance", sent.limit)
+        except BaseException as error:
+            count = finished(record.t_ns, *process.clock)
+            rows = self._responses(record.rows(0, count), self._layout.arrays(process.memory, sent.half)[2][:count])
             self.close()
+            if isinstance(error, BROKEN_OFF):
+                keep_finished(error, rows)
             raise
+        return self._responses(record, self._layout.arrays(process.memory, sent.half)[2][: len(record)])
+
+    def _responses(self, record: Record, values: Float64[np.ndarray, "T J"]) -> Record:
+        """A copy, in the channels' units."""
+        factors = self._matched.factors
+        values = values.copy() if factors is None else values * factors
+        return replace(record, values=values, channels=self.channels)
 
     def close(self) -> None:
         process, self._process = self._process, None

@@ -136,8 +136,16 @@ class SolverProcess:
 
     def call(self, task: str, limit: float, **arguments: Any) -> Any:
         """Ask the child for `task`. limit: s without any step begun; in "advance", after the first one, that is a step's."""
+        self.ask(task, **arguments)
+        return self.answer(task, limit)
+
+    def ask(self, task: str, **arguments: Any) -> None:
+        """The first half of call(). Several may be asked for one after another, and answer() then gives them in turn."""
+        self._send(task, arguments)
+
+    def answer(self, task: str, limit: float) -> Any:
+        """The second half of call()."""
         try:
-            self._send(task, arguments)
             message = self._answer(task, limit)
         except BaseException:
             self._kill()

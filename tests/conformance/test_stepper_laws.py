@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from plants import CHANNELS, STEP_NS, LinearCorrector, SinePlant
 
-from fmucorrect.fmu import FmuStepper
+from fmucorrect.fmu import FmuStepper, IsolatedStepper
 from fmucorrect.signals import Channel, Condition, Record
 from fmucorrect.stepper import CorrectedStepper, ReplayStepper, Stepper
 
@@ -17,9 +17,9 @@ FMUS = Path(__file__).resolve().parent.parent.parent / "fmus"
 ROWS = 60
 
 
-def fmu(name: str) -> FmuStepper:
+def fmu(name: str, kind: Callable[..., Stepper] = FmuStepper) -> Stepper:
     channels = tuple(Channel(c.name, unit="mm", simulation=f"mass{i + 1}.x") for i, c in enumerate(CHANNELS))
-    return FmuStepper(FMUS / "oscillator" / name, channels, inputs=("base.d",), parameters={"masses": 2.0, "x1": 0.001})
+    return kind(FMUS / "oscillator" / name, channels, inputs=("base.d",), parameters={"masses": 2.0, "x1": 0.001})
 
 
 STEPPERS: dict[str, tuple[Callable[[], Stepper], int]] = {
@@ -27,8 +27,10 @@ STEPPERS: dict[str, tuple[Callable[[], Stepper], int]] = {
     "log": (lambda: ReplayStepper(CHANNELS), 2),
     "FMI 2.0": (lambda: fmu("oscillator.fmu"), 1),
     "FMI 3.0": (lambda: fmu("oscillator_fmi3.fmu"), 1),
+    "FMI 2.0, isolated": (lambda: fmu("oscillator.fmu", IsolatedStepper), 1),
     "corrected closed form": (lambda: CorrectedStepper(SinePlant(), LinearCorrector()), 0),
     "corrected FMU": (lambda: CorrectedStepper(fmu("oscillator.fmu"), LinearCorrector()), 1),
+    "corrected FMU, isolated": (lambda: CorrectedStepper(fmu("oscillator.fmu", IsolatedStepper), LinearCorrector()), 1),
 }
 CONDITIONS = (Condition("a", speed=100.0, frequency=3.0), Condition("b", speed=50.0, frequency=1.0, start=0.01))
 
