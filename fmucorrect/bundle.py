@@ -178,9 +178,16 @@ def _session(content: bytes, where: str, trial: bool = False) -> onnxruntime.Inf
         options.add_session_config_entry("session.use_env_allocators", "1")
         options.add_session_config_entry("session.disable_prepacking", "1")
     try:
-        return runtime.InferenceSession(
-            content, options, providers=["CPUExecutionProvider"], disabled_optimizers=["ConstantFolding"]
+        made = runtime.InferenceSession(
+            content,
+            options,
+            providers=["CPUExecutionProvider"],
+            disabled_optimizers=["ConstantFolding"],
+            enable_fallback=0,  # which would print, and try the same once more
         )
+        for item in (*made.get_inputs(), *made.get_outputs()):
+            _ = item.name, item.type, item.shape  # raises for what is no text
+        return made
     except Exception as error:  # onnxruntime's own errors have no common base but Exception
         raise BundleError(f"ONNX Runtime cannot open it: {error}", where=where) from error
 
