@@ -33,7 +33,7 @@ from fmucorrect.records.source import Block
 START_S = 120.0
 """Seconds for Python and the library to start: ten times what a slow disk needs."""
 
-ANSWER_S, ANSWER_S_PER_BYTE = 15.0, 1e-6
+ANSWER_S, ANSWER_S_PER_BYTE = 10.0, 1e-6
 """Seconds for one answer: a second for each megabyte of the file on top, ten times what the slowest library takes."""
 
 MEMORY, MEMORY_PER_BYTE = 2**29 + 2**28, 64

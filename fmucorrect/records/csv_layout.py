@@ -185,7 +185,8 @@ def _columns(
     units = below if _is_units(below, header) else []
     if units:
         first_row = next(i for i in range(first_row, len(lines)) if lines[i].strip()) + 1
-    columns = [_with_unit(path, cell, units, c, c == header.time) for c, cell in enumerate(header.cells)]
+    arrays = naming.arrays(header.cells)
+    columns = [_with_unit(path, cell, arrays, units, c, c == header.time) for c, cell in enumerate(header.cells)]
     names, told = naming.numbered([column.name for column in columns])
     columns = [Column(name, column.unit) for name, column in zip(names, columns, strict=True)]
     preamble = [line.strip() for line in lines[skipped : header.line] if line.strip()]
@@ -205,8 +206,8 @@ def _columns(
     )  # fmt: skip
 
 
-def _with_unit(path: str, cell: str, units: Sequence[str], place: int, time: bool) -> Column:
-    found = (naming.time_column(cell) if time else None) or naming.column(cell)
+def _with_unit(path: str, cell: str, arrays: frozenset[str], units: Sequence[str], place: int, time: bool) -> Column:
+    found = (naming.time_column(cell) if time else None) or naming.column(cell, arrays)
     below = units[place].strip("[]() ") if place < len(units) else ""
     if below in ("", "-") or below == found.unit:
         return found
@@ -226,39 +227,39 @@ def _rows(lines: Sequence[str], first: int, header: _Header) -> list[tuple[int, 
 
 
 def _mark(path: str, header: _Header, rows: Sequence[tuple[int, list[str]]]) -> str:
-    """The decimal mark that the rows use. Raises RecordError when commas may as well group thousands."""
+    """The decimal mark that the rows use. Raises RecordError when its marks may as well stand between thousands."""
     if header.delimiter == ",":
         return "."
-    first: dict[str, tuple[int, int, str]] = {}
-    sure = False
+    first: dict[str, tuple[str, str]] = {}
+    sure: set[str] = set()
     for line, cells in rows:
         for c, cell in enumerate(cells):
             if _DIGITS.fullmatch(cell):
                 for mark in ",.":
                     if mark in cell:
-                        first.setdefault(mark, (line, c, cell))
-                sure = sure or ("," in cell and not _THOUSANDS.fullmatch(cell))
-    if "," not in first:
-        return "." if "." in first else ""
-    line, c, cell = first[","]
-    where = f"line {line}, column {header.cells[c]!r}"
-    if "." in first:
-        line, c, other = first["."]
+                        first.setdefault(mark, (f"line {line}, column {header.cells[c]!r}", cell))
+                        if not _THOUSANDS.fullmatch(cell.replace(mark, ",")):
+                            sure.add(mark)
+    if len(first) == 2:
+        (where, cell), (other, point) = first[","], first["."]
         raise RecordError(
             f"{where} has a comma in a number",
             where=path,
-            expected=f"one decimal mark in the whole file (line {line}, column {header.cells[c]!r} is {other!r})",
+            expected=f"one decimal mark in the whole file ({other} is {point!r})",
             got=repr(cell),
             remedy="Write numbers without marks between thousands.",
         )
-    if not sure:
-        raise RecordError(
-            f"{where} may be a decimal or a number of thousands, and no other cell tells",
-            where=path,
-            got=repr(cell),
-            remedy="Write numbers without marks between thousands, with a decimal point.",
-        )
-    return ","
+    for mark, (where, cell) in first.items():
+        if mark not in sure and (
+            mark == "," or header.delimiter == ";"
+        ):  # a tab with points is what English tools write
+            raise RecordError(
+                f"{where} may be a decimal or a number of thousands, and no other cell tells",
+                where=path,
+                got=repr(cell),
+                remedy="Write numbers without marks between thousands, with a decimal point, or with other decimals.",
+            )
+    return next(iter(first), "")
 
 
 def _clock(

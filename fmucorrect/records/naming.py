@@ -13,6 +13,8 @@ from fmucorrect.records.contents import Column
 
 _SPACED = re.compile(r"^(.*\S)\s+\[([^\[\]]*)\]$", re.DOTALL)
 _TIGHT = re.compile(r"^(.*\S)\[([^\[\]]*)\]$", re.DOTALL)
+_INDEX = re.compile(r"\s*\d+\s*|[A-Z][a-z]?\d")
+"""A number, or a substance as N2, which would be known as square newtons."""
 _ROUND = re.compile(r"^(.*\S)\s*\(([^()]*)\)$", re.DOTALL)
 _SLASH = re.compile(r"^(.*\S)\s+/\s+(\S+)$", re.DOTALL)
 _TIME_SUFFIX = re.compile(r"^(.*?)(?:_|\s*/\s*|,\s*|\s+in\s+)([A-Za-zµμ]+)$")
@@ -24,10 +26,8 @@ _MORE_UNITS = frozenset(
         "hPa",
         "°C",
         "degC",
-        "C",
         "°F",
         "degF",
-        "F",
         "K/s",
         "dB",
         "rpm",
@@ -89,18 +89,25 @@ def is_unit(text: str) -> bool:
     return bool(text)
 
 
-def column(header: str) -> Column:
+def arrays(headers: Sequence[str]) -> frozenset[str]:
+    """The names that stand with several brackets, as `X` of `X[N2]` and `X[O2]`: what is in these is no unit."""
+    bases = Counter(match.group(1) for header in set(headers) if (match := _TIGHT.match(header.strip())))
+    return frozenset(base for base, times in bases.items() if times > 1)
+
+
+def column(header: str, arrays: frozenset[str] = frozenset()) -> Column:
     """The name and unit that one cell of a header writes: `x [mm]`, `x[mm]`, `x (mm)`, `x / mm`.
 
     A bracket behind a blank holds the unit, whatever it is. One without a blank, and round ones, hold a unit only if
-    it is known: `wheel[0]`, `R[1,1]` and `X[water]` are names; so is `f(s)` without a blank.
+    it is known: `wheel[0]`, `R[1,1]` and `X[water]` are names; so is `f(s)` without a blank. arrays: names whose
+    brackets are indices.
     """
     text = header.strip()
     if match := _SPACED.match(text):
         return Column(match.group(1), match.group(2).strip() or "1")
     if match := _TIGHT.match(text):
         name, inside = match.groups()
-        named = is_unit(inside) and not re.fullmatch(r"\s*\d+\s*", inside)
+        named = is_unit(inside) and name not in arrays and not _INDEX.fullmatch(inside)
         return Column(name, inside.strip()) if named else Column(text)
     if match := _ROUND.match(text):
         name, inside = match.groups()
