@@ -162,5 +162,6 @@ def _bound(limit: int) -> None:
         return
     now = next(int(line.split()[1]) for line in status.read_text().splitlines() if line.startswith("VmData"))
     _, most = resource.getrlimit(resource.RLIMIT_DATA)
-    wanted = 1024 * now + limit
+    machine = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    wanted = 1024 * now + min(limit, machine // 2)
     resource.setrlimit(resource.RLIMIT_DATA, (wanted if most == resource.RLIM_INFINITY else min(wanted, most), most))

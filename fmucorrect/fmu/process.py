@@ -52,11 +52,11 @@ class Limits:
 
     step: for one communication step; thousands of times what one of milliseconds may take to be of use. load: for its library,
     in which nothing is computed yet. start: to fetch a licence, find an equilibrium. free: to let go when all is done. memory:
-    on Linux; a multibody model takes megabytes.
+    on Linux, and no more than half of the machine's; a multibody model takes megabytes.
     """
 
     step: float = 15.0
-    load: float = 15.0
+    load: float = 10.0
     start: float = 60.0
     free: float = 10.0
     memory: int = 4 << 30

@@ -21,8 +21,8 @@ from fmucorrect.signals import NANOSECONDS, Channel, Condition
 
 BEFORE, AFTER = 60, 30
 """Steps before and after the state is copied: a window fills, and the state differs from the initial one."""
-_LIMIT = 300.0
-"""s; a solver that takes longer is not called able."""
+_LIMIT = 60.0
+"""s for all of its steps; a solver that takes longer is not called able."""
 
 
 @dataclass(frozen=True)
