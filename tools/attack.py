@@ -30,6 +30,25 @@ from generators import KINDS, Maker, Workshop, case  # noqa: E402
 from judge import BAD, CLASSES, GOOD, Judge  # noqa: E402
 from kills import Killer  # noqa: E402
 
+EXPLAINED = """An input is counted once, by the worst of what its commands made of it. The first four columns are as it
+should be:
+
+- *clean error*: exit 2 and one message. *same result*: the numbers of the whole file.
+- *another valid file*: what was changed lies under no checksum of its format, and the numbers are those that now
+  stand there: a strict CSV reader of the test's own finds the same; or only the stored numbers that were touched
+  differ (in a compressed page of Parquet: those of the page); or all rows are there and a column or the time differs
+  by a factor and an offset, as by a changed unit or increment; or whole segments of TDMS are gone. Files that an
+  author made hostile and sealed himself are counted here, too, when they are accepted: what they say is then what
+  they mean.
+- *different, said*: other numbers, and damage, repair or what is left out stands in the output or in the result's
+  metadata.
+
+*memory*: more than 1 GB beyond the imported program, all processes together. *hang*: more than 20 s, of which half
+computing, or 60 s. *temporary file*: left in the folder for temporary files, beside the input, or beside the result.
+A kill is SIGKILL, SIGTERM or Ctrl-C at a random moment; then the same command runs again and must give what an
+undisturbed run gives, byte for byte. Commands, and the processes in which they read files and run solvers, are forked
+from one that has the program imported.
+"""
 Kinds = tuple[tuple[int, Maker], ...]
 
 
@@ -146,19 +165,27 @@ def commit() -> str:
 
 
 def write_table(found: list[dict], folder: Path) -> None:
+    """attack.json and attack.md."""
     counts = Counter((row["kind"], row["outcome"]) for row in found)
+    kinds = sorted({row["kind"] for row in found})
+    inputs, kills = ([row for row in found if (row["number"] < 0) == killed] for killed in (False, True))
     data = {
         "commit": commit(),
         "date": date.today().isoformat(),
         "seeds": sorted({row["seed"] for row in found}),
-        "inputs": len(found),
-        "counts": {
-            kind: {name: counts[kind, name] for name in CLASSES if counts[kind, name]}
-            for kind in sorted({row["kind"] for row in found})
-        },
+        "inputs": len(inputs),
+        "kills": len(kills),
+        "commands": sum(len(row["each"]) or 1 for row in found),
+        "counts": {kind: {name: counts[kind, name] for name in CLASSES if counts[kind, name]} for kind in kinds},
     }
     (folder / "attack.json").write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
-    (folder / "attack.md").write_text(table(found) + "\n", encoding="utf-8")
+    seeds = ", ".join(map(str, data["seeds"]))
+    (folder / "attack.md").write_text(
+        f"# Damaged and hostile inputs, and kills\n\n`python tools/attack.py --commit-table` at {data['commit']}, "
+        f"{data['date']}, seed {seeds}: {len(inputs)} inputs through {data['commands']} commands, {len(kills)} kills.\n\n"
+        f"{EXPLAINED}\n{table(inputs)}\n\n{table(kills)}\n",
+        encoding="utf-8",
+    )
 
 
 def show(workshop: Workshop, number: int, seed: int, out: Path) -> None:
