@@ -29,6 +29,8 @@ _NOTES = "fmucorrect_notes="
 _TIME_V3 = 1
 _MASTERS = (2, 3)
 """Kinds of channel in MDF 4 that are a master, stored and counted."""
+_CHANNEL = b"##CN"
+"""How the block of a channel begins, at a multiple of 8 bytes."""
 _FORMULA = 80
 """Characters of a formula that an error quotes."""
 _SYNCS = {0: "nothing", 2: "an angle", 3: "a distance", 4: "an index"}
@@ -86,6 +88,7 @@ class Mdf4Source:
         self._times: dict[str, tuple[int, int, int]] = {}
         self._left_out: list[str] = []
         self._topics = tuple(self._group(number, group) for number, group in enumerate(self._file.groups))
+        self._left_out += self._unlinked()
         self.left_out = tuple(self._left_out)
 
     def close(self) -> None:
@@ -130,8 +133,24 @@ class Mdf4Source:
             times = np.asarray(self._file.get_master(number))
         else:
             times = np.asarray(self._file.get(group=number, index=index).samples)
+        stated = int(group.channel_group.cycles_nr)
+        if len(times) != stated:
+            raise RecordError(
+                f"the file is damaged: group {topic!r} holds {len(times)} of the {stated} rows that it states",
+                where=self.path,
+            )
         t_ns = seconds.whole_to_ns(times, per) if times.dtype.kind in "iu" else seconds.to_ns(times.astype(float), per)
         return seconds.shifted(t_ns, _origin(group))
+
+    def _unlinked(self) -> Iterator[str]:
+        """What stands in an MDF 4 file and no link leads to, as after damage to a link: there is no count to tell by."""
+        if not self._is_v4():
+            return
+        blocks = np.memmap(self.path, "<u4", mode="r", shape=(Path(self.path).stat().st_size // 8, 2))[:, 0]
+        found = int(np.count_nonzero(blocks == int.from_bytes(_CHANNEL, "little")))
+        read = sum(len(group.channels) for group in self._file.groups)
+        if found > read:
+            yield f"{found - read} of {found} channels: no link in the file leads to them, it may be damaged"
 
     def _group(self, number: int, group: Any) -> Topic:
         name = getattr(group.channel_group, "acq_name", "") or f"group{number}"

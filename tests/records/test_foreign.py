@@ -156,3 +156,24 @@ def test_a_damaged_mdf_file_leaves_nothing_temporary(tmp_path: Path, monkeypatch
     with pytest.raises(RecordError):
         records.read(path)
     assert not list(folder.iterdir())
+
+
+def test_mdf4_rows_and_channels_that_a_damaged_link_loses_are_told(tmp_path: Path) -> None:
+    path = tmp_path / "run.mf4"
+    with asammdf.MDF(version="4.10") as file:
+        file.append([asammdf.Signal(np.arange(50.0) + i, np.arange(50) / 100, name=f"c{i}") for i in range(3)])
+        file.save(path, overwrite=True)
+    assert not records.describe(path).left_out
+    with asammdf.MDF(path) as file:
+        group = file.groups[0]
+        link_to_data = group.channel_group.address, group.data_group.address
+        next_channel = group.channels[1].address + 24
+    data = bytearray(path.read_bytes())
+    without_channels = data.copy()
+    without_channels[next_channel : next_channel + 8] = bytes(8)
+    path.write_bytes(without_channels)
+    assert "2 of 4 channels: no link" in " ".join(records.describe(path).left_out)
+    data[link_to_data[1] + 40 : link_to_data[1] + 48] = bytes(8)
+    path.write_bytes(data)
+    with pytest.raises(RecordError, match="holds 0 of the 50 rows"):
+        records.read(path)
