@@ -11,6 +11,7 @@ from fmucorrect.registration import Offset, find_offset, overlap, place, resampl
 from fmucorrect.signals import Channel, Record
 
 STEP = 2e-3
+MS = 1_000_000
 AB = (Channel("a", unit="deg"), Channel("b", unit="mm"))
 
 
@@ -181,6 +182,12 @@ def test_resampling_keeps_level_slope_and_the_first_sample(old_ns: int, new_ns: 
     np.testing.assert_allclose(result["b"][middle], -2.0, rtol=2e-4)
     # what stands in the record's own mean line does so to its ends
     np.testing.assert_allclose(result["b"], -2.0, rtol=1e-3)
+
+
+def test_a_record_at_its_own_interval_stays_as_it_is() -> None:
+    rough = Record(np.arange(400, dtype=np.int64) * MS, np.random.default_rng(0).normal(size=(400, 2)), AB)
+    assert np.array_equal(resample(rough, MS).values, rough.values)
+    assert np.array_equal(resample(rough, MS).t_ns, rough.t_ns)
 
 
 TRANSFER = [(0.8, 0.9998, 1.0002), (1.0, 0.4, 0.6), (1.25, 0.0, 5e-4), (1.8, 0.0, 1e-4)]

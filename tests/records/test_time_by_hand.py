@@ -32,7 +32,9 @@ def test_rules_are_taken_in_the_order_written() -> None:
     assert timebase.rules("sort, drop") == timebase.rules(("sort", " drop ")) == ("sort", "drop")
     assert timebase.rules("drop,sort") == ("drop", "sort")
     assert timebase.rules(None) == timebase.rules("") == timebase.rules([]) == timebase.rules(" , ") == ()
-    with pytest.raises(RecordError, match="no repair rule 'mend', expected some of drop, interpolate, resample, sort"):
+    with pytest.raises(
+        RecordError, match=r"no repair rule 'mend', expected some of .*drop, interpolate, resample, sort"
+    ):
         timebase.rules("sort,mend,other")
 
 
