@@ -9,6 +9,7 @@ several, from the earliest, so that they can be joined. Channels that do not fit
 from __future__ import annotations
 
 import logging
+import re
 import struct
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -41,6 +42,10 @@ def _nptdms() -> Any:
         raise MissingExtra("nptdms", "formats") from error
     logging.getLogger("nptdms").setLevel(logging.CRITICAL)  # it warns of what `damage` says
     return nptdms
+
+
+_SCALES = 100
+"""Most scales between the stored and the physical numbers: the library makes room for as many as the file states."""
 
 
 @dataclass(frozen=True)
@@ -83,6 +88,9 @@ class TdmsSource:
             self._file: Any = _nptdms().TdmsFile.open(path, raw_timestamps=True)
         except (ValueError, KeyError, EOFError, OSError) as error:
             raise RecordError(f"this cannot be read as TDMS: {error}", where=path) from error
+        for owner in (self._file, *self._file.groups(), *(c for g in self._file.groups() for c in g.channels())):
+            if (scales := _scales(owner.properties)) > _SCALES:
+                raise RecordError(f"it states {scales} scales", where=path, expected=f"at most {_SCALES}")
         self._left_out: list[str] = []
         groups = [(group, _time_channel(group)) for group in self._file.groups()]
         self._from_ns = self._earliest([group for group, time in groups if time is None])
@@ -292,6 +300,13 @@ def _time_channel(group: Any) -> Any:
         if len(candidates) == 1:
             return candidates[0]
     return None
+
+
+def _scales(properties: Mapping[str, Any]) -> int:
+    """How many scales the properties state, or number."""
+    stated = str(properties.get("NI_Number_Of_Scales", ""))
+    numbers = [match[1] for key in properties if (match := re.match(r"NI_Scale\[(\d+)\]", key))]
+    return max((int(number[:18]) for number in (stated, *numbers) if number.isdecimal()), default=0)
 
 
 def _start_ns(channel: Any) -> int | None:

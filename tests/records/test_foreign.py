@@ -177,3 +177,12 @@ def test_mdf4_rows_and_channels_that_a_damaged_link_loses_are_told(tmp_path: Pat
     path.write_bytes(data)
     with pytest.raises(RecordError, match="holds 0 of the 50 rows"):
         records.read(path)
+
+
+@pytest.mark.parametrize("key", ["NI_Number_Of_Scales", "NI_Scale[2000000000]_Scale_Type"])
+def test_tdms_scales_without_number_are_refused(key: str, tmp_path: Path) -> None:
+    with nptdms.TdmsWriter(str(tmp_path / "run.tdms")) as file:
+        wave = {"wf_increment": 0.01, key: 2**31 - 1 if key.endswith("Scales") else "Linear"}
+        file.write_segment([nptdms.ChannelObject("g", "a", np.arange(10.0), wave)])
+    with pytest.raises(RecordError, match=r"states 2[0-9]* scales, expected at most 100"):
+        records.read(tmp_path / "run.tdms")
