@@ -98,6 +98,11 @@ def study_problems(study: Study) -> list[str]:
             columns[path] = record_columns(contents)
             if contents.damage and not study.allow_damaged:
                 problems.append(str(records.damaged(str(path), contents.damage)))
+            elif path == condition.measurement and study.simulation.fmu is not None:
+                try:
+                    sources.expected_rows(study, condition)
+                except FmucorrectError as error:
+                    problems.append(str(error))
     problems += [
         f"joint {joint.name!r}: kinds names {kind!r}, expected any of {', '.join(FAMILIES)}{nearest(kind, FAMILIES)}"
         for joint in study.joints

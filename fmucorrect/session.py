@@ -133,12 +133,17 @@ def replay_log(
     return _write("replay", ReplayStepper(channels), corrector, condition, inputs, out, progress, told)
 
 
-def logged_condition(log: Path, topic: str | None = None) -> Condition | None:
-    """The condition that a log of ours carries in its metadata, None where it does not."""
+def logged_condition(
+    log: Path, topic: str | None = None, given: Mapping[str, float] = MappingProxyType({})
+) -> Condition | None:
+    """The condition that a log of ours carries in its metadata, None where it does not. given: features that are known
+    otherwise, and not read. Raises RecordError for one that is no usable number."""
     for item in records.describe(log).topics:
         data = item.topic.metadata
         if topic in (None, item.topic.name) and {"condition", *FEATURES} <= set(data):
-            speed, amplitude, frequency, start = (_stated(log, data, key) for key in FEATURES)
+            speed, amplitude, frequency, start = (
+                given[key] if key in given else _stated(log, data, key) for key in FEATURES
+            )
             role = data.get("role", "development")
             return Condition(data["condition"], role, speed, amplitude, frequency, start)
     return None

@@ -11,6 +11,7 @@ import numpy as np
 from fmucorrect import records, units
 from fmucorrect.errors import RecordError, SignalError
 from fmucorrect.fmu import FmuStepper, IsolatedStepper, Limits, input_record
+from fmucorrect.records.contents import Extent
 from fmucorrect.signals import NANOSECONDS, Channel, Condition, Record
 from fmucorrect.stepper import ReplayStepper, Stepper, grid
 from fmucorrect.study import Study
@@ -60,25 +61,36 @@ def inputs(study: Study, condition: Condition, duration: float | None = None) ->
         yield chunk if series is None else input_record(chunk.t_ns, series)
 
 
-def measured_duration(condition: Condition, allow_damaged: bool = False) -> float:
+def measured_duration(study: Study, condition: Condition) -> float:
     """How long the measurement of a condition is, in seconds."""
+    return max((extent.stop_ns or 0) - (extent.start_ns or 0) for extent in _measured(study, condition)) / NANOSECONDS
+
+
+def _measured(study: Study, condition: Condition) -> list[Extent]:
+    """How far the topics reach that hold what the study measures; of all topics where none does."""
     if condition.measurement is None:
         raise RecordError(f"condition {condition.name!r} has no measurement")
     contents = records.describe(condition.measurement)
-    if contents.damage and not allow_damaged:
+    if contents.damage and not study.allow_damaged:
         raise records.damaged(contents.path, contents.damage)
-    lengths = [
-        (topic.extent.stop_ns or 0) - (topic.extent.start_ns or 0) for topic in contents.topics if topic.extent.rows > 1
+    wanted = {c.measurement or c.name for c in (*study.channels, *excitation_channel(study))}
+    wanted |= {channel.acceleration for channel in study.channels if channel.acceleration}
+    ends = tuple("." + name.replace("/", ".").lstrip(".") for name in wanted)
+    filled = [item for item in contents.topics if item.extent.rows > 1]
+    holding = [
+        item.extent
+        for item in filled
+        if any(("." + item.topic.full_name(c.name)).replace("/", ".").endswith(ends) for c in item.topic.columns)
     ]
-    if not lengths:
+    if not filled:
         raise RecordError("there are no readable rows", where=str(condition.measurement))
-    return max(lengths) / NANOSECONDS
+    return holding or [item.extent for item in filled]
 
 
 def _length(study: Study, condition: Condition, duration: float | None) -> float:
     """How long a run is, s: `duration`, else as long as the measurement. Raises RecordError where that asks for more samples
     than anyone means."""
-    length = measured_duration(condition, study.allow_damaged) if duration is None else duration
+    length = measured_duration(study, condition) if duration is None else duration
     rows, most = length * NANOSECONDS / study.simulation.step_ns, MOST_MEASURED if duration is None else MOST_ROWS
     if rows <= most:
         return length
@@ -87,8 +99,7 @@ def _length(study: Study, condition: Condition, duration: float | None) -> float
     if duration is not None:
         raise RecordError(what, where=f"condition {condition.name!r}", expected=expected)
     assert condition.measurement is not None
-    extents = [topic.extent for topic in records.describe(condition.measurement).topics if topic.extent.rows > 1]
-    longest = max(extents, key=lambda extent: (extent.stop_ns or 0) - (extent.start_ns or 0))
+    longest = max(_measured(study, condition), key=lambda extent: (extent.stop_ns or 0) - (extent.start_ns or 0))
     raise RecordError(
         f"{what}: its stamps go from {(longest.start_ns or 0) / NANOSECONDS:.13g} s to "
         f"{(longest.stop_ns or 0) / NANOSECONDS:.13g} s in {longest.rows} rows",

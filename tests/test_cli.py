@@ -114,6 +114,21 @@ def test_replay_equals_run(model: Path, ran: Path, tmp_path: Path) -> None:
         assert np.array_equal(first.values, again.values)
 
 
+def test_a_cut_log_is_replayed_only_when_told_and_what_was_lost_is_said(model: Path, ran: Path, tmp_path: Path) -> None:
+    cut, out = tmp_path / "cut.mcap", tmp_path / "again.mcap"
+    data = ran.read_bytes()
+    cut.write_bytes(data[: len(data) // 2])
+    refused(call("replay", cut, "--corrector", model, "-o", out), "cut off", "--allow-damaged")
+    assert not out.exists()
+    result = call("replay", cut, "--corrector", model, "-o", out, "--allow-damaged", "--json")
+    assert result.exit_code == 0, result.output
+    damage = json.loads(result.stdout)["damage"]
+    assert "cut off" in damage
+    assert damage in result.stderr
+    assert {item.topic.metadata["damage"] for item in records.describe(out).topics} == {damage}
+    assert damage in call("inspect", cut).output
+
+
 @pytest.mark.parametrize("suffix", [".csv", ".mcap", ".mat", ".parquet"])
 def test_replay_of_any_format_converts_units(model: Path, tmp_path: Path, suffix: str) -> None:
     source, out = log(tmp_path / f"log{suffix}", unit="m", scale=1e-3), tmp_path / f"out{suffix}"

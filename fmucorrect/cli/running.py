@@ -117,7 +117,7 @@ def run(
 @click.option("--frequency", type=float, help="Hz, of the excitation")
 @click.option("--start", type=float, help="s on the log's clock, when the excitation begins")
 @click.option("--topic", help="Topic of the log to read; default: /simulation where there is one.")
-@click.option("--repair", help="Rules for a log with flaws: sort, drop, interpolate, resample; as 'sort,drop'.")
+@click.option("--repair", help="Rules for a log with flaws: sort, drop, interpolate, clock, resample; as 'sort,drop'.")
 @click.option("--unit", help="Unit of the columns for which the log says none, as 'mm'.")
 @click.option("-o", "--out", type=PATH, required=True, help="Record file to write; .mcap takes several topics.")
 @OVERWRITE
@@ -207,13 +207,13 @@ def _condition(
 
     if (study is None) != (name is None):
         raise UserError("--study and --condition belong together")
+    given = {key: value for key, value in features.items() if value is not None}
     if study is not None and name is not None:
         opened = load_study(study)
         known, read = opened.condition(name), list(opened.files())
     else:
         read = list[tuple[str, Path | None]]()
-        known = session.logged_condition(log, topic)
-    given = {key: value for key, value in features.items() if value is not None}
+        known = session.logged_condition(log, topic, given)
     if known is None and len(given) < len(features):
         missing = ", ".join(f"--{key}" for key in features if key not in given)
         raise UserError(f"{log} does not say its operating condition: give {missing}, or --study and --condition")
