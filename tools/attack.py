@@ -43,7 +43,8 @@ should be:
 - *different, said*: other numbers, and damage, repair or what is left out stands in the output or in the result's
   metadata.
 
-*memory*: more than 1 GB beyond the imported program, all processes together. *hang*: more than 20 s, of which half
+*memory*: more than 1 GB beyond the imported program, all processes together (a solver is given 900 MB here, where
+fmucorrect would give it half of the machine's memory). *hang*: more than 20 s, of which half
 computing, or 60 s. *temporary file*: left in the folder for temporary files, beside the input, or beside the result.
 A kill is SIGKILL, SIGTERM or Ctrl-C at a random moment; then the same command runs again and must give what an
 undisturbed run gives, byte for byte. Commands, and the processes in which they read files and run solvers, are forked

@@ -19,6 +19,8 @@ from judge import Case
 
 FEATURES = ("--speed", "300", "--amplitude", "0.03", "--frequency", "2", "--start", "0")
 OUT = ("-o", "{out}/out.mcap")
+SOLVER_MB = 900
+"""What a misbehaving solver may take here: fmucorrect would give it half of the machine's memory."""
 SLOW = {".mf4": 0.3, ".mdf": 0.3}
 """Formats that are read by a process of their own, which takes seconds to start, come less often."""
 
@@ -164,7 +166,8 @@ class Workshop:
         data = archives.misbehaving(self.folder / "libraries", where, what)
         files = {"model.fmu": data, "study.toml": archives.STUDY.encode(), "measured.csv": archives.MEASURED}
         run = ("run", "study.toml", "--condition", "a", *self.impatient, *OUT)
-        return Case("FMU, solver", f"{what} in {where}", files, (("inspect", "model.fmu"), run), "model.fmu")
+        commands = (("inspect", "model.fmu"), run)
+        return Case("FMU, solver", f"{what} in {where}", files, commands, "model.fmu", data_mb=SOLVER_MB)
 
 
 Maker = Callable[[Workshop, random.Random], Case]

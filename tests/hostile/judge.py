@@ -67,7 +67,7 @@ class Table:
 class Case:
     """kind: a row of the table. what: in words. files: the input folder's. commands: command lines; {out} is where a result
     goes. seed, damaged: where the input began and what was done to it. free: whatever the input says now is valid, as that
-    of an author who wrote it so. source: name of the input that stands for the case."""
+    of an author who wrote it so. source: name of the input that stands for the case. data_mb: see zygote.py."""
 
     kind: str
     what: str
@@ -77,6 +77,7 @@ class Case:
     seed: seeds.Seed | None = None
     damaged: Damaged | None = None
     free: bool = False
+    data_mb: int = 0
 
 
 @dataclass
@@ -117,14 +118,14 @@ class Zygote:
         assert process.stdout.readline().strip() == "ready"
         return process
 
-    def ask(self, argv: Sequence[str], folder: Path, timeout: float = TIMEOUT_S) -> dict[str, Any]:
+    def ask(self, argv: Sequence[str], folder: Path, timeout: float = TIMEOUT_S, data_mb: int = 0) -> dict[str, Any]:
         if self._process is None or self._process.poll() is not None:
             self._process = self._start()
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         try:
             self._process.stdin.write(
-                json.dumps({"argv": list(argv), "folder": str(folder), "timeout": timeout}) + "\n"
+                json.dumps({"argv": list(argv), "folder": str(folder), "timeout": timeout, "data_mb": data_mb}) + "\n"
             )
             if select.select([self._process.stdout], [], [], 4 * timeout + 30)[0] and (
                 line := self._process.stdout.readline()
@@ -193,7 +194,7 @@ class Judge:
     def _one(self, case: Case, number: int, command: Sequence[str]) -> tuple[str, str, dict[str, Any]]:
         inputs, before = self._prepare(case)
         argv = [word.format(out=self.folder / "out") if "{out}" in word else word for word in command]
-        answer = self.zygote.ask(argv, inputs)
+        answer = self.zygote.ask(argv, inputs, data_mb=case.data_mb)
         out, err = (_text(self.folder / name) for name in ("out.txt", "err.txt"))
         harm = _harm(self.folder, inputs, before, answer)
         outcome, detail = self._class(case, number, command, answer, out, err)

@@ -3,9 +3,11 @@
 So a command costs milliseconds instead of the seconds of a fresh interpreter, and one that crashes, hangs or eats memory
 takes nothing down. Requests come as JSON lines on standard input, answers go as JSON lines to standard output:
 
-    {"argv": [...], "folder": "...", "timeout": 20.0}   folder: the working directory; out.txt, err.txt, tmp/ appear beside it
+    {"argv": [...], "folder": "...", "timeout": 20.0, "data_mb": 0}
     {"exit": 0, "signal": 0, "ended": "itself", "seconds": 0.2, "cpu": 0.1, "memory_mb": 30, "orphans": []}
 
+folder: the working directory; out.txt, err.txt and tmp/ lie beside it. data_mb: memory that the command may have beyond
+what it begins with, by the system's limit; 0: any.
 ended: "itself", "time" (killed after `timeout` s, or three times as long where the machine was too busy to give it half of
 that in processor time) or "memory" (killed beyond MEMORY_MB of its own, all its processes together).
 """
@@ -18,6 +20,7 @@ import ctypes
 import gc
 import json
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -198,13 +201,16 @@ class Forked(subprocess.Popen):  # type: ignore[type-arg]
         self.text_mode = self.encoding = self.errors = self.pipesize = None
 
 
-def child(argv: list[str], folder: Path) -> int:
+def child(argv: list[str], folder: Path, data_mb: int) -> int:
     """Run the command line in this process, and end as an interpreter would."""
     from fmucorrect.cli import main
 
     os.setsid()
     os.chdir(folder)
     subprocess.Popen = Forked  # type: ignore[misc]
+    if data_mb:
+        most = int(_status_mb(os.getpid(), "VmData:") + data_mb) << 20
+        resource.setrlimit(resource.RLIMIT_DATA, (most, most))
     for number, name in ((1, "out.txt"), (2, "err.txt")):
         file = os.open(folder.parent / name, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
         os.dup2(file, number)
@@ -229,13 +235,13 @@ def child(argv: list[str], folder: Path) -> int:
     return code
 
 
-def answer(argv: list[str], folder: Path, timeout: float) -> dict[str, Any]:
+def answer(argv: list[str], folder: Path, timeout: float, data_mb: int) -> dict[str, Any]:
     begun = time.monotonic()
     pid = os.fork()
     if pid == 0:
         code = 1
         try:
-            code = child(argv, folder)
+            code = child(argv, folder, data_mb)
         finally:
             os._exit(code)
     normal, peak, cpu, looked, ended = anonymous_mb(os.getpid()), 0.0, 0.0, 0.0, "itself"
@@ -352,7 +358,9 @@ def main() -> None:
     replies.write("ready\n")
     for line in sys.stdin:
         request = json.loads(line)
-        replies.write(json.dumps(answer(request["argv"], Path(request["folder"]), request["timeout"])) + "\n")
+        replies.write(
+            json.dumps(answer(request["argv"], Path(request["folder"]), request["timeout"], request["data_mb"])) + "\n"
+        )
 
 
 if __name__ == "__main__":
