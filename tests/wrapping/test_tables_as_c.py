@@ -262,8 +262,8 @@ def test_a_mapping_file_says_otherwise(tmp_path):
         (b"[conditions]\nspeed = true\nstart = nan\nfrequency = ''", [f"conditions.{k}: expected a variable's name or a number"
                                                                      for k in ("speed", "start", "frequency")]),
         (b"[parameters]\na = 'b'\nc = false\nd = inf", [f"parameters.{k}: expected a number" for k in "acd"]),
-        (b"[channels", ["no TOML"]),
-        (b"# \xff", ["no TOML"]),
+        (b"[channels", ["TOML"]),
+        (b"# \xff", ["UTF-8"]),
     ],
 )  # fmt: skip
 def test_everything_wrong_with_a_mapping_file_is_named(content, said, tmp_path):
