@@ -22,7 +22,8 @@ from damage import Damaged
 from fmucorrect import records
 from fmucorrect.errors import FmucorrectError
 
-TIMEOUT_S = 20.0
+TIMEOUT_S, COMPILED_S = 20.0, 60.0
+"""What a command may take, and one that compiles C for the whole of a new FMU, s."""
 BAD = (
     "crash",
     "memory",
@@ -194,7 +195,8 @@ class Judge:
     def _one(self, case: Case, number: int, command: Sequence[str]) -> tuple[str, str, dict[str, Any]]:
         inputs, before = self._prepare(case)
         argv = [word.format(out=self.folder / "out") if "{out}" in word else word for word in command]
-        answer = self.zygote.ask(argv, inputs, data_mb=case.data_mb)
+        timeout = COMPILED_S if command[0] == "wrap" else TIMEOUT_S
+        answer = self.zygote.ask(argv, inputs, timeout, case.data_mb)
         out, err = (_text(self.folder / name) for name in ("out.txt", "err.txt"))
         harm = _harm(self.folder, inputs, before, answer)
         outcome, detail = self._class(case, number, command, answer, out, err)
