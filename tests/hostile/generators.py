@@ -19,8 +19,9 @@ from judge import Case
 
 FEATURES = ("--speed", "300", "--amplitude", "0.03", "--frequency", "2", "--start", "0")
 OUT = ("-o", "{out}/out.mcap")
-SOLVER_MB = 900
-"""What a misbehaving solver may take here: fmucorrect would give it half of the machine's memory."""
+SOLVER_MB, SOLVER_S = 900, 90.0
+"""What a misbehaving solver may take here: fmucorrect would give it half of the machine's memory; its start may
+take 60 s, in which others fetch a licence."""
 SLOW = {".mf4": 0.3, ".mdf": 0.3}
 """Formats that are read by a process of their own, which takes seconds to start, come less often."""
 
@@ -167,7 +168,9 @@ class Workshop:
         files = {"model.fmu": data, "study.toml": archives.STUDY.encode(), "measured.csv": archives.MEASURED}
         run = ("run", "study.toml", "--condition", "a", *self.impatient, *OUT)
         commands = (("inspect", "model.fmu"), run)
-        return Case("FMU, solver", f"{what} in {where}", files, commands, "model.fmu", data_mb=SOLVER_MB)
+        return Case(
+            "FMU, solver", f"{what} in {where}", files, commands, "model.fmu", data_mb=SOLVER_MB, timeout=SOLVER_S
+        )
 
 
 Maker = Callable[[Workshop, random.Random], Case]

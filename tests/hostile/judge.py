@@ -68,7 +68,7 @@ class Table:
 class Case:
     """kind: a row of the table. what: in words. files: the input folder's. commands: command lines; {out} is where a result
     goes. seed, damaged: where the input began and what was done to it. free: whatever the input says now is valid, as that
-    of an author who wrote it so. source: name of the input that stands for the case. data_mb: see zygote.py."""
+    of an author who wrote it so. source: name of the input that stands for the case. data_mb, timeout (s): see zygote.py."""
 
     kind: str
     what: str
@@ -79,6 +79,7 @@ class Case:
     damaged: Damaged | None = None
     free: bool = False
     data_mb: int = 0
+    timeout: float = TIMEOUT_S
 
 
 @dataclass
@@ -195,7 +196,7 @@ class Judge:
     def _one(self, case: Case, number: int, command: Sequence[str]) -> tuple[str, str, dict[str, Any]]:
         inputs, before = self._prepare(case)
         argv = [word.format(out=self.folder / "out") if "{out}" in word else word for word in command]
-        timeout = COMPILED_S if command[0] == "wrap" else TIMEOUT_S
+        timeout = COMPILED_S if command[0] == "wrap" else case.timeout
         answer = self.zygote.ask(argv, inputs, timeout, case.data_mb)
         out, err = (_text(self.folder / name) for name in ("out.txt", "err.txt"))
         harm = _harm(self.folder, inputs, before, answer)
