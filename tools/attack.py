@@ -45,10 +45,10 @@ should be:
 
 *memory*: more than 1 GB beyond the imported program, all processes together (a solver is given 900 MB here, where
 fmucorrect would give it half of the machine's memory). *hang*: more than 20 s (60 s for `wrap`, which compiles; 90 s
-for a solver, which may take 60 s to start), of which half computing, or three times as long. *temporary file*: left in the folder for temporary files, beside the
-input, or beside the result. A kill is SIGKILL, SIGTERM or Ctrl-C at a random moment; then the same command runs again
-and must give what an undisturbed run gives, byte for byte. Commands, and the processes in which they read files and
-run solvers, are forked from one that has the program imported.
+for a solver, which may take 60 s to start), of which half computing, or three times as long. *temporary file*: left
+in the folder for temporary files, beside the input, or beside the result. A kill is SIGKILL, SIGTERM or Ctrl-C at a
+random moment; then the same command runs again and must give what an undisturbed run gives, byte for byte. Commands,
+and the processes in which they read files and run solvers, are forked from one that has the program imported.
 """
 Kinds = tuple[tuple[int, Maker], ...]
 
