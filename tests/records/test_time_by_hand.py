@@ -5,6 +5,7 @@ import pytest
 
 from fmucorrect.errors import RecordError
 from fmucorrect.records import timebase
+from fmucorrect.records.repairs import Repairs
 from fmucorrect.records.source import NO_TIME, Block
 from fmucorrect.signals import Channel, Record
 
@@ -169,3 +170,11 @@ def test_another_step_than_asked_for_is_said_to_be_one() -> None:
     with pytest.raises(RecordError, match="there is a gap after row 1"):
         timebase.require_uniform(clock(MS, 4 * MS, MS, MS), MS)
     assert timebase.require_uniform(clock(MS, MS), MS + 5_000) == MS + 5_000
+
+
+def test_rows_that_sorting_leaves_where_they_were_are_not_counted() -> None:
+    for t_ns, moved in (([0, 1, 2, 3], 0), ([0, 1, 3, 2], 2)):
+        repairs = Repairs()
+        timebase.sort(block(t_ns), repairs)
+        assert (f"{moved} of 4" in repairs.text()) == (moved > 0), repairs.text()
+        assert bool(repairs.text()) == (moved > 0)
