@@ -104,7 +104,12 @@ GROUPS: Mapping[str, Group] = {
     ),
     "CSV": Group(
         ("records/csv.py", "records/seconds.py"),
-        ("tests/records/test_csv.py", "tests/records/test_formats.py", "-k=(csv or seconds) and not cut and not mf4"),
+        (
+            "tests/records/test_stamps.py",
+            "tests/records/test_csv.py",
+            "tests/records/test_formats.py",
+            "-k=(csv or seconds or stamps) and not cut and not mf4 and not parquet and not tdms",
+        ),
     ),
 }
 
