@@ -251,12 +251,13 @@ def _pytest(root: Path, file: str, arguments: Sequence[str], as_it_is: bool) -> 
     sys.exit(pytest.main(["-x", "-q", "-p", "no:cacheprovider", "--hypothesis-seed=0", *arguments]))
 
 
-def read_rows(seed: int) -> dict[str, dict[str, Any]]:
-    """The rows of earlier runs of this seed by the mutant's name; the last one of a name holds."""
+def read_rows(seed: int, first: bool = False) -> dict[str, dict[str, Any]]:
+    """The rows of earlier runs of this seed by the mutant's name; the last one of a name holds, or the first."""
     if not ROWS.exists():
         return {}
     rows = [json.loads(line) for line in ROWS.read_text(encoding="utf-8").splitlines()]
-    return {f"{row['file']}: {row['old']} -> {row['new']}": row for row in rows if row["seed"] == seed}
+    ordered = reversed(rows) if first else rows
+    return {f"{row['file']}: {row['old']} -> {row['new']}": row for row in ordered if row["seed"] == seed}
 
 
 def run(group: str, count: int, seed: int, again: bool) -> None:
@@ -334,13 +335,15 @@ def table(seed: int) -> str:
     different = ran - total["equivalent"]
     words = ("**all**", "", ran, *(total[key] for key in ("killed", "timeout", "survived", "equivalent")))
     lines.append(f"| {' | '.join(map(str, words))} |")
+    at_first = sum(row["verdict"] != "survived" for row in read_rows(seed, first=True).values())
     commits = ", ".join(sorted({row["commit"] for row in known.values()}))
     head = [
         "# Mutants",
         "",
         f"Written by `python tools/mutation.py --seed {seed}` at commit {commits}.",
         f"{noticed} of {ran} random mutants were noticed by the tests nearest to them: {100 * noticed / max(ran, 1):.1f} %; "
-        f"{100 * noticed / max(different, 1):.1f} % of the {different} that are not equivalent to the code.",
+        f"{100 * noticed / max(different, 1):.1f} % of the {different} that are not equivalent to the code. "
+        f"When they were first run these were {at_first}; tests for some of the survivors were added, and these run again.",
         "",
     ]
     return "\n".join([*head, *lines, "", "## Survivors", "", *(survivors or ["None."]), ""])
