@@ -42,7 +42,7 @@ CLASSES = (*BAD, *GOOD)
 checksum of the format, and the numbers are those that now stand in the file; see `explained`."""
 
 _SAID = re.compile(
-    r"damage|cut off|truncat|left out|repair|lost|missing|warning|incomplete|dropped|not whole|complete.{0,4}false",
+    r"damage|cut off|truncat|left.out|repair|lost|missing|warning|incomplete|dropped|not whole|complete.{0,4}false",
     re.I,
 )
 HERE = Path(__file__).parent
