@@ -28,7 +28,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests"), str(ROOT / "tests" / "hostile")]
 
 from generators import KINDS, Maker, Workshop, case  # noqa: E402
 from judge import BAD, CLASSES, GOOD, Judge  # noqa: E402
-from kills import Killer  # noqa: E402
+from kills import SCENARIOS, Killer, Scenario  # noqa: E402
 
 EXPLAINED = """An input is counted once, by the worst of what its commands made of it. The first four columns are as it
 should be:
@@ -57,10 +57,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--inputs", type=int, default=10_000)
     parser.add_argument("--kills", type=int, default=200)
+    parser.add_argument("--killed", default="", help="kills of these commands alone, as run,replay")
     parser.add_argument("--seed", type=int, default=37)
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--only", default="", help="inputs of these makers alone, as hostile_fmu,toml")
     parser.add_argument("--show", type=int, help="run this one case again and tell all of it")
+    parser.add_argument("--note", default="", help="a sentence for the table, as why there are fewer inputs")
     parser.add_argument("--commit-table", action="store_true", help="write tools/attack.md and tools/attack.json")
     parser.add_argument("-o", "--out", type=Path, default=Path("build/attack"))
     options = parser.parse_args()
@@ -79,11 +81,12 @@ def main() -> None:
     todo = [number for number in range(options.inputs) if number not in done]
     attack(workshop, todo, options.seed, options.workers, out, kinds)
     killed = sum(row["seed"] == options.seed and row["number"] < 0 for row in rows(log))
-    kill(range(killed, options.kills), options.seed, out)
+    scenarios = [one for one in SCENARIOS if not options.killed or one.name in options.killed.split(",")]
+    kill(range(killed, options.kills), options.seed, out, scenarios)
     text = table(rows(log))
     print(text)
     if options.commit_table:
-        write_table(rows(log), ROOT / "tools")
+        write_table(rows(log), ROOT / "tools", options.note)
 
 
 def attack(workshop: Workshop, todo: list[int], seed: int, workers: int, out: Path, kinds: Kinds) -> None:
@@ -128,12 +131,12 @@ def work(workshop: Workshop, numbers: list[int], seed: int, folder: Path, out: P
         judge.close()
 
 
-def kill(numbers: range, seed: int, out: Path) -> None:
+def kill(numbers: range, seed: int, out: Path, scenarios: list[Scenario]) -> None:
     """Kills; in the log their numbers are negative."""
     killer = Killer(out / "kills")
     with (out / "outcomes.jsonl").open("a", buffering=1, encoding="utf-8") as log:
         for number in numbers:
-            outcome = killer.kill(random.Random(f"{seed} kill {number}"))
+            outcome = killer.kill(random.Random(f"{seed} kill {number}"), scenarios)
             log.write(json.dumps({"number": -1 - number, "seed": seed, **asdict(outcome)}) + "\n")
             if outcome.bad:
                 print(
@@ -165,7 +168,7 @@ def commit() -> str:
     return subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip()
 
 
-def write_table(found: list[dict], folder: Path) -> None:
+def write_table(found: list[dict], folder: Path, note: str) -> None:
     """attack.json and attack.md."""
     counts = Counter((row["kind"], row["outcome"]) for row in found)
     kinds = sorted({row["kind"] for row in found})
@@ -183,7 +186,8 @@ def write_table(found: list[dict], folder: Path) -> None:
     seeds = ", ".join(map(str, data["seeds"]))
     (folder / "attack.md").write_text(
         f"# Damaged and hostile inputs, and kills\n\n`python tools/attack.py --commit-table` at {data['commit']}, "
-        f"{data['date']}, seed {seeds}: {len(inputs)} inputs through {data['commands']} commands, {len(kills)} kills.\n\n"
+        f"{data['date']}, seed {seeds}: {len(inputs)} inputs through {data['commands']} commands, {len(kills)} kills. "
+        f"{note}\n\n"
         f"{EXPLAINED}\n{table(inputs)}\n\n{table(kills)}\n",
         encoding="utf-8",
     )

@@ -184,5 +184,13 @@ def damaged(rng: random.Random, data: bytes, other: bytes = b"", is_text: bool =
                 more.data, f"{found.what}; {more.what}", found.touched + more.touched, found.in_place and more.in_place
             )
         if found.data != data:
-            return found
+            return _as_bytes_differ(data, found)
     return cut(rng, data, other)
+
+
+def _as_bytes_differ(data: bytes, found: Damaged) -> Damaged:
+    """Where no byte has moved, what was touched is what differs."""
+    if len(found.data) != len(data):
+        return found
+    places = [i for i, (a, b) in enumerate(zip(data, found.data, strict=True)) if a != b]
+    return Damaged(found.data, found.what, tuple((i, i + 1) for i in places), True)

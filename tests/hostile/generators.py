@@ -163,7 +163,10 @@ class Workshop:
         return self.fmu(data, f"FMU, {what.partition(':')[0]}", what)
 
     def misbehaving_fmu(self, rng: random.Random) -> Case:
-        where, what = rng.choice(archives.WHERE[:-1]), rng.choice(archives.WHAT)
+        return self.solver(rng.choice(archives.WHERE[:-1]), rng.choice(archives.WHAT))
+
+    def solver(self, where: str, what: str) -> Case:
+        """A solver that does it there."""
         data = archives.misbehaving(self.folder / "libraries", where, what)
         files = {"model.fmu": data, "study.toml": archives.STUDY.encode(), "measured.csv": archives.MEASURED}
         run = ("run", "study.toml", "--condition", "a", *self.impatient, *OUT)

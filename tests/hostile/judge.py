@@ -10,7 +10,7 @@ import select
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -178,6 +178,12 @@ class Judge:
         if worst.bad and keep is not None:
             _keep(case, worst, keep)
         return worst
+
+    def problem(self, case: Case) -> str:
+        """ "" where all is well, else what was done and what came of it."""
+        outcome = self.judge(case)
+        found = f"{outcome.outcome}: {case.kind}, {case.what}, {outcome.command}: {outcome.detail}"
+        return found if outcome.bad else ""
 
     def _prepare(self, case: Case) -> tuple[Path, dict[str, str]]:
         shutil.rmtree(self.folder, ignore_errors=True)
@@ -426,6 +432,3 @@ def _keep(case: Case, outcome: Outcome, keep: Path) -> None:
     target.with_name(target.name + ".txt").write_text(
         f"{outcome.outcome}\n{case.what}\nfmucorrect {outcome.command}\n{outcome.detail}\n", encoding="utf-8"
     )
-
-
-Maker = Callable[..., Case]

@@ -224,8 +224,9 @@ class Killer:
         self._names: dict[str, set[str]] = {}
         ctypes.CDLL(None).prctl(36, 1, 0, 0, 0)  # orphans come to this process
 
-    def kill(self, rng: random.Random, scenario: Scenario | None = None) -> Outcome:
-        scenario = scenario or rng.choices(SCENARIOS, [one.weight for one in SCENARIOS])[0]
+    def kill(self, rng: random.Random, scenarios: Sequence[Scenario] = SCENARIOS) -> Outcome:
+        """One of the scenarios, one signal, one moment."""
+        scenario = rng.choices(scenarios, [one.weight for one in scenarios])[0]
         whole, seconds = self._reference(scenario)
         number, delay = rng.choice(SIGNALS), rng.random() * seconds
         begun = time.monotonic()
@@ -284,7 +285,7 @@ class Killer:
 
     def _one(self, scenario: Scenario, number: signal.Signals, delay: float, whole: dict[str, str]) -> tuple[str, str]:
         inputs, out, temporary = self._prepare(scenario)
-        before = _digests(inputs)
+        before, spared = _digests(inputs), zygote.children(os.getpid())
         with (out.parent / "said.txt").open("wb") as said:
             process = _command(scenario.command, inputs, out, temporary, stdout=said, stderr=said)
             time.sleep(delay)
@@ -297,11 +298,11 @@ class Killer:
             try:
                 process.wait(PATIENCE_S)
             except subprocess.TimeoutExpired:
-                zygote.left_over(0.0)
+                zygote.left_over(0.0, spared)
                 process.wait()
                 return "hang", f"not ended {PATIENCE_S:g} s after {number.name}"
         text = (out.parent / "said.txt").read_text("utf-8", "replace")
-        if orphans := zygote.left_over(10.0):
+        if orphans := zygote.left_over(10.0, spared):
             return "orphan", "; ".join(orphans)[:300]
         if changed := [name for name, digest in before.items() if _digests(inputs).get(name) != digest]:
             return "input written over", ", ".join(changed)
@@ -323,7 +324,7 @@ class Killer:
             )
         if "Traceback (most recent call last)" in told:
             return "traceback", f"again: {told.strip()[-200:]}"
-        if orphans := zygote.left_over(10.0):
+        if orphans := zygote.left_over(10.0, spared):
             return "orphan", "; ".join(orphans)[:300]
         left = [str(path.relative_to(temporary)) for path in temporary.rglob("*")]
         if left:

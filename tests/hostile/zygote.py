@@ -28,6 +28,7 @@ import tempfile
 import threading
 import time
 import traceback
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +36,7 @@ MEMORY_MB = 1024
 """What one command may need beyond what the imported program has anyway."""
 
 _LOOK_S, _MEMORY_LOOK_S, _GRACE_S = 0.01, 0.05, 3.0
+_WITH_PARENT = 1  # PR_SET_PDEATHSIG: a command that hangs ends with this process
 _SUBREAPER = 36  # PR_SET_CHILD_SUBREAPER: orphans of a command become children of this process, and are seen
 _TICKS = os.sysconf("SC_CLK_TCK")
 
@@ -205,6 +207,7 @@ def child(argv: list[str], folder: Path, data_mb: int) -> int:
     """Run the command line in this process, and end as an interpreter would."""
     from fmucorrect.cli import main
 
+    ctypes.CDLL(None).prctl(_WITH_PARENT, signal.SIGKILL, 0, 0, 0)
     os.setsid()
     os.chdir(folder)
     subprocess.Popen = Forked  # type: ignore[misc]
@@ -279,37 +282,48 @@ def answer(argv: list[str], folder: Path, timeout: float, data_mb: int) -> dict[
     }
 
 
-def left_over(grace: float = _GRACE_S) -> list[str]:
-    """Command lines of the processes that the last command left, once they had `grace` s to go. They are killed."""
+def left_over(grace: float = _GRACE_S, spared: Sequence[int] = ()) -> list[str]:
+    """Command lines of the processes that the last command left, once they had `grace` s to go. They are killed.
+
+    spared: processes that were there before; they and their children are none of it.
+    """
     until = time.monotonic() + grace
-    while True:
-        reap()
-        left = family(os.getpid())[1:]
-        if not left or time.monotonic() >= until:
-            break
+
+    def left() -> list[int]:
+        reap(spared)
+        known = {process for root in spared for process in family(root)}
+        return [process for process in family(os.getpid())[1:] if process not in known]
+
+    while (there := left()) and time.monotonic() < until:
         time.sleep(0.02)
-    lines = [words(process) for process in left]
-    for process in left:
+    lines = [words(process) for process in there]
+    for process in there:
         kill(process)
-    while family(os.getpid())[1:]:
-        reap()
+    while left():
         time.sleep(0.01)
     return lines
 
 
-def reap() -> None:
-    with contextlib.suppress(ChildProcessError):
-        while os.waitpid(-1, os.WNOHANG)[0]:
-            pass
+def children(pid: int) -> list[int]:
+    found: list[int] = []
+    with contextlib.suppress(OSError):
+        for task in Path(f"/proc/{pid}/task").iterdir():
+            found += map(int, (task / "children").read_text().split())
+    return found
+
+
+def reap(spared: Sequence[int] = ()) -> None:
+    """Let go of children that have ended."""
+    for process in set(children(os.getpid())) - set(spared):
+        with contextlib.suppress(ChildProcessError):
+            os.waitpid(process, os.WNOHANG)
 
 
 def family(pid: int) -> list[int]:
     """The process and all below it."""
     found = [pid]
     for process in found:
-        with contextlib.suppress(OSError):
-            for task in Path(f"/proc/{process}/task").iterdir():
-                found += map(int, (task / "children").read_text().split())
+        found += children(process)
     return found
 
 
