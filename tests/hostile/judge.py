@@ -248,7 +248,7 @@ class Judge:
         if whole is None:
             return "another valid file", "the seed itself is refused"
         reference, usual = whole
-        told = [line for line in (said + words).splitlines() if _SAID.search(line) and line not in usual]
+        told = [line for line in (said + words).splitlines() if _SAID.search(line) and line not in usual.splitlines()]
         if isinstance(got, Table):
             if got.equals(reference):
                 return "same result", told[0] if told else ""
