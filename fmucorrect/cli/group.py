@@ -25,7 +25,7 @@ PATH = click.Path(path_type=Path)
 STEP_TIMEOUT = click.option(
     "--step-timeout",
     type=click.FloatRange(min=0, min_open=True),
-    help="s that the solver may take for one step before it counts as stuck; default: the study's step_timeout, else 15.",
+    help="s that the solver may take for one step before it counts as stuck; default: the study's step_timeout, else 10.",
 )
 
 ALLOW_DAMAGED = click.option(

@@ -108,6 +108,11 @@ class FmuDescription:
         return _CAPABILITIES["canBeInstantiatedOnlyOncePerProcess"] in self.capabilities
 
     @property
+    def needs_tool(self) -> bool:
+        """Whether it is a door to its tool, which has to be installed and begins with it."""
+        return _CAPABILITIES["needsExecutionTool"] in self.capabilities
+
+    @property
     def binaries(self) -> str:
         """The folder in binaries/ for the machine that this runs on. Raises FmuError when the FMU has none for it."""
         wanted = fmpy.platform_tuple if self.fmi.startswith("3") else fmpy.platform

@@ -65,7 +65,7 @@ class IsolatedStepper:
     ) -> None:
         self._matched = match(path, channels, inputs)
         start_values(self._matched.description, parameters)
-        self._parameters, self._limits = parameters, limits
+        self._parameters, self._limits = parameters, limits.with_tool(self.description)
         self._log = log or logging.getLogger("fmucorrect.fmu")
         width = 1 + len(self._matched.inputs) + len(self._matched.outputs)
         rows = max(1, min(ROWS, BYTES // (8 * width)))

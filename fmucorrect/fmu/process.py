@@ -14,7 +14,7 @@ import threading
 import time
 import weakref
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from queue import Empty, SimpleQueue
 from struct import unpack_from
 from typing import IO, Any, cast, final
@@ -26,6 +26,8 @@ from fmucorrect.fmu.workfolder import WorkFolder
 
 _BEGIN_TIMEOUT = 120.0
 """s for the process itself to begin, which is all our own doing: below one, unless the machine is busy."""
+TOOL_START = 120.0
+"""s that a simulation tool may take to begin behind an FMU: a licence server's answer, a program of gigabytes."""
 _TICK = 0.2
 """s between two looks at the solver's clock."""
 _LINES, _LINE = 5, 500
@@ -51,13 +53,14 @@ class Limits:
     """What a solver may take before it counts as stuck, s, and bytes of memory.
 
     step: for one communication step; thousands of times what one of milliseconds may take to be of use. load: for its library,
-    in which nothing is computed yet. start: to fetch a licence, find an equilibrium. free: to let go when all is done. memory:
-    on Linux, and no more than half of the machine's; a multibody model takes megabytes.
+    in which nothing is computed yet. start: to find an equilibrium; one that needs its tool has to bring that up and fetch a
+    licence, see `with_tool`. free: to let go when all is done. memory: on Linux, and no more than half of the machine's; a
+    multibody model takes megabytes.
     """
 
-    step: float = 15.0
+    step: float = 10.0
     load: float = 10.0
-    start: float = 60.0
+    start: float = 15.0
     free: float = 10.0
     memory: int = 4 << 30
 
@@ -66,6 +69,10 @@ class Limits:
         """With this time for a step, None for the usual one; a longer one is given to the start and the load too."""
         usual = cls()
         return usual if step is None else cls(step, max(step, usual.load), max(step, usual.start))
+
+    def with_tool(self, description: FmuDescription) -> Limits:
+        """The same, with time for the tool to begin where the FMU says that it needs one."""
+        return replace(self, start=max(self.start, TOOL_START)) if description.needs_tool else self
 
 
 DEFAULT = Limits()
