@@ -27,7 +27,7 @@ class Comparison:
 
     t_ns: simulation's time. simulated, corrected, measured, sigma (one standard deviation): (N, J), in the channels' units.
     status: (N,) a stepper.Status a row. excitation: (N,) the simulation's, None without one. offset: how the times were
-    registered. Scores cover all rows but those of warm-up, in which nothing can be corrected yet.
+    registered, at `rate` (ppm). Scores cover all rows but those of warm-up, in which nothing can be corrected yet.
     """
 
     condition: Condition
@@ -39,6 +39,7 @@ class Comparison:
     sigma: Response
     status: Int64[np.ndarray, " N"]
     offset: Offset | None = None
+    rate: float = 0.0
     excitation: Float64[np.ndarray, " N"] | None = field(default=None, repr=False)
 
     @property
@@ -103,5 +104,6 @@ def compare(pair: Pair, corrected: Record) -> Comparison:
         sigma=rows.select([f"{name}_sigma" for name in names]).values,
         status=rows["corrector_status"].astype(np.int64),
         offset=pair.offset,
+        rate=pair.rate,
         excitation=rows[extra[0].name] if extra else None,
     )

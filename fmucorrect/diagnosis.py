@@ -16,6 +16,7 @@ from jaxtyping import Float64
 
 from fmucorrect.errors import SignalError, StudyError
 from fmucorrect.experiment import Pair, pair
+from fmucorrect.screening import Finding, screen
 from fmucorrect.signals import NANOSECONDS
 from fmucorrect.study import Study
 
@@ -57,6 +58,7 @@ class Diagnosis:
     agreements: tuple[Agreement, ...]
     channels: tuple[str, ...]
     band: tuple[float, float] | None
+    warnings: tuple[Finding, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """For programs; the coherence is left to the page."""
@@ -65,6 +67,7 @@ class Diagnosis:
             "agreements": [{key: getattr(item, key) for key in keys} for item in self.agreements],
             "channels": list(self.channels),
             "band": self.band,
+            "warnings": [finding.to_json() for finding in self.warnings],
         }
 
 
@@ -74,11 +77,14 @@ def diagnose(study: Study, advance: Callable[[int], object] = lambda _: None) ->
     if not any(channel.acceleration for channel in study.channels):
         raise StudyError(str(study.path), ["no channel names an accelerometer (key acceleration in [[channels]])"])
     found: list[Agreement] = []
+    checked = screen(study, advance)
+    known = {item.condition.name: item for item in checked.pairs}
     for condition in study.conditions:
-        found += agreements(study, pair(study, condition))
-        advance(1)
+        item = known.get(condition.name) or pair(study, condition)
+        found += agreements(study, item)
+        advance(condition.name not in known)
     channels, band = recommend([item for item in found if item.role == "development"])
-    return Diagnosis(tuple(found), channels, band)
+    return Diagnosis(tuple(found), channels, band, checked.warnings)
 
 
 def agreements(study: Study, item: Pair) -> list[Agreement]:

@@ -61,8 +61,15 @@ def simulate(study: Study, condition: Condition) -> Record:
 
 
 def read_measurement(study: Study, condition: Condition) -> Record:
-    """The measured channels, their accelerometers and the excitation, in the study's units and directions, at the study's
-    step; metadata "sample_ns": the record's own. Raises RecordError and SignalError for what is missing or does not fit."""
+    """`read_samples` at the study's step; metadata "sample_ns": the record's own."""
+    samples = read_samples(study, condition)
+    told = {**samples.metadata, "sample_ns": str(samples.step_ns)}
+    return resample(replace(samples, metadata=told), study.simulation.step_ns)
+
+
+def read_samples(study: Study, condition: Condition) -> Record:
+    """The measured channels, their accelerometers and the excitation as they were sampled, in the study's units and
+    directions. Raises RecordError and SignalError for what is missing or does not fit."""
     if condition.measurement is None:
         raise RecordError(f"condition {condition.name!r} has no measurement")
     accelerations = [
@@ -80,9 +87,7 @@ def read_measurement(study: Study, condition: Condition) -> Record:
         where = f"{condition.measurement}, column {have.name}"
         factors.append(units.conversion(have.unit, unit, where) * want.measurement_sign)
         channels.append(replace(want, unit=unit))
-    told = {**raw.metadata, "sample_ns": str(raw.step_ns)}
-    measured = Record(raw.t_ns, raw.values * factors, tuple(channels), told)
-    return resample(measured, study.simulation.step_ns)
+    return Record(raw.t_ns, raw.values * factors, tuple(channels), raw.metadata)
 
 
 def pair(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +11,10 @@ from fmucorrect import bundle, records, sources, units, views
 from fmucorrect.bundle import Bundle
 from fmucorrect.catalogue.law import FAMILIES
 from fmucorrect.errors import FmucorrectError, RecordError
+from fmucorrect.experiment import Pair, pair
 from fmucorrect.fmu import FmuDescription, open_fmu
 from fmucorrect.records.contents import Contents
+from fmucorrect.screening import Finding, of_pairs, of_records
 from fmucorrect.signals import NANOSECONDS
 from fmucorrect.study import Study, check_study, load_study
 from fmucorrect.study_places import nearest
@@ -22,29 +24,48 @@ from fmucorrect.views import Thing
 @dataclass(frozen=True)
 class Inspection:
     """views: one JSON-able description a file. fits: pairs that were held against each other and agree, in words.
-    misfits: what does not, in words."""
+    misfits: what does not, in words. warnings: of the gate. seen: what a study's records lost or leave out, and how they were
+    registered, in words."""
 
     views: tuple[Mapping[str, Any], ...]
     fits: tuple[str, ...]
     misfits: tuple[str, ...]
+    warnings: tuple[Finding, ...] = ()
+    seen: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """All of it for programs."""
-        return {"files": list(self.views), "fits": list(self.fits), "misfits": list(self.misfits)}
+        return {
+            "files": list(self.views),
+            "fits": list(self.fits),
+            "misfits": list(self.misfits),
+            "warnings": [finding.to_json() for finding in self.warnings],
+            "seen": list(self.seen),
+        }
 
     def text(self) -> str:
         """All of it for people."""
         blocks = [views.text(view) for view in self.views]
-        verdict = [f"fits:         {line}" for line in self.fits] + [f"does not fit: {line}" for line in self.misfits]
+        verdict = [
+            *(f"seen:         {line}" for line in self.seen),
+            *(f"fits:         {line}" for line in self.fits),
+            *(f"warning:      {finding.text}" for finding in self.warnings),
+            *(f"does not fit: {line}" for line in self.misfits),
+        ]
         return "\n\n".join([*blocks, "\n".join(verdict)] if verdict else blocks)
 
 
 def inspect(paths: Sequence[Path]) -> Inspection:
     """Open every file, and hold those of different kinds against each other. Raises the error of the first that is none."""
     things = [open_thing(path) for path in paths]
-    fits, misfits = [], []
+    fits, misfits, warnings, seen = [], [], [], []
     for study in (thing for thing in things if isinstance(thing, Study)):
-        _judge(f"{study.path.name} and what it names", study_problems(study), fits, misfits)
+        problems = study_problems(study)
+        seen += _losses(study)
+        found = _screened(study, problems, seen)
+        warnings += [finding for finding in found if finding.level == "warning"]
+        problems += [finding.text for finding in found if finding.level == "error"]
+        _judge(f"{study.path.name} and what it names", problems, fits, misfits)
     for model in (thing for thing in things if isinstance(thing, Bundle)):
         for other in things:
             if other is model:
@@ -54,7 +75,56 @@ def inspect(paths: Sequence[Path]) -> Inspection:
     for study in (thing for thing in things if isinstance(thing, Study)):
         for fmu in (thing for thing in things if isinstance(thing, FmuDescription)):
             _judge(f"{study.path.name} and {fmu.path.name}", check_study(study, fmu.units, {}), fits, misfits)
-    return Inspection(tuple(views.describe(thing) for thing in things), tuple(fits), tuple(misfits))
+    return Inspection(
+        tuple(views.describe(thing) for thing in things), tuple(fits), tuple(misfits), tuple(warnings), tuple(seen)
+    )
+
+
+def _losses(study: Study) -> Iterator[str]:
+    """What the records of a study lost, and what they hold that is no column."""
+    files = (path for c in study.conditions for path in (c.measurement, c.simulated, c.inputs) if path is not None)
+    for path in dict.fromkeys(files):
+        try:
+            contents = records.describe(path)
+        except FmucorrectError:  # study_problems has said why
+            continue
+        if contents.damage:
+            yield f"{path.name}: {contents.damage}"
+        yield from (f"{path.name}: left out: {text}" for text in contents.left_out)
+
+
+def _screened(study: Study, problems: list[str], seen: list[str]) -> list[Finding]:
+    """The gate's findings, as far as files can be read and the model runs; what cannot is added to `problems`, and how each
+    condition was registered to `seen`."""
+    study = replace(study, allow_damaged=True)
+    known = bool(problems)
+    found: list[Finding] = []
+    pairs: list[Pair] = []
+    try:
+        found += of_records(study)
+        if any(finding.level == "error" for finding in found):
+            return found
+        for condition in () if known else study.conditions:
+            item = pair(study, condition)
+            seen.append(f"condition {condition.name!r}: {_registered(item)}")
+            if condition.role == "development":
+                pairs.append(item)
+        found += of_pairs(study, pairs)
+    except FmucorrectError as error:
+        if not known:
+            problems.append(str(error))
+    return found
+
+
+def _registered(item: Pair) -> str:
+    offset = item.offset
+    if offset is None:
+        return "no recorded excitation: both first samples count as one instant"
+    told = "taken out" if item.rate else "taken to be the same clock"
+    return (
+        f"the measurement begins at {offset.offset:+.6f} +- {offset.std:.1g} s of the simulation, its clock runs "
+        f"{offset.rate:+.3g} +- {offset.rate_std:.2g} ppm fast ({told}), gain of the excitation {offset.gain:.4g}"
+    )
 
 
 def open_thing(path: Path) -> Thing:

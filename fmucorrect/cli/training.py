@@ -75,9 +75,10 @@ def train(
         done.evaluations,
         results.curves(done.trained),
         results.facts(done.trained),
+        warnings=[finding.to_json() for finding in done.trained.warnings],
     )
     if as_json:
-        say(json.dumps(results.figures(done.evaluations), indent=1))
+        say(json.dumps(results.figures(done.evaluations, done.trained), indent=1))
     else:
         say(
             f"{results.lines(done.evaluations)}\n\nRead  {out / 'card.md'}\nopen  {page}\nuse   {out / 'corrector.onnx'}"

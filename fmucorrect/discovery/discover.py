@@ -37,6 +37,7 @@ from fmucorrect.discovery.where import Residual, where
 from fmucorrect.discovery.wording import rest, sentence
 from fmucorrect.errors import FmuError, StudyError
 from fmucorrect.inspection import study_problems
+from fmucorrect.screening import screen
 from fmucorrect.study import Study, load_study
 from fmucorrect.units import parse
 
@@ -80,11 +81,17 @@ def discover(
         seconds[stage] = seconds.get(stage, 0.0) + now - begun
         begun = now
 
+    checked = screen(study)
+    lap("gate")
     built = library() if study.fmu is not None else None
     lap("compile")
     kept = Kept(folder / ".progress")
     # the cores simulate: threads of a linear algebra on top of that would wait for each other
-    with threadpool_limits(1), quietly(), load(study, built, kept=kept, executor=executor) as problem:
+    with (
+        threadpool_limits(1),
+        quietly(),
+        load(study, built, kept=kept, executor=executor, pairs=checked.pairs) as problem,
+    ):
         lap("load")
         naming = name(problem, progress)
         decision = decide(naming)
@@ -94,6 +101,7 @@ def discover(
     if found is not None:
         progress("augmented FMU", 0, 1)
         written, notes = write_model(study, found, folder)
+    report["warnings"] = checked.told()
     report["notes"] += notes
     if allow_damaged:
         for condition in study.conditions:

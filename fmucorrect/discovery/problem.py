@@ -26,6 +26,7 @@ from fmucorrect.discovery.kept import Kept, code
 from fmucorrect.discovery.model import Model, Runner, runner, simulate, start_value, tolerance_of
 from fmucorrect.discovery.trials import Trial, read
 from fmucorrect.errors import FmuError, StudyError
+from fmucorrect.experiment import Pair
 from fmucorrect.fmu import FmuDescription, open_fmu
 from fmucorrect.signals import Condition
 from fmucorrect.stepper import run
@@ -228,15 +229,22 @@ def try_out(study: Study, condition: Condition) -> None:
 
 
 def load(
-    study: Study, library: Path | None, workers: int = 0, kept: Kept | None = None, executor: Executor | None = None
+    study: Study,
+    library: Path | None,
+    workers: int = 0,
+    kept: Kept | None = None,
+    executor: Executor | None = None,
+    pairs: Sequence[Pair] = (),
 ) -> Problem:
-    """The development conditions of a study, its solver tried out on each; the evaluation conditions are not read. Raises
-    StudyError, RecordError, FmuError."""
+    """The development conditions of a study, its solver tried out on each; the evaluation conditions are not read. pairs:
+    conditions that were simulated already. Raises StudyError, RecordError, FmuError."""
     if not study.development:
         raise StudyError(str(study.path), ["discovery needs at least one development condition"])
-    trials = tuple(read(study, condition) for condition in study.development)
+    known = {pair.condition.name: pair for pair in pairs}
+    trials = tuple(read(study, condition, pair=known.get(condition.name)) for condition in study.development)
     for trial in trials:
-        try_out(study, trial.condition)
+        if trial.condition.name not in known:
+            try_out(study, trial.condition)
     fmu = None if study.fmu is None else open_fmu(study.fmu)
     tolerated = tuple(a for a in study.adjustable if a.tolerated) if fmu else ()
     return Problem(study, fmu, library, trials, tolerated, workers or min(os.cpu_count() or 1, 8), 1, kept, executor)

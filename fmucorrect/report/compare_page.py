@@ -35,6 +35,7 @@ def build(result: Mapping[str, Any], histories: Mapping[str, np.ndarray]) -> Pag
     """The page, ready to be written."""
     cases: Sequence[Mapping[str, Any]] = result["cases"]
     page = Page(*lead(result), kicker=f"fmucorrect compare · {result['study']}")
+    page.warnings(result.get("warnings", ()))
     _tiles(page, result)
     _paper_section(page, result)
     _cases_section(page, result)

@@ -11,6 +11,7 @@ import numpy as np
 
 from fmucorrect.comparison import Comparison
 from fmucorrect.metrics import Scores
+from fmucorrect.registration import Offset
 from fmucorrect.report import figures
 from fmucorrect.report.html import Page, Row
 from fmucorrect.signals import NANOSECONDS
@@ -196,11 +197,18 @@ def _time_section(page: Page, comparison: Comparison) -> None:
             [
                 ("first measured sample", f"{offset.offset:+.6f} s on the simulation's clock"),
                 ("its uncertainty", f"{1e6 * offset.std:.2g} µs (one standard deviation)"),
+                ("sample clock", _rate(offset, comparison.rate)),
                 ("gain of the excitation", f"{offset.gain:.6f} (measured over simulated)"),
                 ("explained", f"{100 * offset.explained:.4f} % of the measured excitation's variance"),
             ]
         )
     page.end()
+
+
+def _rate(offset: Offset, taken: float) -> str:
+    """How fast the measurement's clock runs, and what was done about it."""
+    found = f"{offset.rate:+.3g} ± {offset.rate_std:.2g} ppm against the simulation's"
+    return f"{found}, taken out" if taken else f"{found}: taken to be the same"
 
 
 def _status_section(page: Page, comparison: Comparison) -> None:

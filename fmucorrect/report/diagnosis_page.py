@@ -31,6 +31,7 @@ def write_page(path: Path, title: str, diagnosis: Diagnosis) -> None:
 def build(title: str, diagnosis: Diagnosis) -> Page:
     """The page, ready to be written."""
     page = Page(title, recommendation(diagnosis), kicker="fmucorrect diagnose", made_by=outputs.mark("diagnose"))
+    page.warnings([finding.to_json() for finding in diagnosis.warnings])
     page.section(
         "Measured acceleration against the displacement's second derivative",
         f"Both below {LOW_PASS:g} Hz. Lag: samples by which the derivative is delayed for the largest absolute "

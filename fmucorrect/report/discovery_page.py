@@ -70,6 +70,7 @@ def build(report: Mapping[str, Any]) -> DiscoveryPage:
     """The page, ready to be written."""
     study = str(mapping(report.get("study")).get("name") or "")
     page = DiscoveryPage(*lead(report), kicker=" · ".join(["fmucorrect discover", *([study] if study else [])]))
+    page.warnings(report.get("warnings", ()))
     _tiles(page, report)
     where(page, report)
     effects_section(page, report)

@@ -156,6 +156,19 @@ class Page:
         """What the reader must know before believing figures."""
         self._parts.append(f'<p class="caution">{escape(text)}</p>')
 
+    def warnings(self, findings: Sequence[Mapping[str, str]]) -> None:
+        """A section of what the gate warned of (Finding.to_json); nothing where there is nothing."""
+        if not findings:
+            return
+        self.section(
+            "To be looked at first", "What was seen in the records and the simulation before anything was fitted."
+        )
+        for found in findings:
+            self.caution(
+                f"{found['where']}: {found['kind']}. Seen: {found['seen']}. {found['meaning']}. {found['remedy']}"
+            )
+        self.end()
+
     def text(self) -> str:
         """The whole file."""
         from plotly.offline import get_plotlyjs

@@ -26,6 +26,7 @@ def build(table: Mapping[str, Any], sentence: str) -> Page:
     held = [condition for condition in conditions if condition["role"] == "evaluation"]
     title = f"{len(table['models'])} models of the same measurements"
     page = Page(title, sentence or "No condition was held out.", kicker=f"fmucorrect compare · {table['study']}")
+    page.warnings(table.get("warnings", ()))
     page.section(
         "Error at every condition",
         "Root mean square over the measured range (NRMSE, %), mean of the channels. Each corrector was trained on its own "

@@ -45,10 +45,12 @@ def write_page(
     curves: Sequence[Mapping[str, Any]],
     selection: Sequence[tuple[str, str]],
     before_after_note: str = "",
+    warnings: Sequence[Mapping[str, str]] = (),
 ) -> None:
     """Write the page of `fmucorrect train`. comparisons: every condition, development and evaluation. curves: loss curves
-    as cases[].curves of compare.json. selection: what was chosen and how, terms and text. Raises OSError."""
-    build(title, comparisons, curves, selection, before_after_note).write(path)
+    as cases[].curves of compare.json. selection: what was chosen and how, terms and text. warnings: of the gate. Raises
+    OSError."""
+    build(title, comparisons, curves, selection, before_after_note, warnings).write(path)
 
 
 def build(
@@ -57,10 +59,12 @@ def build(
     curves: Sequence[Mapping[str, Any]],
     selection: Sequence[tuple[str, str]],
     before_after_note: str = "",
+    warnings: Sequence[Mapping[str, str]] = (),
 ) -> Page:
     """The page, ready to be written."""
     unseen = [item for item in comparisons if item.condition.role == "evaluation"]
     page = Page(title, lead(comparisons), kicker="fmucorrect train")
+    page.warnings(warnings)
     if comparisons:
         _tiles(page, unseen or comparisons, bool(unseen))
         _conditions(page, comparisons, before_after_note)

@@ -29,7 +29,7 @@ from fmucorrect.training.compare_table import (
     scores_of,
 )
 from fmucorrect.training.data import Samples, samples
-from fmucorrect.training.protocol import development_pairs, refit, total_epochs
+from fmucorrect.training.protocol import refit, screened, total_epochs
 from fmucorrect.training.selection import folds, select
 from fmucorrect.training.tasks import Task, Workshop
 
@@ -44,7 +44,8 @@ class Result:
 
 def compare_study(study: Study, training: Training, seeds: Sequence[int], ablate: bool, workshop: Workshop) -> Result:
     """All of it. Raises what `protocol.train` raises."""
-    pairs = development_pairs(study)
+    checked = screened(study)
+    pairs = list(checked.pairs)
     training = resolved(study, training, pairs)
     development = [samples(item, training.window) for item in pairs]
     by_case = _fit(development, needed(training), seeds, workshop)
@@ -103,6 +104,7 @@ def compare_study(study: Study, training: Training, seeds: Sequence[int], ablate
         "development": [condition.name for condition in study.development],
         "evaluation": [condition.name for condition in study.evaluation],
         "settings": asdict(training),
+        "warnings": checked.told(),
         "cases": rows,
         "paper": list(PAPER),
         "paper_oracle_r2": PAPER_ORACLE,

@@ -43,9 +43,11 @@ def compare_models(studies: Sequence[Study], folder: Path, workshop: Workshop) -
     names = labels(studies)
     rows: list[dict[str, Any]] = []
     floors: dict[str, float | None] = {}
+    warnings: list[dict[str, str]] = []
     for name, study in zip(names, studies, strict=True):
         command = f"fmucorrect compare {' '.join(other.path.name for other in studies)}"
         results = train_into(folder / name, study, study.training, command, workshop)
+        warnings += [finding.to_json() for finding in results.trained.warnings]
         parts = [_scored(study, results, item) for item in results.evaluations]
         for kind, label in KINDS.items():
             conditions = {
@@ -63,6 +65,7 @@ def compare_models(studies: Sequence[Study], folder: Path, workshop: Workshop) -
         ],
         "conditions": [{"name": c.name, "role": c.role, "speed": c.speed} for c in first.conditions],
         "noise_floor": floors,
+        "warnings": [row for i, row in enumerate(warnings) if row not in warnings[:i]],
         "rows": rows,
     }
 

@@ -14,7 +14,8 @@ import numpy as np
 from fmucorrect.bundle import Bundle, Info
 from fmucorrect.comparison import Comparison, compare
 from fmucorrect.errors import StudyError
-from fmucorrect.experiment import Pair, pair
+from fmucorrect.experiment import Pair
+from fmucorrect.screening import Finding, Screened, screen
 from fmucorrect.signals import Channel, Condition
 from fmucorrect.stepper import CorrectedStepper, ReplayStepper
 from fmucorrect.study import Study
@@ -32,7 +33,8 @@ from fmucorrect.training.tasks import Task, Workshop
 @dataclass(frozen=True)
 class Trained:
     """A finished training. content: the bundle file's bytes. corrector: the same in torch, for comparison. ensemble: its
-    members, without envelope. rho: of each member. curves: of the refit, all members. trials: of the search, in order."""
+    members, without envelope. rho: of each member. curves: of the refit, all members. trials: of the search, in order.
+    warnings: of the gate."""
 
     content: bytes
     corrector: Corrector
@@ -43,6 +45,7 @@ class Trained:
     rho: tuple[float, ...]
     curves: tuple[Curve, ...]
     parameters: int
+    warnings: tuple[Finding, ...] = ()
 
 
 def train(study: Study, training: Training | None = None, workshop: Workshop | None = None) -> Trained:
@@ -52,7 +55,8 @@ def train(study: Study, training: Training | None = None, workshop: Workshop | N
     registration raise.
     """
     training, workshop = training or study.training, workshop or Workshop()
-    development = [samples(item, training.window) for item in development_pairs(study)]
+    checked = screened(study)
+    development = [samples(item, training.window) for item in checked.pairs]
     training, trials = search(development, training, workshop)
     selection = select(development, training, workshop)
     ensemble, curves = refit(development, training, selection.epochs, workshop)
@@ -80,14 +84,17 @@ def train(study: Study, training: Training | None = None, workshop: Workshop | N
     rows = np.linspace(0, len(first.seconds) - 1, 8).astype(int)
     content = to_bundle(corrector, info, first.windows[rows], first.condition, first.seconds[rows])
     rho = tuple(member.rho for member in ensemble.members)
-    return Trained(content, corrector, ensemble, selection, training, trials, rho, curves, ensemble.parameters)
+    return Trained(
+        content, corrector, ensemble, selection, training, trials, rho, curves, ensemble.parameters, checked.warnings
+    )
 
 
-def development_pairs(study: Study) -> list[Pair]:
-    """The development conditions, simulated and registered. Raises StudyError for fewer than two."""
+def screened(study: Study) -> Screened:
+    """The development conditions, simulated, registered and let through the gate. Raises StudyError for fewer than two, and
+    where nothing sensible can follow."""
     if len(study.development) < 2:
         raise StudyError(str(study.path), ["training needs at least two development conditions, to hold one out"])
-    return [pair(study, condition) for condition in study.development]
+    return screen(study)
 
 
 def total_epochs(study: Study, training: Training) -> int:

@@ -48,7 +48,7 @@ def train_into(folder: Path, study: Study, training: Training, command: str, wor
     evaluations = tuple(evaluate(pair(study, condition), model) for condition in study.conditions)
     text = card(trained, model, evaluations, command) + _against_others(folder / "compare.json", study)
     outputs.write(folder / "card.md", text)
-    outputs.write(folder / "evaluation.json", json.dumps(figures(evaluations), indent=1) + "\n")
+    outputs.write(folder / "evaluation.json", json.dumps(figures(evaluations, trained), indent=1) + "\n")
     return Results(folder, trained, evaluations)
 
 
@@ -105,9 +105,10 @@ def save(trained: Trained, folder: Path) -> Path:
     return outputs.write(folder / "corrector.onnx", trained.content)
 
 
-def figures(evaluations: Sequence[Comparison]) -> dict[str, Any]:
-    """Evaluations as plain numbers, for JSON."""
-    return {"conditions": [_condition(item) for item in evaluations]}
+def figures(evaluations: Sequence[Comparison], trained: Trained) -> dict[str, Any]:
+    """Evaluations as plain numbers, for JSON, and what the gate warned of."""
+    warnings = [finding.to_json() for finding in trained.warnings]
+    return {"conditions": [_condition(item) for item in evaluations], "warnings": warnings}
 
 
 def lines(evaluations: Sequence[Comparison]) -> str:

@@ -1,0 +1,60 @@
+"""The gate before a study is used: what in its records and simulations cannot be right, before hours are spent on it.
+
+    checked = screen(study)      # raises StudyError with every finding that leaves nothing sensible to do
+    checked.warnings             # what stands in the page, checked.pairs: the development conditions, simulated
+
+finding.py says what a finding is, recorded.py looks at files alone, same.py finds one record inside another, simulated.py
+holds simulation and measurement against each other. Of evaluation conditions only what no training could use is looked at:
+whether they are held out at all, whether their channels live and their inputs cover the run.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from fmucorrect.errors import StudyError
+from fmucorrect.experiment import Pair, pair
+from fmucorrect.screening.finding import Finding
+from fmucorrect.screening.recorded import of_records
+from fmucorrect.screening.simulated import of_pairs
+from fmucorrect.study import Study
+
+__all__ = ["Finding", "Screened", "of_pairs", "of_records", "screen"]
+
+_log = logging.getLogger("fmucorrect")
+
+
+@dataclass(frozen=True)
+class Screened:
+    """A study that passed. pairs: its development conditions, in order. warnings: what should be looked at."""
+
+    pairs: tuple[Pair, ...]
+    warnings: tuple[Finding, ...]
+
+    def told(self) -> list[dict[str, str]]:
+        """The warnings, for JSON."""
+        return [finding.to_json() for finding in self.warnings]
+
+
+def screen(study: Study, advance: Callable[[int], object] = lambda _: None) -> Screened:
+    """Look at all records, simulate every development condition once, and log each warning; advance(1) after each
+    simulation. Raises StudyError that lists every error, and what reading, simulation and registration raise."""
+    found = of_records(study)
+    _refuse(study, found)
+    pairs: list[Pair] = []
+    for condition in study.development:
+        pairs.append(pair(study, condition))
+        advance(1)
+    found = (*found, *of_pairs(study, pairs))
+    _refuse(study, found)
+    for finding in found:
+        _log.warning("%s", finding.text)
+    return Screened(tuple(pairs), found)
+
+
+def _refuse(study: Study, found: Sequence[Finding]) -> None:
+    errors = [finding.text for finding in found if finding.level == "error"]
+    if errors:
+        raise StudyError(str(study.path), errors)

@@ -1,0 +1,312 @@
+"""What records, inputs and the study's own numbers show without a simulation."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float64
+
+from fmucorrect import records, sources, units
+from fmucorrect.experiment import read_samples
+from fmucorrect.screening.finding import Finding
+from fmucorrect.screening.same import overlap
+from fmucorrect.signals import NANOSECONDS, Condition, Record
+from fmucorrect.study import Study
+
+OFF = 0.05
+"""Share by which a stated frequency or speed may differ from what was measured; an amplitude by three times as much."""
+UNCOVERED = 0.1
+"""Share of a run without inputs from which nothing sensible follows."""
+STILL = 0.02
+"""Share of its largest value below which an input rests: holding it there is no harm."""
+SUDDEN = 0.1
+"""Share of a typical step by which it would have gone beyond."""
+CLIPPED = 3
+"""Samples in a row at a channel's very end, and times that this happens, that make it a clipped one."""
+
+Series = Float64[np.ndarray, " T"]
+
+
+def of_records(study: Study) -> tuple[Finding, ...]:
+    """Findings of the study's records and inputs. Raises RecordError and SignalError for what cannot be read."""
+    measured = {condition.name: read_samples(study, condition) for condition in study.conditions}
+    found: list[Finding] = [*_held_out(study, measured)]
+    for condition in study.conditions:
+        found += _channels(study, condition, measured[condition.name])
+        found += _covered(study, condition)
+        if condition.role == "development":
+            found += _said(study, condition, measured[condition.name])
+    return (*found, *_angles(study), *_parameters(study))
+
+
+def _held_out(study: Study, measured: Mapping[str, Record]) -> Iterator[Finding]:
+    """An evaluation record that development has seen; two development records that are one."""
+    meaning = "What the training saw is no test of it"
+    for one, other in combinations(study.conditions, 2):
+        if {one.role, other.role} == {"evaluation"} or one.measurement is None or other.measurement is None:
+            continue
+        known, held = (one, other) if one.role == "development" else (other, one)
+        assert known.measurement is not None
+        assert held.measurement is not None
+        apart = held.role == "evaluation"
+        where = f"condition {held.name!r}"
+        kind = "evaluation record seen in development" if apart else "record used twice"
+        mend = f"Give conditions {known.name!r} and {held.name!r} records of runs of their own (key measurement)."
+        text = meaning if apart else "It counts twice, and leaving one out holds nothing out"
+        if _digest(known.measurement) == _digest(held.measurement):
+            seen = f"{held.measurement.name} holds the same bytes as {known.measurement.name} of {known.name!r}"
+            yield Finding(kind, "error" if apart else "warning", where, seen, text, mend)
+            continue
+        if not apart:
+            continue
+        names = [channel.name for channel in study.channels]
+        a, b = measured[known.name].select(names), measured[held.name].select(names)
+        if found := overlap(a, b) or (overlap(b, a) if 2 * len(a) < len(b) else None):
+            scaled = abs(found.scale - 1.0) > 0.02
+            seen = (
+                f"{100 * found.share:.0f} % of the stretches compared, down to their noise, are in "
+                f"{known.measurement.name} of {known.name!r} too, from {found.at:.3g} s on"
+                + (f", scaled by {found.scale:.4g}" if scaled else "")
+            )
+            yield Finding(kind, "error" if found.noisy or not scaled else "warning", where, seen, text, mend)
+
+
+def _digest(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _channels(study: Study, condition: Condition, measured: Record) -> Iterator[Finding]:
+    """Channels that are dead; in development also the same, or clipped."""
+    columns = [(channel, measured[channel.name]) for channel in study.channels]
+    held = condition.role == "evaluation"
+    for channel, values in columns:
+        where = f"condition {condition.name!r}, channel {channel.name!r}"
+        size = float(np.abs(values).max(initial=0.0))
+        if np.ptp(values) <= 1e-12 * size or size == 0.0:
+            yield Finding(
+                "dead channel",
+                "warning" if any(np.ptp(other) > 0.0 for _, other in columns) else "error",
+                where,
+                f"column {channel.measurement!r} is {values[0]:g} {channel.unit} throughout",
+                "The sensor did not work, or was not connected",
+                "Name another column (key measurement), or leave the channel out.",
+            )
+        elif not held and (share := clipped(values)):
+            yield Finding(
+                "clipped channel",
+                "warning",
+                where,
+                f"{100 * share:.2g} % of column {channel.measurement!r} lie in rows at {values.min():.4g} or "
+                f"{values.max():.4g} {channel.unit}, where it comes to a sudden halt",
+                "The range of sensor or converter was too small; what lies beyond is lost",
+                "Use a record of a larger range (key measurement), or leave the condition out.",
+            )
+    for (one, first), (other, second) in () if held else combinations(columns, 2):
+        if np.ptp(first) > 0.0 and np.allclose(first, second, rtol=1e-9, atol=1e-9 * float(np.abs(first).max())):
+            yield Finding(
+                "duplicated channel",
+                "warning",
+                f"condition {condition.name!r}, channels {one.name!r} and {other.name!r}",
+                f"columns {one.measurement!r} and {other.measurement!r} hold the same values",
+                "One sensor was recorded twice, and the other not at all",
+                "Name the other sensor's column (key measurement).",
+            )
+
+
+def clipped(values: Series) -> float:
+    """Share of samples in rows of at least CLIPPED at the largest or the smallest value into which the signal runs with a
+    speed that would have carried it beyond; 0 where that happens less than CLIPPED times."""
+    share = 0.0
+    for side in (values, -values):
+        top = float(side.max())
+        at = (side >= top - 1e-9 * float(np.ptp(side))).astype(np.int8)
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], at, [0]])))
+        starts, stops = edges[::2], edges[1::2]
+        long = (stops - starts >= CLIPPED) & (starts >= 2)
+        starts, stops = starts[long], stops[long]
+        if len(starts) < CLIPPED:
+            continue
+        onward = 2.0 * side[starts - 1] - side[starts - 2] > top + SUDDEN * float(np.diff(side).std())
+        if int(onward.sum()) >= max(CLIPPED, 0.4 * len(starts)):
+            share += float((stops - starts).sum()) / len(values)
+    return share
+
+
+def _covered(study: Study, condition: Condition) -> Iterator[Finding]:
+    """Inputs that end before the run does, or lie on another clock."""
+    if condition.inputs is None or condition.simulated is not None or study.fmu is None:
+        return
+    length, extent = sources.measured_duration(study, condition), records.describe(condition.inputs).topics[0].extent
+    if extent.rows < 2 or extent.start_ns is None or extent.stop_ns is None:
+        return
+    begins, ends = extent.start_ns / NANOSECONDS, extent.stop_ns / NANOSECONDS
+    gap = (ends - begins) / (extent.rows - 1)
+    early, late = max(begins - gap, 0.0), max(length - ends - gap, 0.0)
+    if early + late <= 0.0:
+        return
+    series = records.read(condition.inputs)
+    size = np.abs(series.values).max(axis=0)
+    rests = [bool((np.abs(series.values[i]) <= STILL * size).all()) for i in (0, -1)]
+    missing = min(early * (not rests[0]) + late * (not rests[1]), length)
+    apart = begins >= length or ends <= 0.0
+    if not apart and missing <= 0.0:
+        return
+    clock = "they are on another clock" if apart else "they are held at their first and last value"
+    yield Finding(
+        "inputs do not cover the run",
+        "error" if apart or missing > UNCOVERED * length else "warning",
+        f"condition {condition.name!r}",
+        f"the run lasts from 0 to {length:g} s, {condition.inputs.name} from {begins:.10g} to {ends:.10g} s",
+        f"Outside {clock}, and the model is not driven as the machine was",
+        "Let the time column of the file (key inputs) count from the start of the run, and reach to its end.",
+    )
+
+
+def _said(study: Study, condition: Condition, measured: Record) -> Iterator[Finding]:
+    """Frequency, amplitude and speed that are not those of the record."""
+    where = f"condition {condition.name!r}"
+    excitation = study.excitation
+    if excitation is not None and condition.frequency > 0.0:
+        column = measured[excitation.simulation]
+        unit = measured.channels[measured.index(excitation.simulation)].unit
+        if tone := dominant(column, measured.step_ns / NANOSECONDS):
+            hertz, amplitude = tone
+            if abs(hertz / condition.frequency - 1.0) > OFF:
+                yield _other(
+                    where, "frequency", f"{hertz:.4g} Hz", f"{condition.frequency:g} Hz", excitation.measurement
+                )
+            angle = unit not in ("", "1") and units.parse(unit).dimension == units.parse("deg").dimension
+            if angle and condition.amplitude > 0.0:
+                degrees = amplitude * units.conversion(unit, "deg", excitation.measurement)
+                if abs(degrees / condition.amplitude - 1.0) > 3.0 * OFF:
+                    found, stated = f"{degrees:.4g} deg", f"{condition.amplitude:g} deg"
+                    yield _other(where, "amplitude", found, stated, excitation.measurement)
+    speeds = {
+        name: value
+        for table in (study.parameters, condition.parameters)
+        for name, value in table.items()
+        if name.lower() in ("speed", "v", "velocity")
+    }
+    for name, value in speeds.items():
+        likely = [value, 3.6 * value]  # in km/h, in m/s
+        if condition.speed > 0.0 and min(abs(v / condition.speed - 1.0) for v in likely) > OFF:
+            yield _other(where, "speed", f"{value:g} for parameter {name!r}", f"{condition.speed:g} km/h", "parameters")
+    if condition.speed > 0.0 and condition.measurement is not None:
+        for column, unit in _speed_columns(condition.measurement):
+            speed = records.read(condition.measurement, [column]).values[:, 0]
+            mean = float(np.median(speed)) * units.conversion(unit, "km/h", column)
+            if abs(mean / condition.speed - 1.0) > OFF:
+                yield _other(where, "speed", f"{mean:.4g} km/h", f"{condition.speed:g} km/h", column)
+
+
+def _other(where: str, key: str, found: str, stated: str, source: str) -> Finding:
+    return Finding(
+        f"{key} is not the stated one",
+        "warning",
+        where,
+        f"{source} has {found}, the study says {stated}",
+        "The condition is another one, the record belongs elsewhere, or a unit is wrong",
+        f"Correct {key}, or measurement, of this condition.",
+    )
+
+
+def _speed_columns(path: Path) -> Iterator[tuple[str, str]]:
+    """Columns whose last name is speed, in a unit of speed."""
+    for item in records.describe(path).topics:
+        for column in item.topic.columns:
+            named = column.name.split(".")[-1].lower() in ("speed", "vehicle_speed")
+            if named and column.unit in ("km/h", "m/s", "kmh", "kph"):
+                yield item.topic.full_name(column.name), column.unit
+
+
+def dominant(values: Series, step: float) -> tuple[float, float] | None:
+    """Frequency (Hz) and amplitude of a tone; None where less than half of the signal's power lies around one frequency."""
+    swing = values - np.median(values)
+    moving = np.flatnonzero(np.abs(swing) > 0.3 * np.abs(swing).max(initial=0.0))
+    if len(moving) < 16:
+        return None
+    part = swing[moving[0] : moving[-1] + 1]
+    part = part - part.mean()
+    window = np.hanning(len(part))
+    power = np.abs(np.fft.rfft(part * window, 4 << len(part).bit_length())) ** 2
+    frequencies = np.fft.rfftfreq(4 << len(part).bit_length(), step)
+    peak = int(np.argmax(power[1:])) + 1
+    width = 3.0 / (len(part) * step)
+    near = np.abs(frequencies - frequencies[peak]) <= width
+    if power[near].sum() < 0.5 * power.sum() or frequencies[peak] < width:
+        return None
+    return float(frequencies[peak]), float(2.0 * np.sqrt(power[peak]) / window.sum())
+
+
+def _angles(study: Study) -> Iterator[Finding]:
+    """Angles whose unit nobody says: 1 counts as rad."""
+    meaning = "It counts as rad; in degrees all would be wrong by 57.3"
+    for channel in study.channels:
+        if channel.quantity != "angle":
+            continue
+        if channel.unit in ("", "1", "-"):
+            yield Finding(
+                "angle without a unit",
+                "warning",
+                f"channel {channel.name!r}",
+                f"its unit is {channel.unit!r}",
+                meaning,
+                'Write unit = "rad" or unit = "deg".',
+            )
+        for path in dict.fromkeys(c.measurement for c in study.conditions if c.role == "development"):
+            if path is None:
+                continue
+            raw = records.read(path, [channel.measurement or channel.name]).channels[0].unit
+            if raw in ("", "1", "-"):
+                yield Finding(
+                    "angle without a unit",
+                    "warning",
+                    f"channel {channel.name!r}",
+                    f"column {channel.measurement!r} of {path.name} has no unit",
+                    meaning,
+                    f"Name the unit in the file (in CSV: '{channel.measurement} [deg]').",
+                )
+
+
+def _parameters(study: Study) -> Iterator[Finding]:
+    """Parameters with two values."""
+    remedy = "Keep the one that holds: [simulation] parameters, or parameters of the condition."
+    for condition in study.development:
+        for name, value in condition.parameters.items():
+            if name in study.parameters and study.parameters[name] != value:
+                yield Finding(
+                    "parameter stated twice",
+                    "warning",
+                    f"condition {condition.name!r}, parameter {name!r}",
+                    f"{study.parameters[name]:g} in [simulation], {value:g} here",
+                    "The condition's own value is used",
+                    remedy,
+                )
+    for row in study.adjustable:
+        for name in row.parameters:
+            if row.parameters.count(name) > 1:
+                yield Finding(
+                    "parameter stated twice",
+                    "warning",
+                    f"[[adjustable]], parameter {name!r}",
+                    "it stands twice in one row",
+                    "It would be scaled twice",
+                    "Name it once in parameters.",
+                )
+                break
+            own = {c.name: c.parameters[name] for c in study.development if name in c.parameters}
+            if len(set(own.values())) > 1:
+                listed = ", ".join(f"{value:g} at {name}" for name, value in own.items())
+                yield Finding(
+                    "parameter stated twice",
+                    "warning",
+                    f"[[adjustable]], parameter {name!r}",
+                    f"it may be adjusted, and conditions have values of their own: {listed}",
+                    "One adjustment stands beside several values",
+                    "Take it from [[adjustable]], or from the parameters of the conditions.",
+                )
