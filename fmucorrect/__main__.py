@@ -1,5 +1,16 @@
-"""`python -m fmucorrect` is the command line."""
+"""`fmucorrect`, and `python -m fmucorrect`, is the command line."""
 
-from fmucorrect.cli import main
+import sys
 
-main()
+
+def main() -> None:
+    """Ctrl-C while the commands are still being imported ends as it does later, without a traceback."""
+    try:
+        from fmucorrect.cli import main as commands
+    except KeyboardInterrupt:
+        sys.exit(130)
+    commands()
+
+
+if __name__ == "__main__":
+    main()

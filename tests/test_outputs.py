@@ -19,7 +19,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from fmucorrect import cli, outputs, records, session
-from fmucorrect.errors import FmucorrectError, FmuError, OutputError, SignalError
+from fmucorrect.errors import FmucorrectError, FmuError, OutputError, RecordError, SignalError
 from fmucorrect.signals import Channel, Condition, Record
 from fmucorrect.stepper import CorrectedStepper, ReplayStepper, Step
 from fmucorrect.study import load_study
@@ -322,6 +322,8 @@ def test_every_row_before_a_failure_is_kept(place: Path, suffix: str, corrected:
         if suffix != ".csv":
             assert read.metadata["complete"] == "false"
             assert "gave up" in read.metadata["why"]
+            with pytest.raises(RecordError, match="broke off.*gave up.*--allow-damaged"):
+                records.read(made, topic=name, allow_damaged=False)
 
 
 def test_a_failure_before_the_first_row_leaves_nothing(place: Path) -> None:

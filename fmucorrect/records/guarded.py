@@ -26,9 +26,12 @@ class Guarded:
 
     @property
     def damage(self) -> str:
-        """What is lost, in words, as far as is known by now; "" when nothing is."""
+        """What is lost, in words, as far as is known by now; "" when nothing is. A run of ours that broke off is not whole."""
         with _one_error(self.path):
-            return self._source.damage or ("it is cut off" if self._source.truncated else "")
+            if lost := self._source.damage or ("it is cut off" if self._source.truncated else ""):
+                return lost
+            notes = [topic.metadata for topic in self._source.topics() if topic.metadata.get("complete") == "false"]
+            return f"the run that wrote it broke off: {notes[0].get('why', 'nothing says why')}" if notes else ""
 
     @property
     def left_out(self) -> tuple[str, ...]:
