@@ -64,7 +64,7 @@ def test_the_published_critical_speed_of_the_cooperrider_bogie_is_met(tmp_path: 
     mapping = COOPERRIDER.read_text("utf-8").replace("\ndeceleration", "\n# ").replace("\nbifurcation", "\n# ")
     shutil.copy(COOPERRIDER.parent / "cooperrider.fmu", tmp_path)
     (tmp_path / "assess.toml").write_text(mapping, "utf-8")
-    result = call("assess", "critical-speed", tmp_path / "assess.toml", "-o", tmp_path, "--json")
+    result = call("assess", "critical-speed", tmp_path / "assess.toml", "-o", tmp_path / "out", "--json")
     assert result.exit_code == 0, result.output
     found = json.loads(result.output)["critical_speed"]
     assert found["linear_critical_speed"] == pytest.approx(68.66, rel=1e-3)
@@ -73,22 +73,22 @@ def test_the_published_critical_speed_of_the_cooperrider_bogie_is_met(tmp_path: 
 
 
 def test_what_does_not_fit_is_one_message(tmp_path: Path) -> None:
-    refused(call("assess", "all", tmp_path / "none.toml", "-o", tmp_path), "none.toml", "cannot be read")
-    refused(call("assess", "everything", RIG, "-o", tmp_path), "'everything' is not one of")
-    refused(call("assess", "safety", RIG, "-o", tmp_path), "there is no section [safety] to assess")
-    refused(call("assess", "preload", COOPERRIDER, "-o", tmp_path), "there are [critical_speed]")
+    refused(call("assess", "all", tmp_path / "none.toml", "-o", tmp_path / "out"), "none.toml", "cannot be read")
+    refused(call("assess", "everything", RIG, "-o", tmp_path / "out"), "'everything' is not one of")
+    refused(call("assess", "safety", RIG, "-o", tmp_path / "out"), "there is no section [safety] to assess")
+    refused(call("assess", "preload", COOPERRIDER, "-o", tmp_path / "out"), "there are [critical_speed]")
     shutil.copy(RIG.parent / "roller_rig.fmu", tmp_path)
     wrong = tmp_path / "assess.toml"
     wrong.write_text(RIG.read_text("utf-8").replace('"car.a_z"', '"car.a_zed"'), "utf-8")
-    refused(call("assess", "preload", wrong, "-o", tmp_path), "there is no variable 'car.a_zed' in the FMU", "line ")
-    assert not (tmp_path / "assessment.html").exists()
+    refused(call("assess", "preload", wrong, "-o", tmp_path / "out"), "there is no variable 'car.a_zed' in the FMU", "line ")
+    assert not (tmp_path / "out" / "assessment.html").exists()
 
 
 def test_a_start_value_that_the_fmu_refuses_is_one_message(tmp_path: Path) -> None:
     shutil.copy(RIG.parent / "roller_rig.fmu", tmp_path)
     wrong = tmp_path / "assess.toml"
     wrong.write_text(RIG.read_text("utf-8").replace("platform_amplitude = 0.0", "speed = 1.0"), "utf-8")
-    refused(call("assess", "preload", wrong, "-o", tmp_path), "'speed' = 1 is outside [5, 600] m/s")
+    refused(call("assess", "preload", wrong, "-o", tmp_path / "out"), "'speed' = 1 is outside [5, 600] m/s")
 
 
 @pytest.mark.slow

@@ -92,6 +92,7 @@ def test_the_command_from_an_empty_folder(data: Data, tmp_path: Path, monkeypatc
     for text in ("paper: proposed method", "0.8197", "virtual rig", "Try next", "fmucorrect replay", "fmucorrect wrap"):
         assert text in ran.output
     assert {file.name for file in (tmp_path / "fmucorrect-demo").iterdir()} == {
+        ".fmucorrect",
         "demo.mcap",
         "demo.html",
         "corrector.onnx",
