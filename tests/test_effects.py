@@ -135,12 +135,13 @@ def test_what_is_written_is_read(tmp_path):
 
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
-names = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=12)
+letters = st.characters(exclude_categories=["Cs"], exclude_characters="\0")  # no reader of TOML here takes NUL
+names = st.text(letters, min_size=1, max_size=12)
 
 
 @settings(max_examples=60)
 @given(
-    name=names, variable=names, value=finite, words=st.text(max_size=20), std=st.dictionaries(names, finite, max_size=3)
+    name=names, variable=names, value=finite, words=st.text(letters, max_size=20), std=st.dictionaries(names, finite, max_size=3)
 )
 def test_any_name_and_number_survives_writing(tmp_path_factory, name, variable, value, words, std):
     effects = Effects(
