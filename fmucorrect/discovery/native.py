@@ -75,6 +75,7 @@ def build(folder: Path) -> Path:
     target, _, suffix = host()
     library = folder / f"march_{digest}{suffix}"
     if not library.is_file() or not own(library):
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         with tempfile.TemporaryDirectory(dir=folder, ignore_cleanup_errors=True) as place:
             for name, text in sources.items():
                 (Path(place) / name).write_text(text, encoding="utf-8")

@@ -13,7 +13,7 @@ from jaxtyping import Float64
 from fmucorrect import records, sources, units
 from fmucorrect.experiment import read_samples
 from fmucorrect.screening.finding import Finding
-from fmucorrect.screening.same import overlap
+from fmucorrect.screening.same import COPIED, overlap
 from fmucorrect.signals import NANOSECONDS, Condition, Record
 from fmucorrect.study import Study
 
@@ -72,7 +72,8 @@ def _held_out(study: Study, measured: Mapping[str, Record]) -> Iterator[Finding]
                 f"{known.measurement.name} of {known.name!r} too, from {found.at:.3g} s on"
                 + (f", scaled by {found.scale:.4g}" if scaled else "")
             )
-            yield Finding(kind, "error" if found.noisy or not scaled else "warning", where, seen, text, mend)
+            sure = found.likeness > COPIED and (found.noisy or not scaled)
+            yield Finding(kind, "error" if sure else "warning", where, seen, text, mend)
 
 
 def _digest(path: Path) -> str:

@@ -22,6 +22,9 @@ ORDER = 24
 """Of the linear prediction."""
 SAME = 0.9
 """Correlation of what is left, from which two stretches are the same: of others it is below 0.3 over 256 samples."""
+COPIED = 0.999
+"""Correlation from which they are one and the same beyond doubt: below it sharp corners, which no linear prediction takes away,
+may come again with a repeated excitation."""
 PREDICTED = 1e-5
 """Share of a signal's size below which what is left is rounding, and no noise that could tell two runs apart."""
 
@@ -32,12 +35,13 @@ Other = Float64[np.ndarray, " U"]
 @dataclass(frozen=True)
 class Overlap:
     """share: of the stretches looked for that were found. at: s, in the record they were found in. scale: of the first over
-    those found. noisy: whether there is noise to tell two runs apart."""
+    those found. noisy: whether there is noise to tell two runs apart. likeness: median correlation of those found."""
 
     share: float
     at: float
     scale: float
     noisy: bool
+    likeness: float
 
 
 def overlap(known: Record, other: Record) -> Overlap | None:
@@ -67,7 +71,8 @@ def overlap(known: Record, other: Record) -> Overlap | None:
     scales = [np.sign(_correlation(x[here], y[there])) * y[there].std() / x[here].std() for here, there in found]
     noisy = float(x.std()) > PREDICTED * float(a[:, live[0]].std())
     at = found[0][0].start * step / NANOSECONDS
-    return Overlap(len(found) / len(starts), at, float(np.median(scales)), noisy)
+    likeness = float(np.median([abs(_correlation(x[here], y[there])) for here, there in found]))
+    return Overlap(len(found) / len(starts), at, float(np.median(scales)), noisy, likeness)
 
 
 def _unpredicted(a: Series, b: Other) -> tuple[np.ndarray, np.ndarray]:
