@@ -80,7 +80,9 @@ def test_what_does_not_fit_is_one_message(tmp_path: Path) -> None:
     shutil.copy(RIG.parent / "roller_rig.fmu", tmp_path)
     wrong = tmp_path / "assess.toml"
     wrong.write_text(RIG.read_text("utf-8").replace('"car.a_z"', '"car.a_zed"'), "utf-8")
-    refused(call("assess", "preload", wrong, "-o", tmp_path / "out"), "there is no variable 'car.a_zed' in the FMU", "line ")
+    refused(
+        call("assess", "preload", wrong, "-o", tmp_path / "out"), "there is no variable 'car.a_zed' in the FMU", "line "
+    )
     assert not (tmp_path / "out" / "assessment.html").exists()
 
 

@@ -141,7 +141,11 @@ names = st.text(letters, min_size=1, max_size=12)
 
 @settings(max_examples=60)
 @given(
-    name=names, variable=names, value=finite, words=st.text(letters, max_size=20), std=st.dictionaries(names, finite, max_size=3)
+    name=names,
+    variable=names,
+    value=finite,
+    words=st.text(letters, max_size=20),
+    std=st.dictionaries(names, finite, max_size=3),
 )
 def test_any_name_and_number_survives_writing(tmp_path_factory, name, variable, value, words, std):
     effects = Effects(
