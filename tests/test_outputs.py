@@ -322,7 +322,7 @@ def test_every_row_before_a_failure_is_kept(place: Path, suffix: str, corrected:
         if suffix != ".csv":
             assert read.metadata["complete"] == "false"
             assert "gave up" in read.metadata["why"]
-            with pytest.raises(RecordError, match="broke off.*gave up.*--allow-damaged"):
+            with pytest.raises(RecordError, match=r"broke off.*gave up.*--allow-damaged"):
                 records.read(made, topic=name, allow_damaged=False)
 
 
