@@ -238,7 +238,7 @@ def test_everything_wrong_with_a_mapping_is_said_at_once(tmp_path):
         ("[conditions]\nspeed = 'vv'\n", ["'vv'", "did you mean 'v'", "conditions.speed"]),
         ("[conditions]\nspeed = 'amplitude'\n", ["conditions.speed", "mm", "km/h"]),
         ("[parameters]\nff = 1.0\nsteps = 2.0\n", ["'ff'", "'steps'", "[parameters]"]),
-        ("channels = [", ["no TOML"]),
+        ("channels = [", ["is not TOML"]),
     ):  # fmt: skip
         mapping.write_text(text)
         with pytest.raises((WrapError, FmuError, SignalError)) as caught:
