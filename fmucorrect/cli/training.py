@@ -63,6 +63,7 @@ def train(
 
     protocol, results, tasks = _training("protocol", "results", "tasks")
     the_study = open_study(study, allow_damaged).with_step_timeout(step_timeout)
+    protocol.require_two(the_study)  # before there is a folder
     _claim(out, "train", (*results.FILES, "train.html"), [the_study], overwrite)
     chosen = the_study.training if seed is None else replace(the_study.training, seed=seed)
     with progress_bar(protocol.total_epochs(the_study, chosen), "epoch", the_study.name) as advance:

@@ -92,9 +92,14 @@ def train(study: Study, training: Training | None = None, workshop: Workshop | N
 def screened(study: Study) -> Screened:
     """The development conditions, simulated, registered and let through the gate. Raises StudyError for fewer than two, and
     where nothing sensible can follow."""
+    require_two(study)
+    return screen(study)
+
+
+def require_two(study: Study) -> None:
+    """Raises StudyError for fewer than two development conditions: one is always held out."""
     if len(study.development) < 2:
         raise StudyError(str(study.path), ["training needs at least two development conditions, to hold one out"])
-    return screen(study)
 
 
 def total_epochs(study: Study, training: Training) -> int:
