@@ -93,6 +93,7 @@ class SolverProcess:
         self._log, self._limits = log, limits
         self._last: deque[str] = deque(maxlen=_LINES)
         self._lines: SimpleQueue[bytes | None] = SimpleQueue()
+        self._asked = 0  # for which no answer came yet
         self._folder = WorkFolder()
         self._fmu = self._folder.path / "fmu"
         self._fmu.mkdir()
@@ -148,6 +149,7 @@ class SolverProcess:
 
     def ask(self, task: str, **arguments: Any) -> None:
         """The first half of call(). Several may be asked for one after another, and answer() then gives them in turn."""
+        self._asked += 1
         self._send(task, arguments)
 
     def answer(self, task: str, limit: float) -> Any:
@@ -157,6 +159,7 @@ class SolverProcess:
         except BaseException:
             self._kill()
             raise
+        self._asked -= 1
         if "error" in message:
             self._kill()
             raise FmuError(message["error"])
@@ -220,9 +223,10 @@ class SolverProcess:
         return SolverDied(f"{what} {when}{said}", where=self._where, remedy=remedy)
 
     def close(self) -> None:
-        """Let the solver free what it holds, and release everything. What it does wrong now is a warning: its work is done."""
+        """Let the solver free what it holds, and release everything. What it does wrong now is a warning: its work is done.
+        One that is still at work, whose answer nobody waits for any more, is ended: it may take hours, or be stuck."""
         try:
-            if self._kill.alive:
+            if self._kill.alive and not self._asked:
                 self._send("close", {})
                 self._answer("close", self._limits.free)
         except FmuError as error:

@@ -195,6 +195,19 @@ def test_a_loop_is_broken_off_at_once(fmu: Path, monkeypatch: pytest.MonkeyPatch
             signal.signal(signal.SIGALRM, before)
 
 
+@pytest.mark.parametrize("version", ["2.0"], indirect=True)
+def test_a_solver_at_work_is_not_waited_for(fmu: Path, monkeypatch: pytest.MonkeyPatch, nothing_left: None):
+    """Whoever leaves a stream, by Ctrl-C between two answers for one, does not wait for rows that nobody takes."""
+    monkeypatch.setenv("HOSTILE", "DO_STEP LOOP")
+    with IsolatedStepper(fmu, Y, limits=Limits(step=60.0, free=60.0)) as stepper:
+        stepper.reset(Condition("a"))
+        results = stepper.stream(grid(1.0, MS, rows=300))
+        next(results)
+        begun = time.monotonic()
+        results.close()
+        assert time.monotonic() - begun < 30.0
+
+
 def test_what_was_computed_ahead_is_not_lost_with_what_follows(oscillator: Path, nothing_left: None):
     """The third record cannot be used: the results of the first two are there."""
     good = Record(np.arange(40) * MS, np.ones((40, 1)), (Channel("base.d", "m"),))
