@@ -1,19 +1,59 @@
 """Shapes and types of the whole package are checked while the tests run; no test is asked how long it takes."""
 
+import functools
 import os
+from collections.abc import Callable
+from typing import Any
 
+import jaxtyping
 import pytest
 from hypothesis import settings
-from jaxtyping import install_import_hook
 
-# tools/mutation.py has only the module checked that it changed: the whole package takes four seconds to import so
-hook = install_import_hook(os.environ.get("FMUCORRECT_CHECKED", "fmucorrect"), "beartype.beartype")
+CHECKED_CALLS = 50
+"""So many calls of each function are checked in each test: loops took twice as long where all of them were."""
+
+whole = jaxtyping.jaxtyped
+calls: dict[int, list[int]] = {}
+"""Calls in this test, of each function by its code: what is defined in a function is made anew in each call."""
+
+
+def jaxtyped(fn: Any, *, typechecker: Any) -> Any:
+    """As jaxtyping's, for the first calls; nothing is compiled for a function that no test calls."""
+    if not hasattr(fn, "__code__"):
+        return whole(fn, typechecker=typechecker)
+    seen = calls.setdefault(id(fn.__code__), [0])
+    checked: Callable[..., Any] | None = None
+
+    @functools.wraps(fn)
+    def first(*args: Any, **kwargs: Any) -> Any:
+        nonlocal checked
+        if seen[0] >= CHECKED_CALLS:
+            return fn(*args, **kwargs)
+        seen[0] += 1
+        if checked is None:
+            checked = whole(fn, typechecker=typechecker)
+        return checked(*args, **kwargs)
+
+    return first
+
+
+# of classes, methods and properties jaxtyping wraps each function by the second name
+jaxtyping.jaxtyped = lambda *, typechecker: functools.partial(jaxtyped, typechecker=typechecker)
+jaxtyping._decorator.jaxtyped = jaxtyped
+
+# tools/mutation.py has only the module checked that it changed: so all others run as they are
+hook = jaxtyping.install_import_hook(os.environ.get("FMUCORRECT_CHECKED", "fmucorrect"), "beartype.beartype")
 
 settings.register_profile("untimed", deadline=None)
 settings.load_profile("untimed")
 
 TOGETHER = ("training", "wrapping")
 """Folders whose tests share what takes long to make: under pytest-xdist they stay in one process, others file by file."""
+
+
+def pytest_runtest_setup() -> None:
+    for seen in calls.values():
+        seen[0] = 0
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
