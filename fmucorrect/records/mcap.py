@@ -1,4 +1,4 @@
-"""MCAP files: reading any JSON, protobuf or ROS 2 topic. Writing: mcap_writer.py.
+"""MCAP files: reading any JSON, protobuf, ROS 1 or ROS 2 topic. Writing: mcap_writer.py.
 
 Files are read front to back, so a file that was cut off anywhere gives all its complete chunks. The summary at the end
 is used to know the topics, to leave out chunks that do not hold a topic, and to find the way past a damaged record. Values
@@ -388,12 +388,12 @@ def _decoder(channel: Channel, schema: Schema | None) -> Decoder:
         from fmucorrect.records._protobuf import ProtobufDecoder
 
         return ProtobufDecoder(schema.name, schema.data)
-    if encoding == "cdr" and schema is not None and written == "ros2msg":
-        from fmucorrect.records.cdr import CdrDecoder
+    if schema is not None and (encoding, written) in (("cdr", "ros2msg"), ("ros1", "ros1msg")):
+        from fmucorrect.records.ros import RosDecoder
 
-        return CdrDecoder(schema.name, schema.data.decode("utf-8", "replace"))
+        return RosDecoder(schema.name, schema.data.decode("utf-8", "replace"), written)
     got = f"messages in {encoding or 'no'} encoding with {written or 'no'} schema"
-    raise ValueError(f"{got} cannot be read, expected json, protobuf, or cdr with ros2msg")
+    raise ValueError(f"{got} cannot be read, expected json, protobuf, cdr with ros2msg, or ros1")
 
 
 def _fields(channel: Channel, columns: Sequence[str]) -> list[str]:

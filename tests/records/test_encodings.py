@@ -20,7 +20,7 @@ from fmucorrect import records
 from fmucorrect.errors import RecordError
 from fmucorrect.records import decode
 from fmucorrect.records._protobuf import ProtobufDecoder
-from fmucorrect.records.cdr import CdrDecoder
+from fmucorrect.records.ros import RosDecoder
 
 F = descriptor_pb2.FieldDescriptorProto
 MESSAGES = {
@@ -247,7 +247,7 @@ def test_ros2(order: str, largest: int, tmp_path: Path) -> None:
 def test_ros2_messages_of_changing_length() -> None:
     from fmucorrect.records.bulk import walk
 
-    decoder = CdrDecoder("rig_msgs/msg/State", ROS_SCHEMA)
+    decoder = RosDecoder("rig_msgs/msg/State", ROS_SCHEMA)
     # equal sizes with other places: a longer label against a shorter list, and the reverse
     shapes = [("a", 2), ("abcde", 1), ("abc", 2), ("abcdefg", 1), ("", 3)]
     payloads = [ros(i, label=shapes[i % 5][0], free=shapes[i % 5][1]) for i in range(60)]
@@ -258,13 +258,13 @@ def test_ros2_messages_of_changing_length() -> None:
 
 
 def test_an_empty_ros2_sequence_is_not_aligned() -> None:
-    decoder = CdrDecoder("a/B", "float64[] free\nuint8 id")
+    decoder = RosDecoder("a/B", "float64[] free\nuint8 id")
     assert decoder.leaves(Cdr().put("I", 0).put("B", 7).bytes()) == {"id": 7}
     assert decoder.leaves(Cdr().put("I", 1).put("d", 2.5).put("B", 7).bytes()) == {"free[0]": 2.5, "id": 7}
 
 
 def test_a_short_ros2_payload_is_an_error() -> None:
-    decoder = CdrDecoder("rig_msgs/msg/State", ROS_SCHEMA)
+    decoder = RosDecoder("rig_msgs/msg/State", ROS_SCHEMA)
     whole = ros(3)
     for size in range(len(whole)):
         with pytest.raises(ValueError, match=r"ends inside rig_msgs/State|encapsulation"):

@@ -1,14 +1,15 @@
-"""ROS 2 messages: the ros2msg schema text and CDR payloads, without ROS.
+"""ROS messages, without ROS: schema text (ros2msg, ros1msg) and payloads (CDR, or ROS 1's packed bytes).
 
 A payload is traced once: where each number lies, and which bytes (lengths) must be the same in another message for that
 to hold there too. Numbers, strings, nested types, fixed, bounded and free arrays, builtin time and duration (in s).
+ROS 1 writes the same fields one behind another: little endian, without alignment, encapsulation or terminators.
 """
 
 from __future__ import annotations
 
 import re
 import struct
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from dataclasses import dataclass
 
 from fmucorrect.records.bulk import Layout, Place
@@ -31,27 +32,30 @@ class _Field:
     count: int | None  # entries of a fixed array
 
 
-class CdrDecoder:
-    """CDR payloads of one ros2msg schema. Raises ValueError when the schema cannot be used."""
+class RosDecoder:
+    """Payloads of one schema, whose language is "ros2msg" or "ros1msg". Raises ValueError when the schema cannot be used."""
 
-    def __init__(self, name: str, schema: str) -> None:
+    def __init__(self, name: str, schema: str, language: str = "ros2msg") -> None:
+        self._language = language
+        self._packed = language == "ros1msg"
+        self._kinds = _KINDS | {"byte": "i1"} if self._packed else _KINDS
         sections = re.split(r"^=+\s*$", schema, flags=re.MULTILINE)
         self._root = _plain(name)
         self._known_fixed: dict[str, bool] = {}
-        self._types: dict[str, list[_Field]] = {self._root: _fields(sections[0])}
+        self._types: dict[str, list[_Field]] = {self._root: _fields(sections[0], language)}
         for section in sections[1:]:
             head, _, body = section.strip().partition("\n")
             if not head.startswith("MSG:"):
-                raise ValueError(f"the ros2msg schema of {name!r} has a section without 'MSG:'")
-            self._types[_plain(head[4:].strip())] = _fields(body)
+                raise ValueError(f"the {language} schema of {name!r} has a section without 'MSG:'")
+            self._types[_plain(head[4:].strip())] = _fields(body, language)
         self._fixed = self._all_fixed(self._root, ())
 
     def _all_fixed(self, kind: str, above: tuple[str, ...]) -> bool:
         """Whether every message has the same numbers. Raises ValueError for a type that holds itself or lies too deep."""
         if kind in above:
-            raise ValueError(f"the ros2msg type {kind!r} holds itself")
+            raise ValueError(f"the {self._language} type {kind!r} holds itself")
         if len(above) > DEEPEST:
-            raise ValueError(f"the ros2msg schema is nested more than {DEEPEST} deep")
+            raise ValueError(f"the {self._language} schema is nested more than {DEEPEST} deep")
         if kind in self._known_fixed:
             return self._known_fixed[kind]
         fixed = True
@@ -78,19 +82,26 @@ class CdrDecoder:
 
     def layout(self, payload: bytes) -> Layout:
         """Where the numbers lie. Raises ValueError when the payload does not fit the schema."""
-        if len(payload) < 4 or payload[0] != 0 or payload[1] not in (0, 1, 6, 7):
-            raise ValueError(f"the CDR encapsulation {payload[:2].hex()} is not plain CDR")
-        trace = _Trace(payload, "<" if payload[1] & 1 else ">", 8 if payload[1] < 2 else 4)
+        if self._packed:
+            trace = _Trace(payload, "<", 1, 0)
+        else:
+            if len(payload) < 4 or payload[0] != 0 or payload[1] not in (0, 1, 6, 7):
+                raise ValueError(f"the CDR encapsulation {payload[:2].hex()} is not plain CDR")
+            trace = _Trace(payload, "<" if payload[1] & 1 else ">", 8 if payload[1] < 2 else 4, 4)
+            trace.fixed += (0, 1)
         try:
             self._message(trace, self._root, "")
         except (IndexError, struct.error) as error:
-            raise ValueError(f"the CDR payload of {len(payload)} bytes ends inside {self._root}") from error
+            kind = "ROS 1" if self._packed else "CDR"
+            raise ValueError(f"the {kind} payload of {len(payload)} bytes ends inside {self._root}") from error
+        if self._packed and trace.at != len(payload):
+            raise ValueError(f"the ROS 1 payload of {len(payload)} bytes goes on behind {self._root}")
         return Layout(payload, tuple(trace.fixed), trace.places)
 
     def _message(self, trace: _Trace, kind: str, prefix: str) -> None:
         fields = self._types[kind]
         trace.visit()
-        if not fields:
+        if not fields and not self._packed:
             trace.take("u1")  # an empty structure has a dummy member
         for field in fields:
             name = f"{prefix}{field.name}"
@@ -99,25 +110,25 @@ class CdrDecoder:
                 continue
             count = field.count if field.count is not None else trace.length()
             keep = count <= LONGEST
-            if field.kind in _KINDS:
-                trace.row(_KINDS[field.kind], count, name if keep else None)
+            if field.kind in self._kinds:
+                trace.row(self._kinds[field.kind], count, name if keep else None)
             else:
                 for i in range(count):
                     self._value(trace, kind, field.kind, f"{name}[{i}]" if keep else None)
 
     def _value(self, trace: _Trace, parent: str, kind: str, name: str | None) -> None:
         if kind in _KINDS:
-            trace.row(_KINDS[kind], 1, name, single=True)
+            trace.row(self._kinds[kind], 1, name, single=True)
         elif kind == "string":
             trace.string()
         elif kind == "wstring":
             raise ValueError("wstring fields are not supported")
         elif _TIME.match(kind) and _plain(kind) not in self._types:
-            trace.time(name)
+            trace.time(name, *self._time_kinds(kind))
         else:
             found = self._resolve(parent, kind)
             if _TIME.match(found) and "/" in found and found.startswith("builtin_interfaces/"):
-                trace.time(name)
+                trace.time(name, *self._time_kinds(kind))
             elif name is None:
                 skipped = _Trace(trace.data, trace.order, trace.largest, trace.at, trace.visits)
                 self._message(skipped, found, "")
@@ -125,6 +136,12 @@ class CdrDecoder:
                 trace.fixed += skipped.fixed
             else:
                 self._message(trace, found, f"{name}.")
+
+    def _time_kinds(self, kind: str) -> tuple[str, str]:
+        """Of seconds and nanoseconds."""
+        if not self._packed:
+            return "i4", "u4"
+        return ("i4", "i4") if kind == "duration" else ("u4", "u4")
 
     def _resolve(self, parent: str, kind: str) -> str:
         plain = _plain(kind)
@@ -134,16 +151,16 @@ class CdrDecoder:
                 return candidate
         ends = [known for known in self._types if known.endswith(f"/{plain}")]
         if len(ends) != 1:
-            raise ValueError(f"the ros2msg schema does not define {kind!r}")
+            raise ValueError(f"the {self._language} schema does not define {kind!r}")
         return ends[0]
 
 
 class _Trace:
     """A position in a payload, and what was found before it."""
 
-    def __init__(self, data: bytes, order: str, largest: int, at: int = 4, visits: int = 0) -> None:
+    def __init__(self, data: bytes, order: str, largest: int, at: int, visits: int = 0) -> None:
         self.data, self.order, self.largest, self.at, self.visits = data, order, largest, at, visits
-        self.fixed: list[int] = [0, 1]
+        self.fixed: list[int] = []
         self.places: dict[str, tuple[Place, ...]] = {}
 
     def visit(self) -> None:
@@ -183,22 +200,18 @@ class _Trace:
         if self.at > len(self.data):
             raise IndexError
 
-    def time(self, name: str | None) -> None:
-        seconds, nanoseconds = self.take("i4"), self.take("u4")
+    def time(self, name: str | None, seconds_kind: str, nanoseconds_kind: str) -> None:
+        seconds, nanoseconds = self.take(seconds_kind), self.take(nanoseconds_kind)
         if name is not None:
-            self.places[name] = (Place(seconds, f"{self.order}i4"), Place(nanoseconds, f"{self.order}u4", 1e9))
-
-
-def units(places: Mapping[str, tuple[Place, ...]]) -> dict[str, str]:
-    """Times are in seconds; the schema gives no other unit."""
-    return {name: "s" for name, parts in places.items() if len(parts) == 2}
+            first = Place(seconds, self.order + seconds_kind)
+            self.places[name] = (first, Place(nanoseconds, self.order + nanoseconds_kind, 1e9))
 
 
 def _plain(name: str) -> str:
     return name.replace("/msg/", "/")
 
 
-def _fields(body: str) -> list[_Field]:
+def _fields(body: str, language: str) -> list[_Field]:
     fields: list[_Field] = []
     for line in body.splitlines():
         line = line.split("#", 1)[0].strip()
@@ -206,7 +219,7 @@ def _fields(body: str) -> list[_Field]:
             continue
         match = _FIELD.match(line)
         if not match:
-            raise ValueError(f"the ros2msg line {line!r} is not understood")
+            raise ValueError(f"the {language} line {line!r} is not understood")
         kind, bounded, count, name, rest = match.groups()
         if rest.startswith("="):
             continue  # a constant
