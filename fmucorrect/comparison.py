@@ -27,7 +27,8 @@ class Comparison:
 
     t_ns: simulation's time. simulated, corrected, measured, sigma (one standard deviation): (N, J), in the channels' units.
     status: (N,) a stepper.Status a row. excitation: (N,) the simulation's, None without one. offset: how the times were
-    registered, at `rate` (ppm). Scores cover all rows but those of warm-up, in which nothing can be corrected yet.
+    registered, at `rate` (ppm); clock: the same in words, also where no excitation told it. Scores cover all rows but those
+    of warm-up, in which nothing can be corrected yet.
     """
 
     condition: Condition
@@ -40,6 +41,7 @@ class Comparison:
     status: Int64[np.ndarray, " N"]
     offset: Offset | None = None
     rate: float = 0.0
+    clock: str = ""
     excitation: Float64[np.ndarray, " N"] | None = field(default=None, repr=False)
 
     @property
@@ -105,5 +107,6 @@ def compare(pair: Pair, corrected: Record) -> Comparison:
         status=rows["corrector_status"].astype(np.int64),
         offset=pair.offset,
         rate=pair.rate,
+        clock=pair.clock,
         excitation=rows[extra[0].name] if extra else None,
     )

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from fmucorrect import records, sources, units
+from fmucorrect.clocks import clock
 from fmucorrect.errors import RecordError
 from fmucorrect.records import timebase
 from fmucorrect.registration import Offset, at_rate, clock_rate, find_offset, overlap, place, resample, steady_segment
@@ -22,10 +23,11 @@ class Pair:
 
     simulated: the whole simulated response, J channels in the study's units, from the start of the run. rows: those that
     the measurement covers. measured: (N, J), at these rows, in the channels' units and directions. acceleration: (N, A)
-    paired accelerometers, m/s2, of the channels that name one; equipped: the numbers of these channels. offset: how the
-    times were found; None without a recorded excitation. steady: rows of the steady forced segment, within `measured`.
-    ratio: rows for one sample of the record, which was resampled where it is not 1. rate: ppm by which the measurement's
-    clock runs fast, as it was placed: that of `offset` where it is sure, else 0.
+    paired accelerometers, m/s2, of the channels that name one; equipped: the numbers of these channels. offset: what the
+    recorded excitation says of the time; None where it was not asked. clock: how the time was found, in words. steady: rows
+    of the steady forced segment, within `measured`. ratio: rows for one sample of the record, which was resampled where it
+    is not 1. rate: ppm by which the measurement's clock runs fast, as it was placed: that of `offset` where it is sure, else
+    0.
     """
 
     condition: Condition
@@ -38,6 +40,7 @@ class Pair:
     equipped: tuple[int, ...] = ()
     ratio: float = 1.0
     rate: float = 0.0
+    clock: str = ""
 
     @property
     def t_ns(self) -> Int64[np.ndarray, " N"]:
@@ -79,7 +82,7 @@ def read_samples(study: Study, condition: Condition) -> Record:
     ]
     wanted = (*study.channels, *accelerations, *sources.excitation_channel(study))
     names = [channel.measurement or channel.name for channel in wanted]
-    raw = records.read(condition.measurement, names, allow_damaged=study.allow_damaged)
+    raw = records.read(condition.measurement, names, reading=condition.reading, allow_damaged=study.allow_damaged)
     timebase.require_uniform(raw, where=str(condition.measurement))
     factors, channels = [], []
     for have, want in zip(raw.channels, wanted, strict=True):
@@ -93,22 +96,26 @@ def read_samples(study: Study, condition: Condition) -> Record:
 def pair(
     study: Study, condition: Condition, simulated: Record | None = None, *, allow_damaged: bool | None = None
 ) -> Pair:
-    """Simulation (run here unless given) and measurement of a condition, registered on the recorded excitation.
+    """Simulation (run here unless given) and measurement of a condition, on one clock (`clocks`).
 
-    Without a recorded excitation the clocks are taken at their word: both first samples are the same instant. Raises
-    RecordError for a record that lost something, unless `allow_damaged` (by default the study's).
+    Raises RecordError where nothing tells how their clocks belong together, and for a record that lost something, unless
+    `allow_damaged` (by default the study's).
     """
     if allow_damaged is not None:
         study = replace(study, allow_damaged=allow_damaged)
+    known = clock(study, condition)
     simulated = simulate(study, condition) if simulated is None else simulated
     measured = read_measurement(study, condition)
     count = len(study.channels)
     step = study.simulation.step_ns / NANOSECONDS
-    offset, start, rate = None, 0.0, 0.0
-    if study.excitation is not None:
+    offset, rate, told = None, 0.0, known.told
+    start = known.place(int(measured.t_ns[0]))
+    if start is None:
+        assert study.excitation is not None
         offset = _register(simulated, measured, study.excitation.simulation, step)
         rate = clock_rate(offset, len(measured) * step, step)
         start = at_rate(offset, rate)
+        told = _registered(offset, rate)
     rows = overlap(simulated, measured, start, rate)
     values = place(measured, simulated.seconds(int(simulated.t_ns[0]))[rows], start, rate)
     steady = None
@@ -118,7 +125,26 @@ def pair(
     equipped = tuple(j for j, channel in enumerate(study.channels) if channel.acceleration)
     ratio = int(measured.metadata["sample_ns"]) / study.simulation.step_ns
     return Pair(
-        condition, simulated, rows, values[:, :count], values[:, count:stop], offset, steady, equipped, ratio, rate
+        condition,
+        simulated,
+        rows,
+        values[:, :count],
+        values[:, count:stop],
+        offset,
+        steady,
+        equipped,
+        ratio,
+        rate,
+        told,
+    )
+
+
+def _registered(offset: Offset, rate: float) -> str:
+    taken = "taken out" if rate else "taken to be the same clock"
+    return (
+        f"by the recorded excitation the measurement begins at {offset.offset:+.6f} +- {offset.std:.1g} s of the simulation, "
+        f"its clock runs {offset.rate:+.3g} +- {offset.rate_std:.2g} ppm fast ({taken}), gain of the excitation "
+        f"{offset.gain:.4g}"
     )
 
 

@@ -15,7 +15,7 @@ from fmucorrect.experiment import Pair, pair
 from fmucorrect.fmu import FmuDescription, open_fmu
 from fmucorrect.records.contents import Contents
 from fmucorrect.screening import Finding, of_pairs, of_records
-from fmucorrect.signals import NANOSECONDS
+from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Reading
 from fmucorrect.study import Study, check_study, load_study
 from fmucorrect.study_places import nearest
 from fmucorrect.views import Thing
@@ -74,7 +74,12 @@ def inspect(paths: Sequence[Path]) -> Inspection:
             _judge(f"{_path(model).name} and {_path(other).name}", problems, fits, misfits)
     for study in (thing for thing in things if isinstance(thing, Study)):
         for fmu in (thing for thing in things if isinstance(thing, FmuDescription)):
-            _judge(f"{study.path.name} and {fmu.path.name}", check_study(study, fmu.units, {}), fits, misfits)
+            _judge(
+                f"{study.path.name} and {fmu.path.name}",
+                check_study(study, fmu.units, {}, [v.name for v in fmu.of("input")]),
+                fits,
+                misfits,
+            )
     return Inspection(
         tuple(views.describe(thing) for thing in things), tuple(fits), tuple(misfits), tuple(warnings), tuple(seen)
     )
@@ -106,7 +111,7 @@ def _screened(study: Study, problems: list[str], seen: list[str]) -> list[Findin
             return found
         for condition in () if known else study.conditions:
             item = pair(study, condition)
-            seen.append(f"condition {condition.name!r}: {_registered(item)}")
+            seen.append(f"condition {condition.name!r}: {item.clock}")
             if condition.role == "development":
                 pairs.append(item)
         found += of_pairs(study, pairs)
@@ -114,17 +119,6 @@ def _screened(study: Study, problems: list[str], seen: list[str]) -> list[Findin
         if not known:
             problems.append(str(error))
     return found
-
-
-def _registered(item: Pair) -> str:
-    offset = item.offset
-    if offset is None:
-        return "no recorded excitation: both first samples count as one instant"
-    told = "taken out" if item.rate else "taken to be the same clock"
-    return (
-        f"the measurement begins at {offset.offset:+.6f} +- {offset.std:.1g} s of the simulation, its clock runs "
-        f"{offset.rate:+.3g} +- {offset.rate_std:.2g} ppm fast ({told}), gain of the excitation {offset.gain:.4g}"
-    )
 
 
 def open_thing(path: Path) -> Thing:
@@ -149,10 +143,11 @@ def open_thing(path: Path) -> Thing:
 def study_problems(study: Study) -> list[str]:
     """What a study asks for and its FMU, records and input series do not have."""
     problems: list[str] = []
-    variables = None
+    variables, inputs = None, ()
     if study.simulation.fmu is not None:
         try:
-            variables = open_fmu(study.simulation.fmu).units
+            fmu = open_fmu(study.simulation.fmu)
+            variables, inputs = fmu.units, tuple(variable.name for variable in fmu.of("input"))
         except FmucorrectError as error:
             problems.append(str(error))
     columns: dict[Path, Mapping[str, str]] = {}
@@ -161,11 +156,11 @@ def study_problems(study: Study) -> list[str]:
             if path is None or path in columns:
                 continue
             try:
-                contents = records.describe(path)
+                contents = records.describe(path, condition.reading)
             except FmucorrectError as error:
                 problems.append(str(error))
                 continue
-            columns[path] = record_columns(contents)
+            columns[path] = record_columns(contents, condition.reading)
             if contents.damage and not study.allow_damaged:
                 problems.append(str(records.damaged(str(path), contents.damage)))
             elif path == condition.measurement and study.simulation.fmu is not None:
@@ -179,11 +174,11 @@ def study_problems(study: Study) -> list[str]:
         for kind in joint.kinds
         if kind not in FAMILIES
     ]
-    return [*problems, *check_study(study, variables, columns)]
+    return [*problems, *check_study(study, variables, columns, inputs)]
 
 
-def record_columns(contents: Contents) -> dict[str, str]:
-    """Unit by column name; a name that several topics have goes by its full name only."""
+def record_columns(contents: Contents, reading: Reading = AS_IT_IS) -> dict[str, str]:
+    """Unit by column name, and by the names that `reading` gives; a name that several topics have goes by its full name."""
     names = [column.name for item in contents.topics for column in item.topic.columns]
     found: dict[str, str] = {}
     for item in contents.topics:
@@ -191,6 +186,10 @@ def record_columns(contents: Contents) -> dict[str, str]:
             found[item.topic.full_name(column.name)] = column.unit
             if names.count(column.name) == 1:
                 found[column.name] = column.unit
+    topics = [item.topic for item in contents.topics]
+    for name in reading.columns:
+        if records.has(topics, name, reading):
+            found[name] = records.find(topics, name, contents.path, reading)[1].unit
     return found
 
 

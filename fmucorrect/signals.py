@@ -133,12 +133,31 @@ def join(parts: Sequence[Record]) -> Record:
 
 
 @dataclass(frozen=True)
+class Reading:
+    """What is known of record files beside what they say themselves.
+
+    columns: a column of the file by the name that it goes by here; a file without that column is read as it is. units: of
+    columns, by either name, in place of what the file says. repair: repair rules of `records.timebase`, as "sort,drop".
+    """
+
+    columns: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    units: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    repair: str = ""
+
+
+AS_IT_IS = Reading()
+"""A file that says all of itself."""
+
+
+@dataclass(frozen=True)
 class Condition:
     """One operating condition of a study.
 
     role: "development" or "evaluation". speed: km/h; amplitude: deg; frequency: Hz; start: s, when the excitation
     begins (phase zero); 0 where it has no meaning. parameters: FMU start values in the FMU's own units. inputs: time
-    series for FMU inputs. measurement, simulated: record files. quiet: s, an interval without excitation.
+    series for FMU inputs. measurement, simulated: record files. quiet: s, an interval without excitation. clock: "common",
+    "excitation", s from the simulation's first sample to the measurement's, or None: as `clocks` finds it. reading: of its
+    record files.
     """
 
     name: str
@@ -152,6 +171,8 @@ class Condition:
     measurement: Path | None = None
     simulated: Path | None = None
     quiet: tuple[float, float] | None = None
+    clock: str | float | None = None
+    reading: Reading = AS_IT_IS
 
     @property
     def start_ns(self) -> int:

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from fmucorrect import records, units
+from fmucorrect.clocks import Clock, clock, measured_extents
 from fmucorrect.errors import RecordError, SignalError
-from fmucorrect.fmu import FmuStepper, IsolatedStepper, Limits, input_record
-from fmucorrect.records.contents import Extent
-from fmucorrect.signals import NANOSECONDS, Channel, Condition, Record
+from fmucorrect.fmu import FmuStepper, IsolatedStepper, Limits, input_record, open_fmu
+from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Channel, Condition, Reading, Record
 from fmucorrect.stepper import ReplayStepper, Stepper, grid
 from fmucorrect.study import Study
 
@@ -36,13 +36,36 @@ def plant(study: Study, condition: Condition, *, isolated: bool = True) -> Stepp
     channels = (*study.channels, *excitation_channel(study))
     if condition.simulated is not None or study.simulation.fmu is None:
         return ReplayStepper(channels)
-    names = records.describe(condition.inputs).topics[0].topic.columns if condition.inputs is not None else ()
     fmu, parameters = study.simulation.fmu, study.simulation.parameters
-    driven = tuple(column.name for column in names)
+    driven = driving(study, condition)
     if not isolated:
         return FmuStepper(fmu, channels, inputs=driven, parameters=parameters)
     limits = Limits.of(study.simulation.step_timeout)
     return IsolatedStepper(fmu, channels, inputs=driven, parameters=parameters, limits=limits)
+
+
+def driving(study: Study, condition: Condition) -> tuple[str, ...]:
+    """The FMU's inputs that the input series of a condition has columns for; what else a log holds drives nothing. Raises
+    RecordError where it has none at all."""
+    if condition.inputs is None or study.fmu is None:
+        return ()
+    topics = [item.topic for item in records.describe(condition.inputs, condition.reading).topics]
+    wanted = [variable.name for variable in open_fmu(study.fmu).of("input")]
+    found = tuple(name for name in wanted if records.has(topics, name, condition.reading))
+    if found:
+        return found
+    there = [topic.full_name(column.name) for topic in topics for column in topic.columns]
+    raise RecordError(
+        "no column is named as an input of the FMU",
+        where=str(condition.inputs),
+        expected=f"one of {_few(wanted)}" if wanted else "an FMU with inputs",
+        got=_few(there),
+        remedy='Name the columns in [records]: columns = { "input of the FMU" = "column of the file" }.',
+    )
+
+
+def _few(names: Sequence[str]) -> str:
+    return ", ".join(names[:12]) + (f" and {len(names) - 12} more" if len(names) > 12 else "")
 
 
 def inputs(study: Study, condition: Condition, duration: float | None = None) -> Iterator[Record]:
@@ -51,55 +74,35 @@ def inputs(study: Study, condition: Condition, duration: float | None = None) ->
         if condition.simulated is None:
             raise RecordError(f"condition {condition.name!r} has neither an FMU nor a simulated record")
         channels = (*study.channels, *excitation_channel(study))
-        yield from log_inputs(condition.simulated, channels, allow_damaged=study.allow_damaged)
+        damaged, reading = study.allow_damaged, condition.reading
+        yield from log_inputs(condition.simulated, channels, reading=reading, allow_damaged=damaged)
         return
     series = None
     if condition.inputs is not None:
-        series = records.read(condition.inputs, allow_damaged=study.allow_damaged)
-    length = _length(study, condition, duration)
+        series = records.read(
+            condition.inputs, driving(study, condition), reading=condition.reading, allow_damaged=study.allow_damaged
+        )
+    length, origin = _length(study, condition, duration)
     for chunk in grid(length, study.simulation.step_ns, ROWS):
-        yield chunk if series is None else input_record(chunk.t_ns, series)
+        yield chunk if series is None else replace(input_record(chunk.t_ns + origin, series), t_ns=chunk.t_ns)
 
 
-def measured_duration(study: Study, condition: Condition) -> float:
-    """How long the measurement of a condition is, in seconds."""
-    return max((extent.stop_ns or 0) - (extent.start_ns or 0) for extent in _measured(study, condition)) / NANOSECONDS
-
-
-def _measured(study: Study, condition: Condition) -> list[Extent]:
-    """How far the topics reach that hold what the study measures; of all topics where none does."""
-    if condition.measurement is None:
-        raise RecordError(f"condition {condition.name!r} has no measurement")
-    contents = records.describe(condition.measurement)
-    if contents.damage and not study.allow_damaged:
-        raise records.damaged(contents.path, contents.damage)
-    wanted = {c.measurement or c.name for c in (*study.channels, *excitation_channel(study))}
-    wanted |= {channel.acceleration for channel in study.channels if channel.acceleration}
-    ends = tuple("." + name.replace("/", ".").lstrip(".") for name in wanted)
-    filled = [item for item in contents.topics if item.extent.rows > 1]
-    holding = [
-        item.extent
-        for item in filled
-        if any(("." + item.topic.full_name(c.name)).replace("/", ".").endswith(ends) for c in item.topic.columns)
-    ]
-    if not filled:
-        raise RecordError("there are no readable rows", where=str(condition.measurement))
-    return holding or [item.extent for item in filled]
-
-
-def _length(study: Study, condition: Condition, duration: float | None) -> float:
-    """How long a run is, s: `duration`, else as long as the measurement. Raises RecordError where that asks for more samples
-    than anyone means."""
-    length = measured_duration(study, condition) if duration is None else duration
+def _length(study: Study, condition: Condition, duration: float | None) -> tuple[float, int]:
+    """How long a run is, s: `duration`, else to the end of the measurement; and the stamp of the inputs at which it begins.
+    Raises RecordError where that asks for more samples than anyone means."""
+    if duration is not None and condition.inputs is None:
+        found, length = Clock(0, duration, False, None, ""), duration
+    else:
+        found = clock(study, condition)
+        length = found.length if duration is None else duration
     rows, most = length * NANOSECONDS / study.simulation.step_ns, MOST_MEASURED if duration is None else MOST_ROWS
     if rows <= most:
-        return length
+        return length, found.origin_ns
     what = f"{length:.6g} s at a step of {study.simulation.step_size:g} s would be {rows:.3g} samples"
     expected = f"at most {most:.0e} samples"
     if duration is not None:
         raise RecordError(what, where=f"condition {condition.name!r}", expected=expected)
-    assert condition.measurement is not None
-    longest = max(_measured(study, condition), key=lambda extent: (extent.stop_ns or 0) - (extent.start_ns or 0))
+    longest = max(measured_extents(study, condition), key=lambda extent: (extent.stop_ns or 0) - (extent.start_ns or 0))
     raise RecordError(
         f"{what}: its stamps go from {(longest.start_ns or 0) / NANOSECONDS:.13g} s to "
         f"{(longest.stop_ns or 0) / NANOSECONDS:.13g} s in {longest.rows} rows",
@@ -134,7 +137,7 @@ def expected_rows(study: Study, condition: Condition, duration: float | None = N
     """How many samples `inputs` gives."""
     if condition.simulated is not None:
         return logged_rows(condition.simulated, None)
-    length = _length(study, condition, duration)
+    length, _ = _length(study, condition, duration)
     return round(length * NANOSECONDS / study.simulation.step_ns) + 1
 
 
@@ -151,6 +154,7 @@ def log_inputs(
     topic: str | None = None,
     repair: str | None = None,
     unit: str | None = None,
+    reading: Reading = AS_IT_IS,
     allow_damaged: bool = False,
 ) -> Iterator[Record]:
     """The columns of a logged simulation that `channels` name (by `simulation` or `name`), in their units.
@@ -161,8 +165,10 @@ def log_inputs(
     """
     chosen = topic or default_topic(log)
     factors: np.ndarray | None = None
-    names = columns(log, channels, chosen)
-    for chunk in records.stream(log, names, topic=chosen, repair=repair, rows=ROWS, allow_damaged=allow_damaged):
+    names = columns(log, channels, chosen, reading)
+    for chunk in records.stream(
+        log, names, topic=chosen, repair=repair, reading=reading, rows=ROWS, allow_damaged=allow_damaged
+    ):
         if factors is None:
             pairs = zip(chunk.channels, channels, strict=True)
             factors = np.array([_factor(have, want, log, unit) for have, want in pairs])
@@ -179,20 +185,15 @@ def repaired(log: Path, channels: tuple[Channel, ...], *, topic: str | None = No
     return told
 
 
-def columns(log: Path, channels: tuple[Channel, ...], topic: str | None = None) -> list[str]:
+def columns(
+    log: Path, channels: tuple[Channel, ...], topic: str | None = None, reading: Reading = AS_IT_IS
+) -> list[str]:
     """The column of each channel: the one named `simulation`, or where the log has none of that, the one named `name`."""
-    there = {
-        name
-        for item in records.describe(log).topics
-        if topic in (None, item.topic.name)
-        for column in item.topic.columns
-        for name in (column.name, item.topic.full_name(column.name))
-    }
-    ends = {name[i + 1 :] for name in there for i, letter in enumerate(name) if letter == "."} | there
+    topics = [item.topic for item in records.describe(log).topics if topic in (None, item.topic.name)]
 
     def column(channel: Channel) -> str:
         names = [name for name in (channel.simulation, channel.name) if name]
-        return next((name for name in names if name in ends), names[0])
+        return next((name for name in names if records.has(topics, name, reading)), names[0])
 
     return [column(channel) for channel in channels]
 

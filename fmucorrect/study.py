@@ -9,11 +9,12 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
 from pathlib import Path
 from types import MappingProxyType
 
 from fmucorrect.errors import StudyError
-from fmucorrect.signals import NANOSECONDS, Channel, Condition
+from fmucorrect.signals import NANOSECONDS, Channel, Condition, Reading
 from fmucorrect.study_places import Location, Places, by_line, like, misfit, place
 from fmucorrect.study_training import Training
 
@@ -195,12 +196,18 @@ def load_study(path: str | Path) -> Study:
     channels = [Channel(**row.model_dump(exclude_none=True)) for row in table.channels]
     conditions = [
         Condition(
-            **row.model_dump(exclude={"parameters", "inputs", "measurement", "simulated", "quiet"}),
+            **row.model_dump(exclude={"parameters", "inputs", "measurement", "simulated", "quiet", "records"}),
             parameters=MappingProxyType(row.parameters),
             inputs=resolve(row.inputs),
             measurement=resolve(row.measurement),
             simulated=resolve(row.simulated),
             quiet=None if row.quiet is None else (row.quiet[0], row.quiet[1]),
+            clock=row.records.clock if row.records.clock is not None else table.records.clock,
+            reading=Reading(
+                MappingProxyType({**table.records.columns, **row.records.columns}),
+                MappingProxyType({**table.records.units, **row.records.units}),
+                row.records.repair or table.records.repair,
+            ),
         )
         for row in table.conditions
     ]
@@ -237,18 +244,26 @@ def load_study(path: str | Path) -> Study:
 
 
 def check_study(
-    study: Study, variables: Mapping[str, str] | None, columns: Mapping[Path, Mapping[str, str]]
+    study: Study,
+    variables: Mapping[str, str] | None,
+    columns: Mapping[Path, Mapping[str, str]],
+    inputs: Sequence[str] = (),
 ) -> list[str]:
     """What the study asks for and the FMU or the records do not have, one line each, in the order of the file.
 
-    variables: unit by name of the FMU's variables, None to leave the FMU out. columns: unit by column name of each
-    record and input series that was looked into, by its path in `study`; others are left out.
+    variables: unit by name of the FMU's variables, None to leave the FMU out; inputs: those of them that may be driven.
+    columns: unit by column name, and by the name that a study's [records] gives the column, of each record and input series
+    that was looked into, by its path in `study`; others are left out.
     """
     found = [*_check_records(study, variables, columns)]
     if variables is not None:
-        found += [*_check_model(study, variables), *_check_inputs(study, variables, columns)]
+        driven = {name: variables[name] for name in inputs}
+        found += [*_check_model(study, variables), *_check_inputs(study, driven, columns)]
     return by_line(f"{place(study.places, loc)}: {text}" for loc, text in found)
 
+
+SLIP = 0.8
+"""Likeness of a column's name to that of an input without one from which it is a slip of the pen."""
 
 Wanted = tuple[Location, str, Sequence[str]]
 """Where a name stands, the name, and units of which its own must be like one; () for any."""
@@ -285,15 +300,23 @@ def _check_model(study: Study, variables: Mapping[str, str]) -> Iterator[tuple[L
 
 
 def _check_inputs(
-    study: Study, variables: Mapping[str, str], columns: Mapping[Path, Mapping[str, str]]
+    study: Study, inputs: Mapping[str, str], columns: Mapping[Path, Mapping[str, str]]
 ) -> Iterator[tuple[Location, str]]:
+    """A log may hold more than the FMU takes; a column whose name is nearly that of an input without a column is a slip."""
     for i, condition in enumerate(study.conditions):
-        for name, unit in columns.get(condition.inputs, {}).items() if condition.inputs else ():
-            if name not in variables:
-                head, tail = misfit("input", name, variables, ()) or ("", "")
-                yield ("conditions", i, "inputs"), f"{head} in the FMU{tail}"
-            elif unit not in ("", "1") and not like(unit, variables[name]):  # without a unit it is in the FMU's own
-                yield ("conditions", i, "inputs"), f"column {name!r} has unit {unit!r}, not like {variables[name]!r}"
+        there, loc = columns.get(condition.inputs, {}) if condition.inputs else {}, ("conditions", i, "inputs")
+        left = [name for name in inputs if name not in there]
+        for name, unit in there.items():
+            if name not in inputs and (near := get_close_matches(name, left, 1, SLIP)):
+                yield loc, f"there is no input {name!r} in the FMU; did you mean {near[0]!r}?"
+            elif name in inputs and unit not in ("", "1") and inputs[name] and not like(unit, inputs[name]):
+                yield loc, f"column {name!r} has unit {unit!r}, not like {inputs[name]!r}"
+        if there and not set(there) & set(inputs):
+            yield loc, f"no column is named as an input of the FMU{_listed(inputs)}"
+
+
+def _listed(names: Mapping[str, str]) -> str:
+    return f"; there are {', '.join(map(repr, names))}" if 0 < len(names) <= 20 else ""
 
 
 def _check_records(

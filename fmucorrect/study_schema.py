@@ -38,6 +38,9 @@ def _unit(text: str) -> str:
 LONGEST_STEP = 86_400.0
 """s; a communication step is milliseconds, a day is a mistake."""
 
+CLOCKS = ("common", "excitation")
+"""What tells where a measurement lies, beside a number."""
+
 LONGEST = 9.0e9
 """s from zero that a time in nanoseconds can be (int64)."""
 
@@ -133,6 +136,20 @@ class AdjustableRow(Table):
     absolute_tolerance: Positive | None = None
 
 
+def _clock(value: object) -> str | float:
+    if value in CLOCKS or (isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= LONGEST):
+        return value if isinstance(value, str) else float(value)  # type: ignore[arg-type]
+    guess = nearest(value, CLOCKS) if isinstance(value, str) else ""
+    raise ValueError(f"must be {' or '.join(map(repr, CLOCKS))}, or a time in s, got {value!r}{guess}")
+
+
+class RecordsTable(Table):
+    clock: Annotated[Any, AfterValidator(_clock)] = None
+    repair: str = ""
+    units: dict[str, Annotated[str, AfterValidator(_unit)]] = {}
+    columns: dict[str, Text] = {}
+
+
 class ConditionRow(Table):
     name: Text = Field(description="name, role and measurement are required")
     role: Literal["development", "evaluation"] = Field(description="'development' or 'evaluation'")
@@ -145,6 +162,7 @@ class ConditionRow(Table):
     measurement: Text = Field(description="the measured record's file; name, role and measurement are required")
     simulated: Text | None = None
     quiet: Annotated[list[Number], Field(min_length=2, max_length=2), AfterValidator(_interval)] | None = None
+    records: RecordsTable = RecordsTable()
 
 
 class StudyTable(Table):
@@ -162,6 +180,7 @@ class StudyTable(Table):
     rotations: list[RotationRow] = []
     adjustable: list[AdjustableRow] = []
     training: Any = None  # study_training_schema reads it
+    records: RecordsTable = RecordsTable()
     conditions: Annotated[list[ConditionRow], Field(min_length=1)] = Field(
         description="write one [[conditions]] table a condition"
     )
@@ -175,6 +194,7 @@ _TABLES: dict[str | int, type[Table]] = {
     "groups": GroupRow,
     "rotations": RotationRow,
     "adjustable": AdjustableRow,
+    "records": RecordsTable,
     "conditions": ConditionRow,
 }
 
@@ -195,7 +215,9 @@ def read(data: bytes, folder: Path) -> tuple[StudyTable | None, Places, list[str
         table = StudyTable.model_validate(document | {"training": training})
     except ValidationError as error:
         for item in error.errors():
-            fields = (_TABLES[item["loc"][0]] if len(item["loc"]) > 1 else StudyTable).model_fields
+            at = item["loc"]
+            inner = RecordsTable if "records" in at[1:-1] else _TABLES[at[0]] if len(at) > 1 else StudyTable
+            fields = inner.model_fields
             problems.append(f"{place(places, item['loc'])}: {message(dict(item), fields)}")
     return table, places, by_line(problems)
 
@@ -228,6 +250,12 @@ def _across(document: Mapping[str, Any], folder: Path, places: Places) -> Iterat
                     nearest(name, names["joints"]) or f"; joints are {', '.join(map(repr, names['joints'])) or 'none'}"
                 )
                 yield f"{place(places, ('groups', i, 'joints'))}: there is no joint {name!r}{hint}"
+    for loc, table in (
+        (("records",), document.get("records")),
+        *((("conditions", i, "records"), row.get("records")) for i, row in _rows(document, "conditions")),
+    ):
+        if isinstance(table, dict) and table.get("clock") == "excitation" and "excitation" not in document:
+            yield f"{place(places, (*loc, 'clock'))}: there is no [excitation] in the study"
     owners: dict[str, int] = {}
     for i, row in _rows(document, "adjustable"):
         yield from (f"{place(places, ('adjustable', i, key))}: {text}" for key, text in _adjustable(row, i, owners))

@@ -40,7 +40,8 @@ def checked(
     folder: Path, text: str, variables: dict[str, str] | None, columns: dict[str, dict[str, str]] | None = None
 ) -> list[str]:
     study = load_study(write(folder, text))
-    return check_study(study, variables, {(folder / k).resolve(): v for k, v in (columns or {}).items()})
+    there = {(folder / k).resolve(): v for k, v in (columns or {}).items()}
+    return check_study(study, variables, there, ("brake", "speed", "yaw_damper_left.f", "yaw_damper_right.f"))
 
 
 @pytest.mark.parametrize("simulated", [True, False])
@@ -85,7 +86,7 @@ def test_check_of_records(folder: Path) -> None:
     columns = {
         "measured_300.mcap": {"lvdt_FB": "mm", "acc_FW": "V", "platform_yaw": "m/s"},
         "simulated_300.mcap": {"FW": "1", "yaw": "deg"},
-        "inputs_300.csv": {"break": "N", "brake": "m"},
+        "inputs_300.csv": {"break": "N", "speed": "m", "driver": "1"},
     }
     assert [problem.split(", ", 1)[1] for problem in checked(folder, EXAMPLE, VARIABLES, columns)] == [
         f"{CHANNEL}, key simulation: column 'FW' has no unit in simulated_300.mcap, expected one like 'mm'",
@@ -94,7 +95,7 @@ def test_check_of_records(folder: Path) -> None:
         "[excitation], key simulation: there is no column 'platform_yaw' in simulated_300.mcap; there are 'FW', 'yaw'",
         "[excitation], key measurement: column 'platform_yaw' has unit 'm/s' in measured_300.mcap, expected one like 'rad'",
         f"{CONDITION}, key inputs: there is no input 'break' in the FMU; did you mean 'brake'?",
-        f"{CONDITION}, key inputs: column 'brake' has unit 'm', not like 'N'",
+        f"{CONDITION}, key inputs: column 'speed' has unit 'm', not like 'm/s'",
     ]
 
 

@@ -23,16 +23,17 @@ from pathlib import Path
 
 from fmucorrect.errors import RecordError
 from fmucorrect.records import assemble
+from fmucorrect.records.columns import find, has, with_units
 from fmucorrect.records.contents import Contents, TopicContents
 from fmucorrect.records.guarded import Guarded, damaged
 from fmucorrect.records.source import Sink
 from fmucorrect.records.writing import Writer
-from fmucorrect.signals import Record
+from fmucorrect.signals import AS_IT_IS, Reading, Record
 
 SUFFIXES = (".mcap", ".csv", ".parquet", ".mf4", ".mdf", ".tdms", ".mat")
 """The suffixes of files that can be read and written."""
 
-__all__ = ["SUFFIXES", "damaged", "describe", "read", "stream", "writer"]
+__all__ = ["SUFFIXES", "damaged", "describe", "find", "has", "read", "stream", "writer"]
 
 
 def read(
@@ -41,18 +42,20 @@ def read(
     *,
     topic: str | None = None,
     repair: str | Sequence[str] | None = None,
+    reading: Reading = AS_IT_IS,
     allow_damaged: bool = True,
 ) -> Record:
     """The whole file, or these columns of it, as one record whose channels have the requested names.
 
     columns: names in the order wanted; None: all numeric columns of the only topic (or of `topic`). Columns from
     several topics are joined when their stamps agree, or by the repair rule `interpolate`. repair: rules by name, as
-    "sort,drop" or ("sort", "drop"), applied in that order. allow_damaged: whether a file that lost something is read
+    "sort,drop" or ("sort", "drop"), applied in that order, by default those of `reading`. reading: what is known of the
+    file beside what it says. allow_damaged: whether a file that lost something is read
     (and says so in its metadata) or refused. Raises RecordError, with place and remedy.
     """
     source = _source(path)
     try:
-        record = assemble.whole(source, columns, topic, repair)
+        record = assemble.whole(source, columns, topic, repair, reading)
         if not allow_damaged:
             source.require_whole()
         return record
@@ -66,6 +69,7 @@ def stream(
     *,
     topic: str | None = None,
     repair: str | Sequence[str] | None = None,
+    reading: Reading = AS_IT_IS,
     rows: int = 4096,
     allow_damaged: bool = True,
 ) -> Iterator[Record]:
@@ -81,7 +85,7 @@ def stream(
         raise RecordError("a chunk has at least one row", where=fspath(path), got=rows)
     source = _source(path)
     try:
-        for chunk in assemble.chunks(source, columns, topic, repair, rows):
+        for chunk in assemble.chunks(source, columns, topic, repair, reading, rows):
             if not allow_damaged:
                 source.require_whole()
             yield chunk
@@ -109,11 +113,12 @@ def writer(path: str | PathLike[str], *, made_by: str = "", becomes: str | PathL
         raise RecordError(f"the file cannot be written: {error.strerror}", where=name) from error
 
 
-def describe(path: str | PathLike[str]) -> Contents:
+def describe(path: str | PathLike[str], reading: Reading = AS_IT_IS) -> Contents:
     """What is in the file: topics, columns with units, rows, time range, encoding, and whether it was cut off."""
     source = _source(path)
     try:
-        topics = tuple(TopicContents(topic, source.extent(topic.name)) for topic in source.topics())
+        known = with_units(source.topics(), reading)
+        topics = tuple(TopicContents(topic, source.extent(topic.name)) for topic in known)
         return Contents(source.path, source.format, topics, source.truncated, source.damage, source.left_out)
     finally:
         source.close()

@@ -9,11 +9,11 @@ import numpy as np
 
 from fmucorrect.errors import RecordError
 from fmucorrect.records import timebase
-from fmucorrect.records.columns import Part, Plan, plan
+from fmucorrect.records.columns import Part, Plan, plan, with_units
 from fmucorrect.records.guarded import Guarded
 from fmucorrect.records.repairs import Repairs
 from fmucorrect.records.source import NO_TIME, RAM_ROWS, Block
-from fmucorrect.signals import Channel, Record
+from fmucorrect.signals import Channel, Reading, Record
 
 _STREAMED = {"drop"}
 """Rules that need only what came before a row; the others need the whole file."""
@@ -23,11 +23,15 @@ RESERVED = ("path", "topic", "truncated", "assumed", "preamble")
 
 
 def whole(
-    source: Guarded, columns: Sequence[str] | None, topic: str | None, repair: str | Sequence[str] | None
+    source: Guarded,
+    columns: Sequence[str] | None,
+    topic: str | None,
+    repair: str | Sequence[str] | None,
+    reading: Reading,
 ) -> Record:
     """The record of these columns, all rows."""
-    names = timebase.rules(repair)
-    found = plan(source.topics(), columns, topic, source.path)
+    names = timebase.rules(repair or reading.repair)
+    found = plan(with_units(source.topics(), reading), columns, topic, source.path, reading)
     if set(names) <= _STREAMED:
         repairs = [Repairs() for _ in found.parts]
         blocks = list(_checked(source, found, names, RAM_ROWS if len(found.parts) > 1 else None, repairs))
@@ -36,11 +40,16 @@ def whole(
 
 
 def chunks(
-    source: Guarded, columns: Sequence[str] | None, topic: str | None, repair: str | Sequence[str] | None, rows: int
+    source: Guarded,
+    columns: Sequence[str] | None,
+    topic: str | None,
+    repair: str | Sequence[str] | None,
+    reading: Reading,
+    rows: int,
 ) -> Iterator[Record]:
     """The same record in chunks of at most `rows` rows."""
-    names = timebase.rules(repair)
-    found = plan(source.topics(), columns, topic, source.path)
+    names = timebase.rules(repair or reading.repair)
+    found = plan(with_units(source.topics(), reading), columns, topic, source.path, reading)
     if set(names) <= _STREAMED:
         repairs = [Repairs() for _ in found.parts]
         for block in _checked(source, found, names, rows, repairs):

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from fmucorrect.errors import RecordError
 from fmucorrect.records.contents import Column, Topic
+from fmucorrect.signals import AS_IT_IS, Reading
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,9 @@ class Plan:
     parts: tuple[Part, ...]
 
 
-def plan(topics: Sequence[Topic], names: Sequence[str] | None, topic: str | None, path: str) -> Plan:
+def plan(
+    topics: Sequence[Topic], names: Sequence[str] | None, topic: str | None, path: str, reading: Reading = AS_IT_IS
+) -> Plan:
     """Find each named column (None: all columns of the only topic). Raises RecordError with near names."""
     if isinstance(names, str):
         raise RecordError("columns are given as a list of names", where=path, got=repr(names))
@@ -36,12 +39,44 @@ def plan(topics: Sequence[Topic], names: Sequence[str] | None, topic: str | None
         topics = [_topic(topics, topic, path)]
     if names is None:
         return _everything(topics, path)
-    found = [_find(topics, name, path) for name in names]
+    found = [find(topics, name, path, reading) for name in names]
     parts: list[Part] = []
     for t in dict.fromkeys(t for t, _ in found):
         mine = [(i, column.name) for i, (other, column) in enumerate(found) if other == t]
         parts.append(Part(topics[t], tuple(name for _, name in mine), tuple(i for i, _ in mine)))
     return Plan(tuple(names), tuple(column.unit for _, column in found), tuple(parts))
+
+
+def find(topics: Sequence[Topic], name: str, path: str, reading: Reading = AS_IT_IS) -> tuple[int, Column]:
+    """The column that a name means: the number of its topic, and itself. Raises RecordError with near names."""
+    known = reading.columns.get(name)
+    if known is not None and (matches := _matches(topics, known)):
+        return _only(topics, matches, known, path)
+    if matches := _matches(topics, name):
+        return _only(topics, matches, name, path)
+    wanted = name if known is None else known
+    raise RecordError(f"there is no column {wanted!r}", where=path, expected=_near(topics, _plain(wanted)))
+
+
+def has(topics: Sequence[Topic], name: str, reading: Reading = AS_IT_IS) -> bool:
+    """Whether there is a column that a name may mean."""
+    return any(_matches(topics, known) for known in (reading.columns.get(name, name), name))
+
+
+def with_units(topics: Sequence[Topic], reading: Reading) -> tuple[Topic, ...]:
+    """The topics with the units that `reading` knows."""
+    told: dict[tuple[int, str], str] = {}
+    for name, unit in reading.units.items():
+        for known in (reading.columns.get(name, name), name):
+            if matches := _matches(topics, known):
+                told |= {(t, column.name): unit for t, column in matches}
+                break
+    if not told:
+        return tuple(topics)
+    return tuple(
+        replace(topic, columns=tuple(replace(c, unit=told.get((t, c.name), c.unit)) for c in topic.columns))
+        for t, topic in enumerate(topics)
+    )
 
 
 def _topic(topics: Sequence[Topic], name: str, path: str) -> Topic:
@@ -68,7 +103,9 @@ def _everything(topics: Sequence[Topic], path: str) -> Plan:
     return Plan(names, tuple(column.unit for column in columns), (part,))
 
 
-def _find(topics: Sequence[Topic], name: str, path: str) -> tuple[int, Column]:
+def _matches(topics: Sequence[Topic], name: str) -> list[tuple[int, Column]]:
+    """The columns that a name may mean: in full, as the column alone, as the end of the full name, or with its unit as a
+    header writes it."""
     wanted = _plain(name)
     every = [
         (t, column, _plain(topic.full_name(column.name))) for t, topic in enumerate(topics) for column in topic.columns
@@ -77,13 +114,18 @@ def _find(topics: Sequence[Topic], name: str, path: str) -> tuple[int, Column]:
         [(t, column) for t, column, full in every if full == wanted],
         [(t, column) for t, column, _ in every if _plain(column.name) == wanted],
         [(t, column) for t, column, full in every if full.endswith("." + wanted)],
+        [(t, column) for t, column, full in every if wanted in (f"{full} [{column.unit}]", f"{full} ({column.unit})")],
     ):
-        if len(matches) == 1:
-            return matches[0]
         if matches:
-            there = ", ".join(topics[t].full_name(column.name) for t, column in matches)
-            raise RecordError(f"column {name!r} may mean {there}", where=path, remedy="Write the full name.")
-    raise RecordError(f"there is no column {name!r}", where=path, expected=_near(topics, wanted))
+            return matches
+    return []
+
+
+def _only(topics: Sequence[Topic], matches: Sequence[tuple[int, Column]], name: str, path: str) -> tuple[int, Column]:
+    if len(matches) == 1:
+        return matches[0]
+    there = ", ".join(topics[t].full_name(column.name) for t, column in matches)
+    raise RecordError(f"column {name!r} may mean {there}", where=path, remedy="Write the full name.")
 
 
 def _near(topics: Sequence[Topic], wanted: str) -> str:

@@ -184,9 +184,7 @@ def _score_rows(comparison: Comparison, context: Context) -> list[Row]:
 def _time_section(page: Page, comparison: Comparison) -> None:
     offset = comparison.offset
     if offset is None:
-        page.section(
-            "How time was registered", "There is no recorded excitation: both first samples count as one instant."
-        )
+        page.section("How time was registered", f"{comparison.clock[:1].upper()}{comparison.clock[1:]}.")
     else:
         page.section(
             "How time was registered",

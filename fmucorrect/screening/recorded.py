@@ -10,11 +10,13 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float64
 
-from fmucorrect import records, sources, units
+from fmucorrect import records, units
+from fmucorrect.clocks import clock
 from fmucorrect.experiment import read_samples
 from fmucorrect.screening.finding import Finding
 from fmucorrect.screening.same import COPIED, overlap
 from fmucorrect.signals import NANOSECONDS, Condition, Record
+from fmucorrect.sources import driving
 from fmucorrect.study import Study
 
 OFF = 0.05
@@ -142,29 +144,30 @@ def _covered(study: Study, condition: Condition) -> Iterator[Finding]:
     """Inputs that end before the run does, or lie on another clock."""
     if condition.inputs is None or condition.simulated is not None or study.fmu is None:
         return
-    length, extent = sources.measured_duration(study, condition), records.describe(condition.inputs).topics[0].extent
+    run, extent = clock(study, condition), records.describe(condition.inputs).topics[0].extent
     if extent.rows < 2 or extent.start_ns is None or extent.stop_ns is None:
         return
-    begins, ends = extent.start_ns / NANOSECONDS, extent.stop_ns / NANOSECONDS
+    length = run.length
+    begins, ends = ((stamp - run.origin_ns) / NANOSECONDS for stamp in (extent.start_ns, extent.stop_ns))
     gap = (ends - begins) / (extent.rows - 1)
     early, late = max(begins - gap, 0.0), max(length - ends - gap, 0.0)
     if early + late <= 0.0:
         return
-    series = records.read(condition.inputs)
+    series = records.read(condition.inputs, driving(study, condition), reading=condition.reading)
     size = np.abs(series.values).max(axis=0)
     rests = [bool((np.abs(series.values[i]) <= STILL * size).all()) for i in (0, -1)]
     missing = min(early * (not rests[0]) + late * (not rests[1]), length)
     apart = begins >= length or ends <= 0.0
     if not apart and missing <= 0.0:
         return
-    clock = "they are on another clock" if apart else "they are held at their first and last value"
+    state = "they are on another clock" if apart else "they are held at their first and last value"
     yield Finding(
         "inputs do not cover the run",
         "error" if apart or missing > UNCOVERED * length else "warning",
         f"condition {condition.name!r}",
         f"the run lasts from 0 to {length:g} s, {condition.inputs.name} from {begins:.10g} to {ends:.10g} s",
-        f"Outside {clock}, and the model is not driven as the machine was",
-        "Let the time column of the file (key inputs) count from the start of the run, and reach to its end.",
+        f"Outside {state}, and the model is not driven as the machine was",
+        "Give inputs (key inputs) that reach over the whole measurement, or say how the clocks lie (key clock).",
     )
 
 
@@ -199,7 +202,7 @@ def _said(study: Study, condition: Condition, measured: Record) -> Iterator[Find
             yield _other(where, "speed", f"{value:g} for parameter {name!r}", f"{condition.speed:g} km/h", "parameters")
     if condition.speed > 0.0 and condition.measurement is not None:
         for column, unit in _speed_columns(condition.measurement):
-            speed = records.read(condition.measurement, [column]).values[:, 0]
+            speed = records.read(condition.measurement, [column], reading=condition.reading).values[:, 0]
             mean = float(np.median(speed)) * units.conversion(unit, "km/h", column)
             if abs(mean / condition.speed - 1.0) > OFF:
                 yield _other(where, "speed", f"{mean:.4g} km/h", f"{condition.speed:g} km/h", column)
@@ -259,10 +262,11 @@ def _angles(study: Study) -> Iterator[Finding]:
                 meaning,
                 'Write unit = "rad" or unit = "deg".',
             )
-        for path in dict.fromkeys(c.measurement for c in study.conditions if c.role == "development"):
+        for path, condition in {c.measurement: c for c in study.development}.items():
             if path is None:
                 continue
-            raw = records.read(path, [channel.measurement or channel.name]).channels[0].unit
+            name = channel.measurement or channel.name
+            raw = records.read(path, [name], reading=condition.reading).channels[0].unit
             if raw in ("", "1", "-"):
                 yield Finding(
                     "angle without a unit",

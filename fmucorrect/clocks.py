@@ -1,0 +1,104 @@
+"""One clock for a condition: which instant of its records is time zero of the run, and where the measurement lies.
+
+A run begins at 0; inputs, a simulated record and the measurement have stamps of their own. What one recorder wrote into one
+file has one clock. Else the recorded excitation tells where the measurement lies (offset and rate, `registration`), where
+the study has one; without it stamps that overlap are believed; and where they do not, nothing can be known, which is an
+error. `clock` in the study decides instead: "common", "excitation", or s from the simulation's first sample to the
+measurement's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from fmucorrect import records
+from fmucorrect.errors import RecordError
+from fmucorrect.records.contents import Extent
+from fmucorrect.records.timebase import seconds_text
+from fmucorrect.signals import NANOSECONDS, Condition
+from fmucorrect.study import Study
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Where a run lies.
+
+    origin_ns: stamp of the inputs, or of the simulated record, at which the run's time is 0. length: s, of a run of the
+    FMU. common: whether stamps of the measurement count from the same instant. start: s, from the run's first sample to
+    the measurement's, where the study says it. With neither, the excitation has to tell. told: what was done, in words.
+    """
+
+    origin_ns: int
+    length: float
+    common: bool
+    start: float | None
+    told: str
+
+    def place(self, first_ns: int) -> float | None:
+        """s, from the run's first sample to the measurement's, which has this stamp; None: the excitation tells."""
+        return (first_ns - self.origin_ns) / NANOSECONDS if self.common else self.start
+
+
+def clock(study: Study, condition: Condition) -> Clock:
+    """Raises RecordError where nothing tells how the clocks of a condition belong together."""
+    measured = _whole(measured_extents(study, condition)) if condition.measurement is not None else (0, 0)
+    length = (measured[1] - measured[0]) / NANOSECONDS
+    path = condition.simulated or (condition.inputs if study.fmu is not None else None)
+    what = "the simulated record" if condition.simulated is not None else "the inputs"
+    given = _whole([item.extent for item in records.describe(path).topics]) if path is not None else None
+    theirs = given or (0, measured[1] - measured[0])
+    overlapping = max(theirs[0], measured[0]) < min(theirs[1], measured[1])
+    said = condition.clock
+    if isinstance(said, float):
+        told = f"as the study says, the measurement begins at {said:+.9g} s of the run"
+        return Clock(theirs[0], max(said + length, 0.0), False, said, told)
+    one_file = path is not None and path == condition.measurement
+    if said == "excitation" or (said is None and study.excitation is not None and not one_file):
+        end = max(theirs[1], measured[1] if given and overlapping else theirs[0] + measured[1] - measured[0])
+        return Clock(theirs[0], (end - theirs[0]) / NANOSECONDS, False, None, "")  # it may lie anywhere in the inputs
+    if said is None and not overlapping:
+        raise RecordError(
+            f"nothing tells where the measurement lies against {what if given else 'the run'}: the stamps do not overlap, and "
+            "the study has no [excitation]",
+            where=f"condition {condition.name!r}",
+            expected=f"stamps between {_span(theirs)}",
+            got=_span(measured),
+            remedy="Name the [excitation] that both sides recorded, or write clock in [records] (or in records of the "
+            'condition): clock = "common" where the stamps are to be believed, clock = 0.0 where both begin at once, else the '
+            "s from the run's first sample to the measurement's.",
+        )
+    origin = min(theirs[0], measured[0]) if given and condition.simulated is None else theirs[0]
+    why = "one file has one clock" if one_file else "the study says so" if said else "the stamps overlap"
+    told = f"one clock ({why}): the run begins at stamp {seconds_text(origin)} s, the measurement at {_span(measured)}"
+    return Clock(origin, max((measured[1] - origin) / NANOSECONDS, 0.0), True, None, told)
+
+
+def _whole(extents: Sequence[Extent]) -> tuple[int, int]:
+    """First and last stamp of all, ns."""
+    starts = [extent.start_ns for extent in extents if extent.start_ns is not None]
+    stops = [extent.stop_ns for extent in extents if extent.stop_ns is not None]
+    return (min(starts), max(stops)) if starts else (0, 0)
+
+
+def _span(stamps: tuple[int, int]) -> str:
+    return f"{seconds_text(stamps[0])} to {seconds_text(stamps[1])} s"
+
+
+def measured_extents(study: Study, condition: Condition) -> list[Extent]:
+    """How far the topics reach that hold what the study measures; of all topics where none does."""
+    if condition.measurement is None:
+        raise RecordError(f"condition {condition.name!r} has no measurement")
+    contents = records.describe(condition.measurement)
+    if contents.damage and not study.allow_damaged:
+        raise records.damaged(contents.path, contents.damage)
+    wanted = {c.measurement or c.name for c in study.channels}
+    wanted |= {channel.acceleration for channel in study.channels if channel.acceleration}
+    wanted |= {study.excitation.measurement} if study.excitation is not None else set()
+    filled = [item for item in contents.topics if item.extent.rows > 1]
+    holding = [
+        item.extent for item in filled if any(records.has([item.topic], name, condition.reading) for name in wanted)
+    ]
+    if not filled:
+        raise RecordError("there are no readable rows", where=str(condition.measurement))
+    return holding or [item.extent for item in filled]

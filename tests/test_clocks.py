@@ -1,0 +1,146 @@
+"""A perfect model and its log, whatever stamps the log begins with: nothing is left of the measurement."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fmucorrect.errors import RecordError, StudyError
+from fmucorrect.experiment import Pair, pair
+from fmucorrect.fmu import FmuStepper
+from fmucorrect.records import writer
+from fmucorrect.signals import Channel, Condition, Record
+from fmucorrect.stepper import run
+from fmucorrect.study import load_study
+
+OSCILLATOR = Path(__file__).resolve().parent.parent / "fmus" / "oscillator" / "oscillator.fmu"
+STUDY = """format = 1
+[simulation]
+fmu = "{fmu}"
+step_size = 0.001
+{records}
+[[channels]]
+name = "x"
+simulation = "mass1.x"
+measurement = "x"
+quantity = "displacement"
+unit = "mm"
+{excitation}
+[[conditions]]
+name = "one"
+role = "development"
+inputs = "{inputs}"
+measurement = "{measurement}"
+"""
+EXCITATION = '[excitation]\nsimulation = "base.d"\nmeasurement = "base.d"\nkind = "command"'
+EPOCH = 1_767_225_600.0
+
+
+@cache
+def driven() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """s, the base's motion (m, which does not begin at rest) and the response (m) of the model to it."""
+    t = np.arange(4001) * 1e-3
+    base = 1e-3 * (np.sin(2.0 * np.pi * 3.1 * t + 0.4) + 0.5 * np.sin(2.0 * np.pi * 7.3 * t))
+    record = Record(np.arange(4001) * 1_000_000, base[:, None], (Channel("base.d", "m"),))
+    with FmuStepper(OSCILLATOR, (Channel("x", "m", simulation="mass1.x"),), inputs=("base.d",)) as stepper:
+        result = run(stepper, Condition("one"), [record])
+    assert result is not None
+    return t, base, result.values[:, 0]
+
+
+def log(path: Path, t: np.ndarray, begins: float, **columns: np.ndarray) -> str:
+    stamps = round(begins * 1e9) + np.round(t * 1e9).astype(np.int64)
+    channels = tuple(Channel(name.replace("__", "."), "m") for name in columns)
+    with writer(path) as file:
+        file.write("/log", Record(stamps, np.stack(list(columns.values()), axis=1), channels))
+    return path.name
+
+
+def paired(folder: Path, inputs: str, measurement: str, records: str = "", excitation: str = "") -> Pair:
+    text = STUDY.format(
+        fmu=OSCILLATOR.as_posix(), inputs=inputs, measurement=measurement, records=records, excitation=excitation
+    )
+    (folder / "study.toml").write_text(text, encoding="utf-8")
+    study = load_study(folder / "study.toml")
+    return pair(study, study.condition("one"))
+
+
+def left(item: Pair) -> float:
+    """Of the measurement, in shares of its size."""
+    return float(np.abs(item.measured - item.response).max() / np.abs(item.measured).max())
+
+
+@pytest.mark.parametrize("suffix", ["csv", "mcap", "parquet"])
+@pytest.mark.parametrize("begins", [0.0, 0.1, 2.0, -1.0, EPOCH])
+def test_one_log_is_one_clock(tmp_path: Path, begins: float, suffix: str):
+    if begins < 0.0 and suffix == "mcap":
+        pytest.skip("MCAP has no stamps before 1970")
+    t, base, x = driven()
+    name = log(tmp_path / f"log.{suffix}", t, begins, base__d=base, x=x)
+    for excitation in ("", EXCITATION):
+        item = paired(tmp_path, name, name, excitation=excitation)
+        assert left(item) < 1e-9
+        assert len(item.measured) == len(t)
+        assert "one clock" in item.clock
+
+
+@pytest.mark.parametrize("begins", [0.0, -1.0, EPOCH])
+def test_files_whose_stamps_overlap(tmp_path: Path, begins: float):
+    """The measurement begins half a second after its inputs."""
+    t, base, x = driven()
+    inputs = log(tmp_path / "inputs.csv", t, begins, base__d=base)
+    measurement = log(tmp_path / "measured.parquet", t[500:], begins, x=x[500:])
+    item = paired(tmp_path, inputs, measurement)
+    assert left(item) < 1e-9
+    assert len(item.measured) == len(t) - 500
+
+
+def test_clocks_that_have_nothing_in_common(tmp_path: Path):
+    t, base, x = driven()
+    inputs = log(tmp_path / "inputs.csv", t, 0.0, base__d=base)
+    measurement = log(tmp_path / "measured.mcap", t[500:], EPOCH, base__d=base[500:], x=x[500:])
+    item = paired(tmp_path, inputs, measurement, excitation=EXCITATION)
+    assert item.offset is not None
+    assert item.offset.offset == pytest.approx(0.5, abs=1e-5)
+    assert left(item) < 1e-3
+    with pytest.raises(RecordError, match=r"clock = \"common\""):
+        paired(tmp_path, inputs, measurement)
+    item = paired(tmp_path, inputs, measurement, records="[records]\nclock = 0.5")
+    assert left(item) < 1e-9
+    assert len(item.measured) == len(t) - 500
+
+
+def test_the_study_says_which_clock(tmp_path: Path):
+    """Stamps that overlap by chance: 0.2 s apart by the stamps, 0.5 s in truth, which the excitation knows."""
+    t, base, x = driven()
+    inputs = log(tmp_path / "inputs.csv", t, 0.0, base__d=base)
+    measurement = log(tmp_path / "measured.csv", t[500:], -0.3, base__d=base[500:], x=x[500:])
+    assert left(paired(tmp_path, inputs, measurement)) > 0.1
+    said = "[records]\nclock = {}"
+    assert left(paired(tmp_path, inputs, measurement, said.format('"excitation"'), EXCITATION)) < 1e-3
+    assert left(paired(tmp_path, inputs, measurement, said.format('"common"'), EXCITATION)) > 0.1
+    with pytest.raises(StudyError, match=r"there is no \[excitation\]"):
+        paired(tmp_path, inputs, measurement, said.format('"excitation"'))
+    with pytest.raises(StudyError, match=r"did you mean 'common'"):
+        paired(tmp_path, inputs, measurement, said.format('"comon"'))
+
+
+def test_names_and_units_that_the_study_gives(tmp_path: Path):
+    """Columns of the raw log by their own names, one of them in a unit that the file does not say; more than is needed."""
+    t, base, x = driven()
+    text = "Time,Base travel [mm],Susp. travel [mm],Temp\n" + "\n".join(
+        f"{a:.3f},{1e3 * b!r},{1e3 * c!r},20" for a, b, c in zip(t.tolist(), base.tolist(), x.tolist(), strict=True)
+    )
+    text += "\n"
+    (tmp_path / "log.csv").write_text(text, encoding="utf-8")
+    columns = 'columns = { "base.d" = "Base travel [mm]", "x" = "Susp. travel" }'
+    assert left(paired(tmp_path, "log.csv", "log.csv", f"[records]\n{columns}")) < 1e-9
+    (tmp_path / "log.csv").write_text(text.replace(" [mm]", ""), encoding="utf-8")
+    columns = columns.replace(" [mm]", "")
+    units = 'units = { "x" = "mm", "Base travel" = "mm" }'
+    assert left(paired(tmp_path, "log.csv", "log.csv", f"[records]\n{columns}\n{units}")) < 1e-9
+    with pytest.raises(RecordError, match=r"no column is named as an input of the FMU"):
+        paired(tmp_path, "log.csv", "log.csv", '[records]\ncolumns = { "x" = "Susp. travel" }')
