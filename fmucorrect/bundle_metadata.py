@@ -42,7 +42,8 @@ class Info:
     units: sigma while there is no correction. envelope: for `speed`, `amplitude`, `frequency` and `response <channel>` the
     four corners outer low, inner low, inner high, outer high: inside the inner ones the correction is whole, beyond the
     outer ones it is nothing. conditions: those trained on, with the FMU start values of each. parameters: FMU start values
-    of all of them, in the FMU's own units. evaluation: figures, for people.
+    of all of them, in the FMU's own units. units: of variables that the FMU leaves without one, as the study knew them.
+    evaluation: figures, for people.
     """
 
     name: str
@@ -56,6 +57,7 @@ class Info:
     versions: Mapping[str, str]
     evaluation: Mapping[str, Any] = field(default_factory=dict)
     parameters: Mapping[str, float] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
         return {"format": FORMAT, **asdict(self)}
@@ -83,6 +85,7 @@ class Info:
             versions=top.table("versions").all(_Table.text),
             evaluation=top.table("evaluation").data,
             parameters=top.table("parameters").all(_Table.number) if "parameters" in data else {},
+            units=top.table("units").all(_Table.text) if "units" in data else {},
         )
 
 

@@ -146,7 +146,7 @@ def study_problems(study: Study) -> list[str]:
     variables, inputs = None, ()
     if study.simulation.fmu is not None:
         try:
-            fmu = open_fmu(study.simulation.fmu)
+            fmu = open_fmu(study.simulation.fmu).known(study.simulation.units)
             variables, inputs = fmu.units, tuple(variable.name for variable in fmu.of("input"))
         except FmucorrectError as error:
             problems.append(str(error))

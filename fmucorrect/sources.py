@@ -10,7 +10,7 @@ import numpy as np
 
 from fmucorrect import records, units
 from fmucorrect.clocks import Clock, clock, measured_extents
-from fmucorrect.errors import RecordError, SignalError
+from fmucorrect.errors import FmuError, RecordError, SignalError
 from fmucorrect.fmu import FmuStepper, IsolatedStepper, Limits, input_record, open_fmu
 from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Channel, Condition, Reading, Record
 from fmucorrect.stepper import ReplayStepper, Stepper, grid
@@ -34,14 +34,30 @@ def plant(study: Study, condition: Condition, *, isolated: bool = True) -> Stepp
     less.
     """
     channels = (*study.channels, *excitation_channel(study))
-    if condition.simulated is not None or study.simulation.fmu is None:
+    fmu = study.fmu
+    if condition.simulated is not None or fmu is None:
         return ReplayStepper(channels)
-    fmu, parameters = study.simulation.fmu, study.simulation.parameters
     driven = driving(study, condition)
     if not isolated:
-        return FmuStepper(fmu, channels, inputs=driven, parameters=parameters)
-    limits = Limits.of(study.simulation.step_timeout)
-    return IsolatedStepper(fmu, channels, inputs=driven, parameters=parameters, limits=limits)
+        return solver(study, channels, driven)
+    it = study.simulation
+    return IsolatedStepper(
+        fmu,
+        channels,
+        inputs=driven,
+        parameters=it.parameters,
+        units=it.units,
+        tolerance=it.tolerance,
+        limits=Limits.of(it.step_timeout),
+    )
+
+
+def solver(study: Study, channels: tuple[Channel, ...], inputs: Sequence[str]) -> FmuStepper:
+    """The study's FMU in this process. Raises FmuError where the study has none."""
+    it = study.simulation
+    if it.fmu is None:
+        raise FmuError("the study has no FMU", where=str(study.path), remedy="Name it: [simulation] fmu.")
+    return FmuStepper(it.fmu, channels, inputs=inputs, parameters=it.parameters, units=it.units, tolerance=it.tolerance)
 
 
 def driving(study: Study, condition: Condition) -> tuple[str, ...]:
@@ -77,14 +93,15 @@ def inputs(study: Study, condition: Condition, duration: float | None = None) ->
         damaged, reading = study.allow_damaged, condition.reading
         yield from log_inputs(condition.simulated, channels, reading=reading, allow_damaged=damaged)
         return
-    series = None
+    series, held = None, frozenset[str]()
     if condition.inputs is not None:
+        held = frozenset(variable.name for variable in open_fmu(study.simulation.fmu).of("input") if variable.discrete)
         series = records.read(
             condition.inputs, driving(study, condition), reading=condition.reading, allow_damaged=study.allow_damaged
         )
     length, origin = _length(study, condition, duration)
     for chunk in grid(length, study.simulation.step_ns, ROWS):
-        yield chunk if series is None else replace(input_record(chunk.t_ns + origin, series), t_ns=chunk.t_ns)
+        yield chunk if series is None else replace(input_record(chunk.t_ns + origin, series, held), t_ns=chunk.t_ns)
 
 
 def _length(study: Study, condition: Condition, duration: float | None) -> tuple[float, int]:

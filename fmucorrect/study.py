@@ -25,13 +25,16 @@ class Simulation:
 
     fmu: the FMU's file, None when every condition names a simulated record. step_ns: communication step and sample
     time of the corrector, ns. parameters: FMU start values of all conditions, in the FMU's own units. step_timeout: s that
-    the solver may take for one step before it counts as stuck, None for what is usual.
+    the solver may take for one step before it counts as stuck, None for what is usual. tolerance: of the solver, relative,
+    None for that of the FMU's default experiment. units: of variables that the FMU leaves without one.
     """
 
     fmu: Path | None
     step_ns: int
     parameters: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     step_timeout: float | None = None
+    tolerance: float | None = None
+    units: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
 
     @property
     def step_size(self) -> float:
@@ -230,6 +233,8 @@ def load_study(path: str | Path) -> Study:
             round(simulation.step_size * NANOSECONDS),
             MappingProxyType(simulation.parameters),
             simulation.step_timeout,
+            simulation.tolerance,
+            MappingProxyType(simulation.units),
         ),
         channels=tuple(channels),
         conditions=tuple(conditions),

@@ -84,6 +84,8 @@ class SimulationTable(Table):
     )
     parameters: dict[str, Number] = {}
     step_timeout: Positive | None = Field(None, description="s that the solver may take for one step")
+    tolerance: Positive | None = None
+    units: dict[str, Annotated[str, AfterValidator(_unit)]] = {}
 
 
 class ChannelRow(Table):

@@ -19,7 +19,7 @@ from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.simulator import place_of
 from fmucorrect.discovery.terms import ForceTerm, SignalTerm
 from fmucorrect.discovery.trials import Trial
-from fmucorrect.fmu import FmuDescription, FmuStepper
+from fmucorrect.fmu import FmuDescription
 from fmucorrect.signals import Channel, Condition
 from fmucorrect.stepper import run
 from fmucorrect.study import Joint, Study
@@ -36,9 +36,7 @@ def motions(study: Study, conditions: Sequence[Condition]) -> dict[str, Motion]:
     parts: list[dict[str, Series]] = []
     for condition in conditions:
         given = list(sources.inputs(study, condition))
-        with FmuStepper(
-            study.simulation.fmu, channels, inputs=given[0].names, parameters=study.simulation.parameters
-        ) as stepper:
+        with sources.solver(study, channels, given[0].names) as stepper:
             result = run(stepper, replace(condition, simulated=None), given)
             assert result is not None
             column = dict(zip(names, result.values.T, strict=True))

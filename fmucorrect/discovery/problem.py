@@ -245,6 +245,6 @@ def load(
     for trial in trials:
         if trial.condition.name not in known:
             try_out(study, trial.condition)
-    fmu = None if study.fmu is None else open_fmu(study.fmu)
+    fmu = None if study.fmu is None else open_fmu(study.fmu).known(study.simulation.units, study.simulation.tolerance)
     tolerated = tuple(a for a in study.adjustable if a.tolerated) if fmu else ()
     return Problem(study, fmu, library, trials, tolerated, workers or min(os.cpu_count() or 1, 8), 1, kept, executor)

@@ -18,7 +18,7 @@ from fmucorrect.catalogue import CATALOGUE, Law
 from fmucorrect.discovery.native import LAWS, Placed, Road, Solver
 from fmucorrect.discovery.resting import RESTS, STILL, ends, spans, still
 from fmucorrect.errors import FmuError
-from fmucorrect.fmu import FmuDescription, FmuStepper
+from fmucorrect.fmu import FmuDescription
 from fmucorrect.fmu.feedthrough import feedthrough
 from fmucorrect.signals import NANOSECONDS, Condition, join
 from fmucorrect.study import Joint, Study
@@ -63,12 +63,11 @@ class Simulator:
     ) -> None:
         if substeps < 1:
             raise ValueError(f"substeps must be at least 1, got {substeps}")
-        fmu = _fmu(study)
         self._substeps = substeps
         chunk = join(list(sources.inputs(study, condition, duration)))
         self._condition, self._step_ns = condition, study.simulation.step_ns
         self._names = (*chunk.names, *(name for name in dict.fromkeys(extra) if name not in chunk.names))
-        self._stepper = FmuStepper(fmu, study.channels, inputs=self._names, parameters=study.simulation.parameters)
+        self._stepper = sources.solver(study, study.channels, self._names)
         self._description = self._stepper.description
         zeros = np.zeros((len(chunk), len(self._names) - len(chunk.names)))
         self._inputs = np.ascontiguousarray(np.concatenate([chunk.values, zeros], axis=1))
@@ -306,9 +305,3 @@ def place_of(fmu: FmuDescription, joint: Joint) -> Place:
     ports = joint.displacement, joint.velocity, joint.acceleration, joint.nominal_force
     (place,) = places(fmu, [Wire("", joint.name, joint.force, *ports, joint.sign, False)])
     return place
-
-
-def _fmu(study: Study) -> Path:
-    if study.simulation.fmu is None:
-        raise FmuError("the study names no FMU", where=str(study.path))
-    return study.simulation.fmu

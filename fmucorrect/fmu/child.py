@@ -90,9 +90,11 @@ class _Solver:
         self._place, self._memory = place, memory
         self._stepper: FmuStepper | None = None
 
-    def open(self, path: str, channels: Sequence[str], inputs: Sequence[str], rows: int) -> None:
+    def open(
+        self, path: str, channels: Sequence[str], inputs: Sequence[str], rows: int, tolerance: float | None
+    ) -> None:
         named = tuple(Channel(name, unit="") for name in channels)
-        self._stepper = FmuStepper(path, named, inputs=inputs, place=self._place)
+        self._stepper = FmuStepper(path, named, inputs=inputs, tolerance=tolerance, place=self._place)
         layout = Layout(rows, len(inputs), len(channels))
         self._halves = layout.arrays(self._memory, 0), layout.arrays(self._memory, 1)
         self._stepper.load()

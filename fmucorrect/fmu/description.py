@@ -7,7 +7,7 @@ import json
 import logging
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, cast
@@ -61,6 +61,11 @@ class Variable:
     description: str = ""
 
     @property
+    def discrete(self) -> bool:
+        """Whether its values are whole numbers, with nothing between two of them."""
+        return self.number and self.type not in ("Real", "Float32", "Float64")
+
+    @property
     def number(self) -> bool:
         """Whether its value is one number."""
         return self.shape == () and self.type not in ("String", "Binary", "Clock")
@@ -72,8 +77,9 @@ class FmuDescription:
 
     fmi: "2.0" or "3.0". identifier: name of its library. token: what the library checks it by. platforms: folders in
     binaries/ that hold the library. start_time, stop_time, step_size: s, of the default experiment, None where it says
-    nothing. capabilities: what it can, in words. log_categories: names of its log categories. wrapped: what `fmucorrect
-    wrap` wrote of the solver and the corrector inside; empty for any other FMU.
+    nothing; tolerance: of its solver, relative, which a run asks for. capabilities: what it can, in words. log_categories:
+    names of its log categories. wrapped: what `fmucorrect wrap` wrote of the solver and the corrector inside; empty for any
+    other FMU.
     """
 
     path: Path
@@ -91,11 +97,28 @@ class FmuDescription:
     start_time: float | None
     stop_time: float | None
     step_size: float | None
+    tolerance: float | None = None
     wrapped: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}), repr=False)
 
     def of(self, causality: str) -> tuple[Variable, ...]:
         """All variables of one causality: input, output, parameter, ..."""
         return tuple(v for v in self.variables.values() if v.causality == causality)
+
+    def known(self, units: Mapping[str, str], tolerance: float | None = None) -> FmuDescription:
+        """The same with units of variables that it leaves without one, and with another tolerance of the solver. Raises
+        FmuError that names every unknown variable, and every one whose unit the FMU says otherwise."""
+        problems = self.unknown(units, "variable")
+        told = {name: unit for name, unit in units.items() if name in self.variables}
+        for name, unit in told.items():
+            there = self.variables[name].unit
+            if there not in ("", "1", unit):
+                problems.append(f"{name!r} is in {there!r}, as the FMU says itself, not in {unit!r}")
+        if problems:
+            raise FmuError("; ".join(problems), where=str(self.path), remedy="Mend units in [simulation].")
+        variables = dict(self.variables) | {
+            name: replace(self.variables[name], unit=unit) for name, unit in told.items()
+        }
+        return replace(self, variables=variables, tolerance=self.tolerance if tolerance is None else tolerance)
 
     @property
     def units(self) -> dict[str, str]:
@@ -200,6 +223,7 @@ def open_fmu(path: str | Path) -> FmuDescription:
         start_time=_float(experiment.startTime, None),
         stop_time=_float(experiment.stopTime, None),
         step_size=_float(experiment.stepSize, None),
+        tolerance=_tolerance(experiment.tolerance),
         wrapped=wrapped,
     )
 
@@ -237,7 +261,7 @@ def _variable(variable: fmpy_description.ModelVariable) -> Variable:
         type=variable.type,
         causality=variable.causality,
         variability=variable.variability,
-        unit=variable.unit or declared.unit or "",
+        unit=variable.unit or declared.unit or ("s" if variable.causality == "independent" else ""),
         start=variable.start or "",
         minimum=cast(float, _float(variable.min or declared.min, -math.inf)),
         maximum=cast(float, _float(variable.max or declared.max, math.inf)),
@@ -261,6 +285,12 @@ def _check_variables(variables: Iterable[Variable], path: Path) -> None:
             raise FmuError(
                 f"the start value of {v.name!r} is no number", where=str(path), got=repr(v.start[:80]), remedy=_AGAIN
             )
+
+
+def _tolerance(text: str | None) -> float | None:
+    """A tolerance that a solver can be given; anything else is none."""
+    value = _float(text, None)
+    return value if value is not None and 0.0 < value < math.inf else None
 
 
 def _float(text: str | None, default: float | None) -> float | None:

@@ -48,7 +48,8 @@ class Instance2(Instance):
         )
 
     def initialise(self, start: float) -> None:
-        self.call("SetupExperiment", _FALSE, c_double(0.0), c_double(start), _FALSE, c_double(0.0))
+        asked, tolerance = self.tolerance
+        self.call("SetupExperiment", c_int(asked), tolerance, c_double(start), _FALSE, c_double(0.0))
         self.call("EnterInitializationMode")
 
     def finish_step(self, status: int) -> None:

@@ -64,7 +64,8 @@ class Instance3(Instance):
         )
 
     def initialise(self, start: float) -> None:
-        self.call("EnterInitializationMode", _FALSE, c_double(0.0), c_double(start), _FALSE, c_double(0.0))
+        asked, tolerance = self.tolerance
+        self.call("EnterInitializationMode", c_bool(asked), tolerance, c_double(start), _FALSE, c_double(0.0))
 
     def finish_step(self, status: int) -> None:
         target = self.time.value + self.size.value

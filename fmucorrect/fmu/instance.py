@@ -86,6 +86,12 @@ class Instance(ABC):
     @abstractmethod
     def _instantiate(self) -> int | None: ...
 
+    @property
+    def tolerance(self) -> tuple[int, c_double]:
+        """Whether the solver is asked for a tolerance, and which."""
+        asked = self._description.tolerance
+        return int(asked is not None), c_double(asked or 0.0)
+
     @abstractmethod
     def initialise(self, start: float) -> None:
         """Enter initialisation at time `start` (s)."""

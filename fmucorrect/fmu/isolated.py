@@ -34,6 +34,7 @@ from fmucorrect.stepper import BROKEN_OFF, Row, Status, Step, finished_rows, kee
 ROWS, BYTES = 4096, 1 << 24
 """Rows that are asked for at once, and what they take at most: one asks takes some 0.1 ms, however many they are."""
 _NONE: Mapping[str, float] = MappingProxyType({})
+_NO_UNITS: Mapping[str, str] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -60,12 +61,15 @@ class IsolatedStepper:
         *,
         inputs: Sequence[str] = (),
         parameters: Mapping[str, float] = _NONE,
+        units: Mapping[str, str] = _NO_UNITS,
+        tolerance: float | None = None,
         log: logging.Logger | None = None,
         limits: Limits = DEFAULT,
     ) -> None:
-        self._matched = match(path, channels, inputs)
+        self._matched = match(path, channels, inputs, units, tolerance)
         start_values(self._matched.description, parameters)
         self._parameters, self._limits = parameters, limits.with_tool(self.description)
+        self._choosy = self._matched.choosy
         self._log = log or logging.getLogger("fmucorrect.fmu")
         width = 1 + len(self._matched.inputs) + len(self._matched.outputs)
         rows = max(1, min(ROWS, BYTES // (8 * width)))
@@ -96,8 +100,8 @@ class IsolatedStepper:
         self._last_ns = None
 
     def step(self, t_ns: int, u: Row) -> Step:
-        if len(u) and not math.isfinite(sum(u.tolist())):
-            self._matched.require_finite(u[None], np.array([t_ns]))
+        if len(u) and (self._choosy or not math.isfinite(sum(u.tolist()))):
+            self._matched.require_values(u[None], np.array([t_ns]))
         record = Record(np.array([t_ns], np.int64), np.zeros((1, 0)), ())
         simulated = self._take(self._send(record, u[None])).values[0]
         return Step(t_ns, simulated, simulated, self._zeros, Status.OK)
@@ -149,7 +153,7 @@ class IsolatedStepper:
 
     def _inputs(self, record: Record) -> Float64[np.ndarray, "T U"]:
         u = self._matched.input_values(record)
-        self._matched.require_finite(u, record.t_ns)
+        self._matched.require_values(u, record.t_ns)
         return u
 
     def _send(self, record: Record, u: Float64[np.ndarray, "T U"]) -> _Sent:
@@ -210,5 +214,6 @@ class IsolatedStepper:
             channels=[variable.name for variable in self._matched.outputs],
             inputs=[variable.name for variable in self._matched.inputs],
             rows=self._layout.rows,
+            tolerance=self.description.tolerance,
         )
         return self._process

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 from jaxtyping import Float64
@@ -14,6 +15,8 @@ from fmucorrect.fmu.description import FmuDescription, Variable, open_fmu
 from fmucorrect.signals import Channel, Record, Times, Values
 from fmucorrect.units import conversion
 
+WHOLE = 1e-3
+"""By how much an input of whole numbers may be beside one: what converting and writing with few digits leaves."""
 SECOND = 1e9
 """Nanoseconds. A float, so that Python and numpy round alike at any time: both convert first and then divide."""
 
@@ -31,6 +34,11 @@ class Matched:
     channels: tuple[Channel, ...]
     factors: Float64[np.ndarray, " J"] | None
     inputs: tuple[Variable, ...]
+
+    @property
+    def choosy(self) -> bool:
+        """Whether an input takes whole numbers only."""
+        return any(variable.discrete for variable in self.inputs)
 
     def input_values(self, record: Record) -> Float64[np.ndarray, "T U"]:
         """The inputs of `record` in the FMU's order and units; without columns where it has none. Raises SignalError."""
@@ -59,21 +67,37 @@ class Matched:
             names = [variable.name for variable in self.inputs]
             raise SignalError("the row of inputs has the wrong length", expected=f"{len(names)}: {names}", got=width)
 
-    def require_finite(self, u: Values, t_ns: Times) -> None:
-        """Raises SignalError that names input and time of the first value that is no number."""
-        bad = np.argwhere(~np.isfinite(u))
-        if len(bad):
-            row, column = bad[0]
+    def require_values(self, u: Values, t_ns: Times) -> None:
+        """Raises SignalError that names input and time of the first value that is no number, or that an input of whole numbers
+        does not take."""
+        if not u.shape[1]:
+            return
+        bad, expected = ~np.isfinite(u), ["a finite number"] * u.shape[1]
+        for column, variable in enumerate(self.inputs):
+            if variable.discrete:
+                low, high = _range(variable)
+                values = np.rint(u[:, column])
+                bad[:, column] |= (np.abs(u[:, column] - values) > WHOLE) | (values < low) | (values > high)
+                expected[column] = f"a whole number from {low:g} to {high:g}"
+        if bad.any():
+            row, column = np.argwhere(bad)[0]
             raise SignalError(
                 f"input {self.inputs[column].name!r} is {u[row, column]} at t = {t_ns[row] / SECOND:.9g} s",
                 where=str(self.description.path),
-                expected="finite numbers",
+                expected=expected[column],
             )
 
 
-def match(path: str | Path, channels: tuple[Channel, ...], input_names: Sequence[str]) -> Matched:
-    """The variables behind channels and inputs. Raises FmuError (the file, its platforms, names) and SignalError (units)."""
-    description = open_fmu(path)
+def match(
+    path: str | Path,
+    channels: tuple[Channel, ...],
+    input_names: Sequence[str],
+    units: Mapping[str, str] = MappingProxyType({}),
+    tolerance: float | None = None,
+) -> Matched:
+    """The variables behind channels and inputs; units: of variables that the FMU leaves without one. tolerance: of the solver.
+    Raises FmuError (the file, its platforms, names) and SignalError (units)."""
+    description = open_fmu(path).known(units, tolerance)
     _ = description.binaries  # refused now rather than when it is started
     variables, complete = outputs(description, channels)
     factors = output_factors(variables, complete)
@@ -81,8 +105,21 @@ def match(path: str | Path, channels: tuple[Channel, ...], input_names: Sequence
 
 
 def input_factor(source: str, target: str, name: str) -> float:
-    """What a value in `source` is multiplied by to be in `target`; 1 where either side says no unit."""
-    return 1.0 if source == target or source in ("", "1") or not target else conversion(source, target, name)
+    """What a value in `source` is multiplied by to be in `target`, the unit of the FMU's variable; a value without a unit is
+    in the variable's own. Raises SignalError, also where only the FMU says no unit."""
+    if source == target or source in ("", "1"):
+        return 1.0
+    if not target:
+        raise _unknown(name, source)
+    return conversion(source, target, name)
+
+
+def _unknown(name: str, unit: str) -> SignalError:
+    return SignalError(
+        f"variable {name!r} has no unit in the FMU, so that nothing tells its values in {unit!r}",
+        expected="a unit",
+        remedy=f'Say in the study which one the model computes in: [simulation] units = {{ "{name}" = "{unit}" }}.',
+    )
 
 
 def outputs(description: FmuDescription, channels: tuple[Channel, ...]) -> tuple[list[Variable], tuple[Channel, ...]]:
@@ -104,6 +141,8 @@ def output_factors(variables: list[Variable], channels: tuple[Channel, ...]) -> 
     """What the FMU's values are multiplied by to be in the channels' units, None for 1. Raises SignalError."""
     factors = np.ones(len(channels))
     for i, (variable, channel) in enumerate(zip(variables, channels, strict=True)):
+        if not variable.unit and channel.unit not in ("", "1"):
+            raise _unknown(variable.name, channel.unit)
         if variable.unit and variable.unit != channel.unit:
             factors[i] = conversion(variable.unit, channel.unit, f"channel {channel.name!r}")
     return None if (factors == 1.0).all() else factors
@@ -119,6 +158,15 @@ def inputs(description: FmuDescription, names: Sequence[str]) -> list[Variable]:
     if problems:
         raise FmuError("; ".join(problems), where=str(description.path))
     return variables
+
+
+def _range(variable: Variable) -> tuple[float, float]:
+    """The smallest and largest value that a variable of whole numbers takes."""
+    if variable.type == "Boolean":
+        return 0.0, 1.0
+    known = {"Integer": "int32", "Enumeration": "int32"}
+    limits = np.iinfo(known.get(variable.type, variable.type.lower()))
+    return max(variable.minimum, float(limits.min)), min(variable.maximum, float(limits.max))
 
 
 def _shape(variable: Variable) -> str:

@@ -25,6 +25,7 @@ from fmucorrect.signals import Channel, Condition, Record, Times
 from fmucorrect.stepper import Row, Status, Step
 
 _NONE: Mapping[str, float] = MappingProxyType({})
+_NO_UNITS: Mapping[str, str] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -60,9 +61,10 @@ class FmuStepper:
 
     channels: the responses; each one's `simulation` (or `name`) is an FMU variable, whose values are converted to the
     channel's unit, or left in the variable's own for "". inputs: FMU inputs, in the order of the columns of u, which is
-    in the FMU's own units. parameters: start values that hold in every condition. log: where the solver's messages go,
-    the logger "fmucorrect.fmu" by default; at level DEBUG the solver says all. place: where somebody else unpacked the FMU and
-    looks at its clock; a folder of its own by default.
+    in the FMU's own units. parameters: start values that hold in every condition. units: of variables that the FMU leaves
+    without one. tolerance: of its solver, by default that of the FMU's default experiment. log: where the solver's messages
+    go, the logger "fmucorrect.fmu" by default; at level DEBUG the solver says all. place: where somebody else unpacked the
+    FMU and looks at its clock; a folder of its own by default.
 
     The FMU starts at the first sample's time, with that sample's inputs: errors of initialisation come from the first
     step() or process() after reset(). After an exception everything is released, and reset() starts anew.
@@ -77,13 +79,15 @@ class FmuStepper:
         *,
         inputs: Sequence[str] = (),
         parameters: Mapping[str, float] = _NONE,
+        units: Mapping[str, str] = _NO_UNITS,
+        tolerance: float | None = None,
         log: logging.Logger | None = None,
         place: Place | None = None,
     ) -> None:
-        self._matched = match(path, channels, inputs)
+        self._matched = match(path, channels, inputs, units, tolerance)
         self._description, self._place = self._matched.description, place
         self._channels, self._factors = self._matched.channels, self._matched.factors
-        self._parameters, self._logger = parameters, log
+        self._parameters, self._logger, self._choosy = parameters, log, self._matched.choosy
         start_values(self._description, parameters)
         self._loaded: LoadedFmu | None = None
         self._instance: Instance | None = None
@@ -135,8 +139,8 @@ class FmuStepper:
         if instance is None or (last is not None and t_ns <= last) or (width and width != len(self._given)):
             instance = self._advancing(t_ns, width)
         if width:
-            if not math.isfinite(sum(u.tolist())):
-                self._matched.require_finite(u[None], np.array([t_ns]))
+            if self._choosy or not math.isfinite(sum(u.tolist())):
+                self._matched.require_values(u[None], np.array([t_ns]))
             self._given[:] = u
         try:
             if last is None:
@@ -162,7 +166,7 @@ class FmuStepper:
         """Columns of `record` are inputs by name, in any order and fitting unit; a record without columns leaves the
         inputs as they are. What comes back: the responses. An error carries the rows before it in `finished`."""
         u = self._matched.input_values(record)
-        self._matched.require_finite(u, record.t_ns)
+        self._matched.require_values(u, record.t_ns)
         values = np.zeros((len(record), len(self._channels)))
         try:
             self.advance(record.t_ns, u, values)

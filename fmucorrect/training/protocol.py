@@ -72,6 +72,7 @@ def train(study: Study, training: Training | None = None, workshop: Workshop | N
         envelope=_named(corners, study.channels),
         conditions=tuple(map(_trained_on, study.development)),
         parameters=dict(study.parameters),
+        units=dict(study.simulation.units),
         study_hash=study.hash,
         versions=_versions(),
         evaluation={

@@ -9,6 +9,8 @@ A mapping file (TOML), every table and key of it optional:
     frequency = 2.0
     [parameters]              # start values of the solver's parameters, in its own units; instead of those of the study
     conicity = 0.1
+    [units]                   # of solver variables that the FMU leaves without one; beside those that the study knew
+    x1 = "m"
 """
 
 from __future__ import annotations
@@ -28,6 +30,9 @@ from fmucorrect.units import conversion
 
 CONDITIONS: Mapping[str, str] = {"speed": "km/h", "amplitude": "deg", "frequency": "Hz", "start": "s"}
 """What a corrector is conditioned on besides the window, and in which unit (DESIGN section 6)."""
+
+TABLES = ("channels", "conditions", "parameters", "units")
+"""What a mapping file may hold."""
 
 
 @dataclass(frozen=True)
@@ -57,6 +62,12 @@ class MappingFile:
     channels: Mapping[str, str] = field(default_factory=dict)
     conditions: Mapping[str, str | float] = field(default_factory=dict)
     parameters: Mapping[str, float] | None = None
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    def known(self, fmu: FmuDescription, info: Info | None) -> FmuDescription:
+        """The solver with the units that this file and the corrector's study know."""
+        trained = {name: unit for name, unit in (info.units if info else {}).items() if name in fmu.variables}
+        return fmu.known({**trained, **self.units})
 
 
 def read_mapping(path: Path) -> MappingFile:
@@ -67,9 +78,9 @@ def read_mapping(path: Path) -> MappingFile:
         raise WrapError(f"cannot be read: {error.strerror}", where=str(path)) from error
     if wrong:
         raise WrapError("; ".join(wrong), where=str(path))
-    problems = [f"unknown table {name!r}" for name in data if name not in ("channels", "conditions", "parameters")]
+    problems = [f"unknown table {name!r}" for name in data if name not in TABLES]
     tables: dict[str, dict[str, Any]] = {}
-    for name in ("channels", "conditions", "parameters"):
+    for name in TABLES:
         table = data.get(name, {})
         tables[name] = table if isinstance(table, dict) else {}
         if not isinstance(table, dict):
@@ -81,11 +92,11 @@ def read_mapping(path: Path) -> MappingFile:
         elif not _text(value) and not _number(value):
             problems.append(f"conditions.{key}: expected a variable's name or a number, got {value!r}")
     problems += [f"parameters.{k}: expected a number" for k, v in tables["parameters"].items() if not _number(v)]
+    problems += [f"units.{k}: expected a unit, as 'm'" for k, v in tables["units"].items() if not _text(v)]
     if problems:
         raise WrapError("; ".join(problems), where=str(path))
-    return MappingFile(
-        path, tables["channels"], tables["conditions"], tables["parameters"] if "parameters" in data else None
-    )
+    parameters = tables["parameters"] if "parameters" in data else None
+    return MappingFile(path, tables["channels"], tables["conditions"], parameters, tables["units"])
 
 
 def wire(fmu: FmuDescription, info: Info, mapping: MappingFile) -> Wiring:

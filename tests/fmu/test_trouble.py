@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from trouble_fmu import MODE, description, packed
 
-from fmucorrect.errors import FmuError
-from fmucorrect.fmu import FmuStepper
+from fmucorrect.errors import FmuError, SignalError
+from fmucorrect.fmu import FmuStepper, input_record
 from fmucorrect.signals import Channel, Condition, Record
 from fmucorrect.stepper import grid, run
 
@@ -232,3 +232,31 @@ def test_no_descriptors_left(trouble: Path, held: Held):
             run(stepper, Condition("a"), grid(0.01, MS))
     assert held() == []
     assert (len(list(descriptors.iterdir())) if descriptors.exists() else 0) == before
+
+
+@pytest.mark.parametrize(("name", "value"), [("enumeration.u", 1.5), ("boolean.u", 2.0), ("integer.u", 3e9)])
+def test_whole_numbers_beyond_what_an_input_takes(trouble: Path, name: str, value: float):
+    """Neither rounded nor wrapped around."""
+    with FmuStepper(trouble, (Channel("y", "", simulation="single.y"),), inputs=(name,)) as stepper:
+        stepper.reset(Condition("a"))
+        with pytest.raises(SignalError, match=rf"input '{name}' is .* at t = 0.001 s, expected a whole number"):
+            stepper.process(Record(np.arange(2) * MS, np.array([[1.0], [value]]), (Channel(name),)))
+
+
+def test_switches_are_held_between_rows():
+    series = Record(np.array([0, 10]) * MS, np.array([[0.0, 0.0], [1.0, 1.0]]), (Channel("gear"), Channel("force")))
+    given = input_record(np.arange(0, 15, 5) * MS, series, {"gear"})
+    np.testing.assert_array_equal(given.values, [[0.0, 0.0], [0.0, 0.5], [1.0, 1.0]])
+
+
+def test_units_that_the_fmu_does_not_say(trouble: Path):
+    """A unit is never put on numbers of which nobody said it; one that the FMU says is not another."""
+    channel = Channel("y", "mm", simulation="single.y")
+    with pytest.raises(SignalError, match=r"'single.y' has no unit in the FMU.*\[simulation\] units"):
+        FmuStepper(trouble, (channel,))
+    with FmuStepper(trouble, (channel,), inputs=("single.u",), units={"single.y": "m", "single.u": "m"}) as stepper:
+        stepper.reset(Condition("a"))
+        result = stepper.process(Record(np.arange(2) * MS, np.array([[5.0], [7.0]]), (Channel("single.u", "mm"),)))
+        np.testing.assert_allclose(result.values[:, 0], [5.0, 7.0], rtol=1e-6)  # single precision
+    with pytest.raises(FmuError, match=r"there is no variable 'sinle.y'"):
+        FmuStepper(trouble, (channel,), units={"sinle.y": "m"})
