@@ -178,6 +178,12 @@ def _parameters(fmu: FmuDescription, info: Info, mapping: MappingFile) -> Mappin
 
 
 def _factor(variable: Variable, unit: str, where: str) -> float:
+    if not variable.unit and unit not in ("", "1"):
+        raise WrapError(
+            f"{where}: variable {variable.name!r} has no unit in the FMU",
+            expected=f"a unit like {unit!r}",
+            remedy=f'Say in a mapping file which one the solver computes in: [units] "{variable.name}" = "{unit}".',
+        )
     return matching.input_factor(variable.unit, unit, where)
 
 

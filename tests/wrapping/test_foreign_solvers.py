@@ -24,6 +24,7 @@ from fmucorrect.wrapping.package import Wrapped, wrap
 SECONDS = 5.0
 PACKAGES = {2: "pythonfmu", 3: "pythonfmu3"}
 CHANNELS = tuple(Channel(name, unit="mm", quantity="displacement", simulation=name) for name in ("left", "right"))
+UNITS = {"left": "mm", "right": "mm"}  # the exporter writes none
 OUTPUTS = (
     *(Channel(channel.name, "") for channel in CHANNELS),
     *(Channel(f"{channel.name}_{what}", "mm") for what in ("corrected", "sigma") for channel in CHANNELS),
@@ -110,7 +111,9 @@ def foreign(solver: Solver, corrector: Path, tmp_path_factory: pytest.TempPathFa
     @cache
     def one(inner: int, outer: int, state: bool | None = None) -> Wrapped:
         out = folder / f"{inner}_{outer}_{state}.fmu"
-        return wrap(solver(inner, state), corrector, out, fmi=outer, platforms=["linux64"])
+        mapping = folder / "mapping.toml"
+        mapping.write_text('[units]\nleft = "mm"\nright = "mm"\n')
+        return wrap(solver(inner, state), corrector, out, fmi=outer, platforms=["linux64"], mapping=mapping)
 
     return one
 
@@ -124,9 +127,9 @@ def walked(stepper: FmuStepper | CorrectedStepper) -> Record:
 
 @each_way
 def test_it_says_what_the_stepper_says(inner: int, outer: int, solver: Solver, foreign: Wrap, corrector: Path) -> None:
-    plant = FmuStepper(solver(inner), CHANNELS, parameters={"gain": 1.5})
+    plant = FmuStepper(solver(inner), CHANNELS, parameters={"gain": 1.5}, units=UNITS)
     theirs = walked(CorrectedStepper(plant, bundle.load(corrector)))
-    mine = walked(FmuStepper(foreign(inner, outer).path, OUTPUTS, parameters={"gain": 1.5}))
+    mine = walked(FmuStepper(foreign(inner, outer).path, OUTPUTS, parameters={"gain": 1.5}, units=UNITS))
     assert mine.names == theirs.names
     assert largest(mine.values, theirs.values) < 1e-5
     for name in ("left", "right", "corrector_status"):
