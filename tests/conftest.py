@@ -49,6 +49,8 @@ settings.load_profile("untimed")
 
 TOGETHER = ("training", "wrapping")
 """Folders whose tests share what takes long to make: under pytest-xdist they stay in one process, others file by file."""
+WITH = {"test_elsewhere": "test_discover", "test_resuming": "test_discover"}
+"""Files that share it with one other."""
 
 
 def pytest_runtest_setup() -> None:
@@ -59,4 +61,5 @@ def pytest_runtest_setup() -> None:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         folder = item.path.parent.name
-        item.add_marker(pytest.mark.xdist_group(folder if folder in TOGETHER else item.path.stem))
+        file = item.path.stem
+        item.add_marker(pytest.mark.xdist_group(folder if folder in TOGETHER else WITH.get(file, file)))
