@@ -113,12 +113,6 @@ def nothing(d, v):
     return np.zeros(2)
 
 
-@pytest.fixture(scope="module")
-def found(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("cubic")
-    return folder, discover(write_study(folder, cubic), folder / "out")
-
-
 def test_a_cubic_spring_is_named_with_its_value_and_proved(found):
     folder, report = found
     (effect,) = report["effects"]
@@ -179,11 +173,25 @@ def test_friction_is_named(tmp_path):
 
 
 def test_where_nothing_is_missing_nothing_is_named(tmp_path):
-    report = discover(write_study(tmp_path, nothing), tmp_path / "out")
+    """By the command, which explains a missing column and a kind that is none as well."""
+    study = write_study(tmp_path, nothing)
+    done = CliRunner().invoke(main, ["discover", str(study), "-o", str(tmp_path / "out"), "--json"])
+    assert done.exit_code == 0, done.output
+    report = json.loads(done.stdout)
     assert (report["verdict"], report["effects"]) == ("none", [])
     assert not (tmp_path / "out" / "augmented.fmu").exists() or report["adjusted"]
     assert all(abs(z) < 3.0 for z in report["adjusted_by"].values())
     assert ("of their tolerances" in report["sentence"]) == bool(report["adjusted"])
+    study.write_text(study.read_text().replace('measurement = "s1"', 'measurement = "s9"'))
+    with pytest.raises(StudyError, match="s9"):
+        discover(study, tmp_path / "again")
+    kinds = study.read_text().replace('force = "joint1.f"', 'force = "joint1.f"\nkinds = ["spirng"]')
+    study.write_text(kinds)
+    with pytest.raises(StudyError, match=r"kinds names 'spirng'.* did you mean 'spring'"):
+        discover(study, tmp_path / "again")
+    failed = CliRunner().invoke(main, ["discover", str(study), "-o", str(tmp_path / "again")])
+    assert failed.exit_code == 2
+    assert "Traceback" not in failed.output
 
 
 def test_the_evaluation_condition_decides_nothing_before_the_end(tmp_path, found):
@@ -224,23 +232,6 @@ def test_other_units_of_study_and_fmu_change_nothing(tmp_path, found):
     for joint in other:
         assert 1e3 * motion[joint].d == pytest.approx(other[joint].d, rel=1e-6)
         assert 1e-6 * motion[joint].stiffness == pytest.approx(other[joint].stiffness, rel=1e-6)
-
-
-def test_the_command_prints_the_verdict_and_explains_a_missing_column(tmp_path):
-    study = write_study(tmp_path, nothing)
-    done = CliRunner().invoke(main, ["discover", str(study), "-o", str(tmp_path / "out"), "--json"])
-    assert done.exit_code == 0, done.output
-    assert json.loads(done.stdout)["verdict"] == "none"
-    study.write_text(study.read_text().replace('measurement = "s1"', 'measurement = "s9"'))
-    with pytest.raises(StudyError, match="s9"):
-        discover(study, tmp_path / "again")
-    kinds = study.read_text().replace('force = "joint1.f"', 'force = "joint1.f"\nkinds = ["spirng"]')
-    study.write_text(kinds)
-    with pytest.raises(StudyError, match=r"kinds names 'spirng'.* did you mean 'spring'"):
-        discover(study, tmp_path / "again")
-    failed = CliRunner().invoke(main, ["discover", str(study), "-o", str(tmp_path / "again")])
-    assert failed.exit_code == 2
-    assert "Traceback" not in failed.output
 
 
 def test_recorded_simulations_alone_are_described_in_words(tmp_path):

@@ -11,8 +11,6 @@ from click.testing import CliRunner
 pytest.importorskip("ziglang")
 pytest.importorskip("sympy")
 
-from test_discover import cubic, write_study
-
 from fmucorrect.catalogue import find
 from fmucorrect.catalogue.signal import SIGNALS
 from fmucorrect.cli import main
@@ -38,8 +36,8 @@ class Counting(Executor):
 
 
 @pytest.fixture(scope="module")
-def study(tmp_path_factory):
-    return load_study(write_study(tmp_path_factory.mktemp("masses"), cubic))
+def study(found):
+    return load_study(found[0] / "study.toml")
 
 
 def models(study, nominal):
@@ -82,7 +80,7 @@ def test_what_was_measured_stays_here(study):
 
 
 @pytest.mark.slow
-def test_a_cluster_gives_the_same_report(study, tmp_path, monkeypatch):
+def test_a_cluster_gives_the_same_report(study, found, tmp_path, monkeypatch):
     """`fmucorrect discover --scheduler`, two worker processes."""
     distributed = pytest.importorskip("distributed")
     monkeypatch.setattr(elsewhere, "PIECE", 200_000)
@@ -90,18 +88,15 @@ def test_a_cluster_gives_the_same_report(study, tmp_path, monkeypatch):
     parcels = elsewhere._parcel
     monkeypatch.setattr(elsewhere, "_parcel", lambda problem: used.append(1) or parcels(problem))
 
-    def report(*options):
-        done = CliRunner().invoke(main, ["discover", str(study.path), "-o", str(tmp_path / "out"), "--json", *options])
-        assert done.exit_code == 0, done.output
-        return {key: value for key, value in json.loads(done.stdout).items() if key != "stages"}
-
-    alone = report()
-    assert not used
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, memory_limit=0
     ) as cluster:
-        assert report("--scheduler", cluster.scheduler_address) == alone
+        order = ["discover", str(study.path), "-o", str(tmp_path / "out"), "--json"]
+        done = CliRunner().invoke(main, [*order, "--scheduler", cluster.scheduler_address])
+    assert done.exit_code == 0, done.output
     assert used
+    there, here = json.loads(done.stdout), found[1]
+    assert {**there, "stages": None} == {**here, "stages": None}
 
 
 def test_a_scheduler_that_does_not_answer_is_said(study, tmp_path):

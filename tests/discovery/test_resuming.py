@@ -1,5 +1,6 @@
 """A discovery that was broken off goes on where it stopped, finds the same, and believes nothing that belongs to other data."""
 
+import shutil
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -54,29 +55,23 @@ def fitted(monkeypatch):
     return count
 
 
-def test_a_discovery_that_was_broken_off_goes_on_and_finds_the_same(tmp_path, fitted):
-    study = write_study(tmp_path, cubic)
-    fresh = discover(study, tmp_path / "fresh")
-    assert not (tmp_path / "fresh" / ".progress").exists()
-    whole, out = len(fitted), tmp_path / "out"
-    fitted.clear()
+def test_a_discovery_that_was_broken_off_goes_on_and_finds_the_same(tmp_path, fitted, found):
+    """And what was kept is not believed once the data are others."""
+    folder, fresh = found
+    study, out = folder / "study.toml", tmp_path / "out"
+    assert not (folder / "out" / ".progress").exists()
     broken_off(study, out, "fits", 3)
+    before = len(fitted)
+    assert before
     broken_off(study, out, "augmented FMU", 0)
-    assert len(fitted) == whole  # nothing is fitted twice
+    whole = len(fitted)
+    assert whole > before
+    shutil.copytree(out, tmp_path / "others")
     fitted.clear()
     assert without_times(discover(study, out)) == without_times(fresh)
-    assert not fitted
+    assert not fitted  # nothing is fitted twice
     assert not (out / ".progress").exists()
-
-
-def test_what_was_found_from_other_data_is_not_believed(tmp_path, fitted):
-    study = write_study(tmp_path, cubic)
-    out = tmp_path / "out"
-    broken_off(study, out, "augmented FMU", 0)
-    study = write_study(tmp_path, lambda d, v: 1.3 * cubic(d, v))
-    fitted.clear()
-    (effect,) = discover(study, out)["effects"]
-    assert effect["parameters"]["cubic_stiffness"]["value"] == pytest.approx(1.3 * 2.0e7, rel=0.03)
+    broken_off(write_study(tmp_path, lambda d, v: 1.3 * cubic(d, v)), tmp_path / "others", "fits", 3)
     assert fitted
 
 
