@@ -130,7 +130,7 @@ def open_thing(path: Path) -> Thing:
         return bundle.load(path)
     if suffix == ".toml":
         return load_study(path)
-    if suffix in records.SUFFIXES:
+    if suffix in records.SUFFIXES or records.is_recording(path):
         return records.describe(path)
     raise RecordError(
         "what this file is cannot be told from its suffix",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from difflib import SequenceMatcher, get_close_matches
+from glob import has_magic
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -99,11 +100,14 @@ def _impossible(document: Mapping[str, Any]) -> Iterator[tuple[Location, str]]:
             yield loc, f"is a text of {len(value)} characters, expected {LONGEST_TEXT} at most"
 
 
-def missing_file(folder: Path, name: str, beside: str) -> str | None:
-    """What is wrong where `folder`, in which `beside` lies, has no such file, with the nearest name; None where it has."""
+def missing_file(folder: Path, name: str, beside: str, record: bool = False) -> str | None:
+    """What is wrong where `folder`, in which `beside` lies, has no such file, with the nearest name; None where it has.
+
+    record: it may also be a folder with a recording, or a pattern of file names.
+    """
     target = folder / name
     try:
-        if target.is_file():
+        if target.is_file() or (record and _is_recording(target)):
             return None
         there = [file.name for file in islice(target.parent.iterdir(), MOST_NAMES)] if target.parent.is_dir() else []
     except OSError as error:  # a name too long, a folder that may not be read
@@ -112,6 +116,10 @@ def missing_file(folder: Path, name: str, beside: str) -> str | None:
     if target.exists():
         return f"{name!r} {what}"
     return f"there is no file {name!r} beside {beside}{nearest(target.name, there)}"
+
+
+def _is_recording(path: Path) -> bool:
+    return path.is_dir() or (has_magic(path.name) and any(path.parent.glob(path.name)))
 
 
 def scan(text: str, document: Mapping[str, Any]) -> Places:

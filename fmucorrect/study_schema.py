@@ -302,5 +302,5 @@ def _files(document: Mapping[str, Any], folder: Path, places: Places) -> Iterato
             text = "is missing: without [simulation] fmu every condition needs a simulated record"
             yield f"{place(places, ('conditions', i, 'simulated'))}: {text}"
     for loc, name in files:
-        if isinstance(name, str) and name and (text := missing_file(folder, name, "the study")):
+        if isinstance(name, str) and name and (text := missing_file(folder, name, "the study", loc[-1] != "fmu")):
             yield f"{place(places, loc)}: {text}"

@@ -13,6 +13,7 @@ and, for a file that was cut off, `truncated` = "true". What a damaged file lost
 repair rule changed in `repaired`; both are written on into files made from the record. What was taken to be so without
 the file saying it (a zone, a unit, an encoding) stands in `assumed`. Formats whose library can die, hang or fill the
 memory on a damaged file (Parquet, MDF, MATLAB) are read in a process of their own, `fmucorrect.records.child`.
+A path may be a folder (a bag of ROS 2, or MCAP files) or a pattern as `runs/*.mcap`: its files are one record.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from fmucorrect.records import assemble
 from fmucorrect.records.columns import find, has, with_units
 from fmucorrect.records.contents import Contents, TopicContents
 from fmucorrect.records.guarded import Guarded, damaged
+from fmucorrect.records.parts import PartsSource, is_recording, parts_of, refuse
 from fmucorrect.records.source import Sink
 from fmucorrect.records.writing import Writer
 from fmucorrect.signals import AS_IT_IS, Reading, Record
@@ -33,7 +35,7 @@ from fmucorrect.signals import AS_IT_IS, Reading, Record
 SUFFIXES = (".mcap", ".csv", ".parquet", ".mf4", ".mdf", ".tdms", ".mat")
 """The suffixes of files that can be read and written."""
 
-__all__ = ["SUFFIXES", "damaged", "describe", "find", "has", "read", "stream", "writer"]
+__all__ = ["SUFFIXES", "damaged", "describe", "find", "has", "is_recording", "read", "stream", "writer"]
 
 
 def read(
@@ -137,7 +139,12 @@ def _suffix(path: str | PathLike[str]) -> str:
 
 
 def _source(path: str | PathLike[str]) -> Guarded:
-    suffix, name = _suffix(path), fspath(path)
+    name = fspath(path)
+    if is_recording(Path(path)):
+        files, missing = parts_of(Path(path))
+        return Guarded(name, lambda path: PartsSource(path, files, missing, _source))
+    refuse(Path(path).parent, [Path(path).name])
+    suffix = _suffix(path)
     if not Path(path).is_file():
         raise RecordError("there is no such file", where=name)
     if suffix == ".mcap":

@@ -201,28 +201,28 @@ class McapSource:
 
     def _messages(self, ids: Collection[int] | None) -> Iterator[Messages]:
         """All messages, chunk by chunk; chunks that the index says hold none of the channels are left out."""
-        stream = self._open()
-        left = EXPANSION * self._size + LARGEST_CHUNK
-        for frame in self._frames(stream):
-            if frame.opcode == Opcode.CHUNK:
-                index = self._summary.chunks.get(frame.start - 9)
-                holds = index.message_index_offsets if index else {}
-                if ids is not None and holds and holds.keys().isdisjoint(ids):
-                    continue
-                messages = self._chunk(self._body(stream, frame), frame)
-                if messages is not None:
-                    left -= len(messages.data)
-                    yield messages
-            elif frame.opcode == Opcode.MESSAGE:
-                yield self._sound(walk(self._body(stream, frame))[0], frame.start)
-            else:
-                self._learn(frame.opcode, self._body(stream, frame), frame.start - 9)
-            if left < 0:
-                raise RecordError(
-                    f"the file unpacks to more than {EXPANSION} times its size",
-                    where=self.path,
-                    got="an attack on memory",
-                )
+        with self._open() as stream:
+            left = EXPANSION * self._size + LARGEST_CHUNK
+            for frame in self._frames(stream):
+                if frame.opcode == Opcode.CHUNK:
+                    index = self._summary.chunks.get(frame.start - 9)
+                    holds = index.message_index_offsets if index else {}
+                    if ids is not None and holds and holds.keys().isdisjoint(ids):
+                        continue
+                    messages = self._chunk(self._body(stream, frame), frame)
+                    if messages is not None:
+                        left -= len(messages.data)
+                        yield messages
+                elif frame.opcode == Opcode.MESSAGE:
+                    yield self._sound(walk(self._body(stream, frame))[0], frame.start)
+                else:
+                    self._learn(frame.opcode, self._body(stream, frame), frame.start - 9)
+                if left < 0:
+                    raise RecordError(
+                        f"the file unpacks to more than {EXPANSION} times its size",
+                        where=self.path,
+                        got="an attack on memory",
+                    )
 
     def _chunk(self, body: bytes, frame: Frame) -> Messages | None:
         """The messages of a chunk; None where it is damaged."""
