@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from fmucorrect.bundle import Bundle
     from fmucorrect.bundle import load as load_bundle
     from fmucorrect.comparison import Comparison, compare
+    from fmucorrect.discovery import discover
     from fmucorrect.errors import (
         BundleError,
         FmucorrectError,
@@ -32,17 +33,24 @@ if TYPE_CHECKING:
     from fmucorrect.experiment import Pair, pair, read_measurement, simulate
     from fmucorrect.fmu import FmuDescription, FmuStepper, IsolatedStepper, open_fmu
     from fmucorrect.metrics import OracleLag, Scores, noise_floor, oracle_lag, score
+    from fmucorrect.railway.assess import assess
+    from fmucorrect.railway.assessment import load_assessment
     from fmucorrect.records import describe, read, stream, writer
     from fmucorrect.registration import Offset, find_offset, resample
     from fmucorrect.signals import Channel, Condition, Record, join
     from fmucorrect.stepper import CorrectedStepper, Corrector, ReplayStepper, Status, Step, Stepper, Window, grid, run
     from fmucorrect.study import Study, check_study, load_study
+    from fmucorrect.training.protocol import train
     from fmucorrect.wrapping.package import Wrapped, wrap
 
 __version__ = "0.1.0"
 
 _NAMES = {
     "bundle": ("Bundle",),
+    "discovery": ("discover",),
+    "railway.assess": ("assess",),
+    "railway.assessment": ("load_assessment",),
+    "training.protocol": ("train",),
     "comparison": ("Comparison", "compare"),
     "errors": (
         "BundleError",
@@ -118,6 +126,10 @@ __all__ = [  # noqa: RUF022 (as a reader looks for them)
     "noise_floor",
     "compare",
     "Comparison",
+    "train",
+    "discover",
+    "load_assessment",
+    "assess",
     "wrap",
     "Wrapped",
     "FmucorrectError",
@@ -131,14 +143,25 @@ __all__ = [  # noqa: RUF022 (as a reader looks for them)
 ]
 
 
+_EXTRAS = {"torch": "train", "onnx": "train", "optuna": "train", "sympy": "discover", "ziglang": "discover"}
+"""The extra that brings a package."""
+
+
 def __getattr__(name: str) -> object:
     if name not in _WHERE:
         raise AttributeError(f"module 'fmucorrect' has no attribute {name!r}")
     module, its_name = _WHERE[name]
-    value = getattr(import_module(f"fmucorrect.{module}"), its_name)
+    try:
+        value = getattr(import_module(f"fmucorrect.{module}"), its_name)
+    except ModuleNotFoundError as error:
+        if error.name not in _EXTRAS:
+            raise
+        from fmucorrect.errors import MissingExtra
+
+        raise MissingExtra(error.name, _EXTRAS[error.name]) from error
     globals()[name] = value
     return value
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_WHERE})
+    return sorted([*__all__, "__version__"])

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float64, Int64
 
+from fmucorrect import sketch
 from fmucorrect.experiment import Pair
 from fmucorrect.metrics import OracleLag, Scores, oracle_lag, score
 from fmucorrect.registration import Offset
@@ -58,6 +59,15 @@ class Comparison:
     def after(self) -> Scores:
         """Of the corrected simulation."""
         return score(self.corrected[self.scored], self.measured[self.scored])
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the scores of every channel, as it is and corrected."""
+        each = zip(
+            self.channels, *(getattr(s, k) for s in (self.before, self.after) for k in ("r2", "nrmse")), strict=True
+        )
+        rows = [[c.name, f"{a:.4f}", f"{b:.4g}", f"{d:.4f}", f"{e:.4g}"] for c, a, b, d, e in each]
+        head = ["channel", "R2", "NRMSE [%]", "corrected R2", "corrected NRMSE [%]"]
+        return sketch.table(head, rows, f"Condition {self.condition.name}, {len(self.t_ns)} rows in common")
 
     @cached_property
     def oracle(self) -> OracleLag:

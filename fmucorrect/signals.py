@@ -4,13 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from fmucorrect.errors import RecordError
+from fmucorrect import sketch
+from fmucorrect.errors import MissingExtra, RecordError
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
 
 Times = Int64[np.ndarray, " T"]
 """Sample times in nanoseconds, strictly increasing."""
@@ -112,12 +119,122 @@ class Record:
         """Rows start to stop (not included), as views."""
         return replace(self, t_ns=self.t_ns[start:stop], values=self.values[start:stop])
 
+    def to_pandas(self) -> pd.DataFrame:
+        """A DataFrame: a column a channel, in the channel's unit, over a TimedeltaIndex of the stamps (ns, exact).
+
+        `attrs` holds units (by channel) and metadata. Raises MissingExtra without pandas.
+        """
+        pandas = _optional("pandas")
+        index = pandas.TimedeltaIndex(self.t_ns.astype("timedelta64[ns]"), name="time")
+        frame = pandas.DataFrame(self.values, index=index, columns=list(self.names))
+        frame.attrs = {"units": {channel.name: channel.unit for channel in self.channels}, **dict(self.metadata)}
+        return frame
+
+    @staticmethod
+    def from_pandas(
+        frame: pd.DataFrame, units: Mapping[str, str] = MappingProxyType({}), metadata: Mapping[str, str] | None = None
+    ) -> Record:
+        """The record of a DataFrame of numbers over its index: durations, time stamps (UTC where no zone is given), or s.
+
+        units: by column; else those that `to_pandas` put into `attrs`, else "1". Raises RecordError for another index, columns
+        that are no numbers, NaN, and times that do not increase; MissingExtra without pandas.
+        """
+        pandas = _optional("pandas")
+        known = {**frame.attrs.get("units", {}), **units}
+        index: Any = frame.index
+        if isinstance(index, pandas.DatetimeIndex) and index.tz is not None:
+            index = index.tz_convert("UTC").tz_localize(None)
+        names = [str(name) for name in frame.columns]
+        text = metadata or {k: v for k, v in frame.attrs.items() if isinstance(k, str) and isinstance(v, str)}
+        return _from_table(
+            index.to_numpy(), [frame.iloc[:, i].to_numpy() for i in range(len(names))], names, known, text
+        )
+
+    @staticmethod
+    def from_xarray(dataset: xr.Dataset, time: str = "time", units: Mapping[str, str] = MappingProxyType({})) -> Record:
+        """The record of the variables of a Dataset that lie over `time` alone: durations, time stamps (UTC), or s.
+
+        units: by variable; else each variable's attribute `units`, else "1". Raises RecordError where a variable has other
+        dimensions, as `from_pandas` does, and MissingExtra without xarray.
+        """
+        _optional("xarray")
+        if time not in dataset.coords:
+            raise RecordError(
+                f"the dataset has no coordinate {time!r}", expected=f"one of {', '.join(map(str, dataset.coords))}"
+            )
+        for name, variable in dataset.data_vars.items():
+            if variable.dims != dataset[time].dims or len(variable.dims) != 1:
+                raise RecordError(
+                    f"variable {name!r} does not lie over {time!r} alone", got=f"dimensions {variable.dims}"
+                )
+        known = {str(name): str(v.attrs["units"]) for name, v in dataset.data_vars.items() if "units" in v.attrs}
+        columns = [variable.to_numpy() for variable in dataset.data_vars.values()]
+        text = {str(key): value for key, value in dataset.attrs.items() if isinstance(value, str)}
+        return _from_table(
+            dataset[time].to_numpy(), columns, [str(n) for n in dataset.data_vars], {**known, **units}, text
+        )
+
+    def plot(self, names: Sequence[str] | None = None) -> sketch.Sketch:
+        """The curves of all channels, or of these, over time in s: an SVG that a notebook shows."""
+        shown = self if names is None else self.select(names)
+        return sketch.curves(shown.seconds(), shown.values, shown.names, [channel.unit for channel in shown.channels])
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: shape, range and a row a channel."""
+        rows: list[list[object]] = []
+        for channel, values in zip(self.channels, self.values.T, strict=True):
+            span = (f"{values.min():.6g}", f"{values.max():.6g}") if len(values) else ("", "")
+            rows.append([channel.name, channel.unit, channel.quantity, *span])
+        stretch = f", {self.t_ns[0] / NANOSECONDS:.9g} s to {self.t_ns[-1] / NANOSECONDS:.9g} s" if len(self) else ""
+        told = f"Record of {len(self)} rows{stretch}"
+        if lost := self.metadata.get("damage"):
+            told += f"; damaged: {lost}"
+        return sketch.table(["channel", "unit", "quantity", "min", "max"], rows, told)
+
     @property
     def step_ns(self) -> int:
         """The median sample interval in nanoseconds."""
         if len(self) < 2:
             raise RecordError("a record of fewer than two rows has no sample interval", where=self.metadata.get("path"))
         return int(np.median(np.diff(self.t_ns)))
+
+
+def _optional(package: str) -> Any:
+    """A package that Record's conversions need. Raises MissingExtra."""
+    try:
+        return import_module(package)
+    except ImportError as error:
+        raise MissingExtra(package, package) from error
+
+
+def _from_table(
+    times: np.ndarray,
+    columns: Sequence[np.ndarray],
+    names: Sequence[str],
+    units: Mapping[str, str],
+    text: Mapping[str, str],
+) -> Record:
+    """times: durations or time stamps of numpy, or s. columns: (T,) each, numbers."""
+    if times.dtype.kind in "mM":
+        if np.isnat(times).any():
+            raise RecordError("a time is missing (NaT)", got=f"row {int(np.argmax(np.isnat(times)))}")
+        kind = "timedelta64[ns]" if times.dtype.kind == "m" else "datetime64[ns]"
+        t_ns = times.astype(kind).astype(np.int64)
+        if (t_ns.astype(kind).astype(times.dtype) != times).any():
+            raise RecordError("a time lies beyond what 64 bits of nanoseconds hold", expected="years 1678 to 2262")
+    elif times.dtype.kind in "iuf" and np.isfinite(times).all() and (np.abs(times.astype(np.float64)) < 9e9).all():
+        whole = np.floor(times)
+        t_ns = whole.astype(np.int64) * NANOSECONDS + np.rint((times - whole) * NANOSECONDS).astype(np.int64)
+    else:
+        raise RecordError("the index is no time", expected="durations, time stamps, or seconds", got=str(times.dtype))
+    for name, column in zip(names, columns, strict=True):
+        if column.dtype.kind not in "biuf":
+            raise RecordError(f"column {name!r} holds no numbers", got=str(column.dtype))
+        if not np.isfinite(column.astype(np.float64)).all():
+            row = int(np.argmin(np.isfinite(column.astype(np.float64))))
+            raise RecordError(f"column {name!r} is {column[row]} at row {row}", remedy="Fill or drop such rows first.")
+    values = np.stack([c.astype(np.float64) for c in columns], axis=1) if len(columns) else np.empty((len(t_ns), 0))
+    return Record(t_ns, values, tuple(Channel(name, units.get(name, "1")) for name in names), dict(text))
 
 
 def join(parts: Sequence[Record]) -> Record:

@@ -13,6 +13,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from types import MappingProxyType
 
+from fmucorrect import sketch
 from fmucorrect.errors import StudyError
 from fmucorrect.signals import NANOSECONDS, Channel, Condition, Reading
 from fmucorrect.study_places import Location, Places, by_line, like, misfit, place
@@ -136,6 +137,15 @@ class Study:
     training: Training = field(default_factory=Training)
     places: Places = field(default_factory=dict, repr=False, compare=False)
     allow_damaged: bool = False
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: channels and conditions."""
+        channels = [[c.name, c.unit, c.quantity, c.simulation, c.measurement] for c in self.channels]
+        conditions = [[c.name, c.role, c.speed, c.measurement and c.measurement.name] for c in self.conditions]
+        fmu = self.fmu.name if self.fmu is not None else "no FMU: simulated records"
+        return sketch.table(
+            ["channel", "unit", "quantity", "simulation", "measurement"], channels, f"Study {self.name}: {fmu}"
+        ) + sketch.table(["condition", "role", "speed [km/h]", "measurement"], conditions)
 
     @property
     def fmu(self) -> Path | None:
