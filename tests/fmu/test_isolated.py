@@ -120,8 +120,11 @@ def test_a_refusal_keeps_the_finished_rows(trouble: Path, mode: str, kind: type[
         assert len(run(stepper, Condition("better"), grid(0.01, MS)) or ()) == 11  # reset() starts anew
 
 
-@pytest.mark.parametrize("where", WHEN)
-@pytest.mark.parametrize("what", WHAT)
+@pytest.mark.parametrize(
+    ("version", "where", "what"),
+    [("2.0", where, what) for where in WHEN for what in WHAT] + [("3.0", where, "CRASH") for where in WHEN],
+    indirect=["version"],
+)
 def test_terrible_solvers(
     fmu: Path,
     where: str,

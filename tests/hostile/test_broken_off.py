@@ -20,7 +20,7 @@ from kills import SCENARIOS, Killer
 
 from fmucorrect import records
 
-CUTS = 40
+CUTS = 16
 
 
 @pytest.mark.parametrize("suffix", records.SUFFIXES)

@@ -17,7 +17,7 @@ from generators import KINDS, Workshop, case
 from judge import Case, Judge
 
 SEED = 1
-CASES, EACH = 120, 20
+CASES, EACH = 60, 20
 QUICK = tuple(row for row in KINDS if row[1] is not Workshop.misbehaving_fmu)  # of which some take a minute
 SHARED = next((found for folder in Path(__file__).parents if (found := folder.parent / "shared/cases").is_dir()), None)
 SUFFIXES = (".mcap", ".csv", ".parquet", ".mf4", ".mdf", ".tdms", ".mat", ".fmu", ".toml")
