@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from fmucorrect.cli import assessing, discovery, running, training, wrapping
+from fmucorrect.cli import assessing, discovery, drafting, running, training, wrapping
 from fmucorrect.cli.group import UserError, main
 
 __all__ = ["UserError", "main"]
 
 for command in (running.demo, running.run, running.replay, running.inspect):
     main.add_command(command)
+main.add_command(drafting.new)
 main.add_command(wrapping.wrap)
 main.add_command(discovery.discover)
 main.add_command(assessing.assess)

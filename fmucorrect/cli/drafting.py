@@ -1,0 +1,42 @@
+"""new."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from fmucorrect.cli.group import OVERWRITE, PATH, UserError, progress_bar, say
+
+STEPS = ("read", "simulate", "push")
+
+
+@click.command()
+@click.argument("model", type=PATH)
+@click.argument("runs", type=PATH, nargs=-1, required=True)
+@click.option("--reference", "references", type=PATH, multiple=True, help="A simulated record, one for each run.")
+@click.option("-o", "--out", type=PATH, default=Path("study.toml"), show_default=True, help="The study to write.")
+@OVERWRITE
+def new(model: Path, runs: tuple[Path, ...], references: tuple[Path, ...], out: Path, overwrite: bool) -> None:
+    """Draft a study from MODEL, an FMU, and RUNS, logs of what drove the machine and of what was measured.
+
+    Columns are paired with inputs and outputs by name, unit, size and correlation; joints, parameters, roles and a quiet
+    interval are proposed. Every guess is marked as one in the file, with its reason. The model runs once, over the first run.
+
+    Example: fmucorrect new quarter_car.fmu run1.mf4 run2.mf4 -o study.toml
+    """
+    from fmucorrect import inspection, outputs
+    from fmucorrect.drafting import draft
+
+    read = [("the FMU", model), *(("the run", run) for run in (*runs, *references))]
+    outputs.check_file(out, read, "new", overwrite)
+    with progress_bar(len(STEPS), "step", "drafting") as advance:
+        found = draft(model, runs, references, lambda step: advance(1))
+    outputs.write(out, found.text(out))
+    inspected = inspection.inspect([out])
+    say(inspected.text())
+    guesses = found.text(out).count("# guess:")
+    say(f"\n{out} is written, with {guesses} guesses: search it for '# guess:', and mend what is not so.")
+    if inspected.misfits:
+        raise UserError(f"{len(inspected.misfits)} of what was drafted does not fit yet, see above")
+    say(f"Then: fmucorrect inspect {out}; fmucorrect discover {out} -o found; or fmucorrect train {out} -o trained")

@@ -1,0 +1,80 @@
+"""What a draft says and why: a value with its reason, which becomes a comment behind it."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from difflib import SequenceMatcher
+
+from fmucorrect import units
+from fmucorrect.errors import SignalError
+
+KINDS = {
+    "displacement": "m",
+    "velocity": "m/s",
+    "acceleration": "m/s2",
+    "force": "N",
+    "angle": "rad",
+}
+"""Quantities of channels, and the unit that each is one of."""
+
+_FILLING = frozenset("meas measured sensor signal raw ch channel act actual cmd in input out output".split())  # noqa: SIM905
+"""Words of a name that say nothing of what it is."""
+WITHIN = 0.9
+"""Likeness of `zr` and `road_zr`."""
+
+
+@dataclass(frozen=True)
+class Guess:
+    """value: as it stands in the study. why: in a few words."""
+
+    value: str
+    why: str
+
+
+def quantity(unit: str) -> str | None:
+    """What a channel in this unit is; None where a study has no such quantity, or the unit is not known."""
+    if unit in ("", "1", "-"):
+        return None
+    if unit == "g":  # of a sensor: no channel of a machine's motion is a mass
+        return "acceleration"
+    try:
+        dimension = units.parse(unit).dimension
+    except SignalError:
+        return None
+    known = {units.parse(text).dimension: name for name, text in KINDS.items()}
+    known |= {units.parse("rad/s").dimension: "velocity", units.parse("rad/s2").dimension: "acceleration"}
+    known |= {units.parse("N.m").dimension: "force"}
+    return known.get(dimension)
+
+
+def si(unit: str) -> str:
+    """The SI unit of the same quantity, in which a model without units is likely to compute; the unit itself where it is of no
+    quantity of a channel."""
+    kind = quantity(unit)
+    if kind is None:
+        return unit
+    if unit == "g":
+        return "m/s2"
+    known = ("m", "m/s", "rad/s", "m/s2", "rad/s2", "N", "N.m", "rad")
+    return next(other for other in known if units.parse(other).dimension == units.parse(unit).dimension)
+
+
+def likeness(one: str, other: str) -> float:
+    """Of two names, 0 to 1: case, separators, the order of words, units in brackets and words as "meas" do not count; a name
+    all of whose words are in the other one is nearly the same."""
+    a, b = words(one), words(other)
+    if not a or not b:
+        return 0.0
+    whole = SequenceMatcher(None, "".join(a), "".join(b)).ratio()
+    if sorted(a) == sorted(b):
+        return 1.0
+    less, more = sorted((set(a), set(b)), key=len)
+    return max(whole, WITHIN) if less <= more and len("".join(less)) > 1 else whole
+
+
+def words(name: str) -> list[str]:
+    """The words of a name, small; those that say nothing are left out where others stay."""
+    bare = re.sub(r"\s*[\[(][^\])]*[\])]\s*$", "", name)
+    found = re.findall(r"[a-z]+\d*|\d+", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", bare).lower())
+    return [word for word in found if word not in _FILLING] or found

@@ -1,0 +1,111 @@
+"""Places where a force may act: an input that pushes, and the displacement that gives way to it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from fmucorrect.drafting.guess import quantity, words
+from fmucorrect.fmu import FmuDescription, Variable
+from fmucorrect.fmu.feedthrough import feedthrough
+from fmucorrect.units import parse
+
+PUSH_NS = 20_000_000
+"""For how long an input is pushed: long enough to be seen in a displacement, short against any period."""
+_WORDS = {
+    "force": frozenset(["f", "fx", "fy", "fz", "force", "torque", "moment", "mx", "my", "mz"]),
+    "velocity": frozenset(["v", "vel", "velocity", "rate", "omega", "speed"]),
+    "acceleration": frozenset(["a", "acc", "accel", "acceleration"]),
+    "displacement": frozenset(
+        ["d", "disp", "displacement", "deflection", "travel", "stroke", "x", "y", "z", "angle", "phi"]
+    ),
+}
+"""The last word of a name, or the first, that tells what a variable without a unit is."""
+
+
+@dataclass(frozen=True)
+class JointGuess:
+    """Names of variables, "" for none; sign as in a study."""
+
+    name: str
+    force: str
+    displacement: str
+    velocity: str
+    nominal_force: str
+    acceleration: str
+    sign: int
+
+
+def find_joints(fmu: FmuDescription, driven: Sequence[str]) -> tuple[JointGuess, ...]:
+    """Every force input that is not `driven` and has a displacement of the same name's stem, or else the one that it moves
+    most. Raises FmuError of the pushes."""
+    forces = [v for v in fmu.of("input") if v.number and kind(v) == "force" and v.name not in driven]
+    outputs = [v for v in fmu.of("output") if v.number and not v.discrete]
+    moved = [v for v in outputs if kind(v) == "displacement"]
+    if not forces or not moved:
+        return ()
+    answers = feedthrough(fmu.path, [v.name for v in forces], [v.name for v in moved], PUSH_NS)
+    found: list[JointGuess] = []
+    for i, force in enumerate(forces):
+        mine = [j for j, v in enumerate(moved) if stem(v.name) == stem(force.name) and _belong(force, v)]
+        candidates = mine or [j for j, v in enumerate(moved) if _belong(force, v)]
+        gives = [j for j in candidates if answers[j, i] != 0.0]
+        if not gives:
+            continue
+        j = max(gives, key=lambda j: abs(answers[j, i]))
+        own = {what: _of(outputs, what, moved[j].name if mine == [] else force.name) for what in _WORDS}
+        found.append(
+            JointGuess(
+                " ".join(words(stem(force.name))) or force.name,
+                force.name,
+                moved[j].name,
+                own["velocity"],
+                own["force"],
+                own["acceleration"],
+                -1 if answers[j, i] > 0.0 else 1,
+            )
+        )
+    names = [joint.name for joint in found]
+    return tuple(joint if names.count(joint.name) == 1 else JointGuess(joint.force, *_rest(joint)) for joint in found)
+
+
+def _rest(joint: JointGuess) -> tuple[str, str, str, str, str, int]:
+    return joint.force, joint.displacement, joint.velocity, joint.nominal_force, joint.acceleration, joint.sign
+
+
+def kind(variable: Variable) -> str:
+    """What a variable is: by its unit, else by the last word of its name or the first; "" for neither."""
+    if variable.unit not in ("", "1", "-"):
+        found = quantity(variable.unit) or ""
+        return "displacement" if found == "angle" else found
+    parts = words(re.split(r"[./]", variable.name)[-1])
+    for word in (parts[-1], parts[0]) if parts else ():
+        for what, known in _WORDS.items():
+            if word.rstrip("0123456789") in known:
+                return what
+    return ""
+
+
+def stem(name: str) -> str:
+    """A name without what tells its kind: `joint1.f` and `joint1.d` have one stem, so have `F_front` and `d_front`."""
+    head = re.match(r"(.*)[./][^./]+$", name)
+    if head:
+        return head.group(1)
+    known = frozenset().union(*_WORDS.values())
+    return " ".join(word for word in words(name) if word.rstrip("0123456789") not in known)
+
+
+def _belong(force: Variable, moved: Variable) -> bool:
+    """A force moves metres, a moment radians; where a unit is not said, either may be."""
+    if "" in (force.unit, moved.unit):
+        return True
+    return (parse(force.unit).dimension[:5] == parse("N.m").dimension[:5]) == (
+        parse(moved.unit).dimension == parse("rad").dimension
+    )
+
+
+def _of(outputs: Sequence[Variable], what: str, name: str) -> str:
+    """The one output of this kind with the same stem."""
+    found = [v.name for v in outputs if kind(v) == what and stem(v.name) == stem(name)]
+    return found[0] if len(found) == 1 else ""

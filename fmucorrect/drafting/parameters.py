@@ -1,0 +1,58 @@
+"""Parameters of the FMU that are rarely known exactly: stiffness, damping, mass, friction."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from fmucorrect.errors import SignalError
+from fmucorrect.fmu import FmuDescription, Variable
+from fmucorrect.units import parse
+
+UNCERTAIN = ("N/m", "N.m/rad", "N.s/m", "N.m.s/rad", "kg", "kg.m2")
+"""Units of stiffness, damping and inertia, along and about an axis."""
+_NAMED = re.compile(
+    r"(?:^|[._])(?:k|c|m|d|j|ks|kt|cs|ms|mu|mb|mw|stiffness|damping|mass|inertia)[a-z]{0,2}\d*(?:_\w+)?$", re.I
+)
+"""Names that say as much where the FMU says no unit."""
+TOLERANCE = 0.05
+"""Relative standard deviation of a value from a drawing or a data sheet."""
+MOST = 20
+"""Of them in a draft: more would hide the others, and discovery pays for each."""
+
+
+@dataclass(frozen=True)
+class ParameterGuess:
+    """start: in the FMU's unit; minimum, maximum: half and twice of it, within the FMU's own bounds."""
+
+    name: str
+    start: float
+    minimum: float
+    maximum: float
+    why: str
+
+
+def find_parameters(fmu: FmuDescription) -> tuple[ParameterGuess, ...]:
+    """Those that can be set, are not 0, and have a unit, or else a name, of stiffness, damping or inertia."""
+    found: list[ParameterGuess] = []
+    for variable in fmu.of("parameter"):
+        why = _why(variable)
+        if not why or not variable.number or variable.discrete or not variable.settable:
+            continue
+        start = float(variable.start or 0.0)
+        low, high = sorted((0.5 * start, 2.0 * start))
+        low, high = max(low, variable.minimum), min(high, variable.maximum)
+        if start and low < high:
+            found.append(ParameterGuess(variable.name, start, low, high, why))
+    return tuple(found[:MOST])
+
+
+def _why(variable: Variable) -> str:
+    if variable.unit in ("", "1", "-"):
+        return "named as one of stiffness, damping or mass" if _NAMED.search(variable.name) else ""
+    try:
+        dimension = parse(variable.unit).dimension[:5]
+    except SignalError:
+        return ""
+    known = any(parse(unit).dimension[:5] == dimension for unit in UNCERTAIN)
+    return f"its unit is {variable.unit}" if known else ""
