@@ -83,7 +83,7 @@ def draft(
         joints=joints,
         parameters=find_parameters(model),
         runs=tuple(drafted),
-        quiet=quiet(trial),
+        quiet=quiet(logs[0], inputs),
         units=units,
         unpaired=tuple(c for c in trial.columns if c not in {guess.column for guess in channels}),
         left_out=logs[0].left_out,

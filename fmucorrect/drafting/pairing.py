@@ -24,6 +24,10 @@ LOOKED = 60.0
 """s of a run that are simulated to compare; enough for the slowest motion of a vehicle."""
 ROWS = 200_000
 """Samples of it at most."""
+MOVES = 1e-3
+"""Share of an input's swing from which it moves."""
+SHORT = 0.5
+"""s; in less than that no noise floor can be told."""
 SHOWS = 0.5
 """Correlation from which a column shows an output, whatever it is called."""
 HINTS = 0.2
@@ -110,7 +114,7 @@ def _may_be(one: str, other: str) -> bool:
 class Trial:
     """One run of the model over a log: all its outputs (own units) and all measured columns, on one grid.
 
-    simulated: (T, O); measured: (T, C). step_ns: of the grid. still: s at the beginning in which nothing measured moves.
+    simulated: (T, O); measured: (T, C). step_ns: of the grid.
     """
 
     outputs: tuple[Variable, ...]
@@ -243,13 +247,12 @@ def step_of(fmu: FmuDescription, log: Run) -> tuple[int, str]:
     return interval, f"the sample interval of {log.path.name}"
 
 
-def quiet(trial: Trial) -> float:
-    """s at the beginning in which every measured column stays within a twentieth of its swing; 0 where that is short."""
-    swing = np.ptp(trial.measured, axis=0)
-    live = swing > 0.0
-    if not live.any():
+def quiet(log: Run, inputs: Mapping[str, str]) -> float:
+    """s at the beginning in which nothing drives: every input stays where it begins. 0 where that is short."""
+    if not inputs:
         return 0.0
-    away = np.abs(trial.measured - trial.measured[:1])[:, live] > 0.05 * swing[live]
-    first = int(np.argmax(away.any(axis=1)))
-    length = 0.9 * first * trial.step_ns / NANOSECONDS
-    return length if length >= 0.5 else 0.0
+    record = log.read(list(inputs.values()))
+    swing = np.ptp(record.values, axis=0)
+    away = (np.abs(record.values - record.values[0]) > MOVES * swing).any(axis=1)
+    length = float(record.t_ns[int(np.argmax(away))] - record.t_ns[0]) / NANOSECONDS if away.any() else 0.0
+    return length if length >= SHORT else 0.0

@@ -126,6 +126,11 @@ class Draft:
         yield f"sign = {joint.sign}  # found by one push"
 
     def _conditions(self, folder: Path) -> Iterator[str]:
+        speeds = [v for v in self.model.of("parameter") if v.unit in ("m/s", "km/h") or "speed" in v.name.lower()]
+        if speeds:
+            named = ", ".join(f"{v.name} = {v.start or '...'}" for v in speeds[:4])
+            yield ""
+            yield f"# the FMU has parameters that a run may set: parameters = {{ {one_line(named)} }} in its condition"
         names: dict[str, int] = {}
         for run in self.runs:
             names[run.path.stem] = names.get(run.path.stem, 0) + 1

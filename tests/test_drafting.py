@@ -1,0 +1,186 @@
+"""A drafted study: of a stranger's quarter car without units, of a shipped model, and what cannot be drafted."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from fmucorrect import cli
+from fmucorrect.drafting import draft
+from fmucorrect.drafting.guess import likeness
+from fmucorrect.errors import RecordError
+from fmucorrect.experiment import pair
+from fmucorrect.fmu import FmuStepper
+from fmucorrect.inspection import study_problems
+from fmucorrect.records import writer
+from fmucorrect.signals import Channel, Condition, Record
+from fmucorrect.stepper import run
+from fmucorrect.study import load_study
+
+OSCILLATOR = Path(__file__).resolve().parent.parent / "fmus" / "oscillator" / "oscillator.fmu"
+QUARTER_CAR = """
+from pythonfmu import Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
+
+
+class QuarterCar(Fmi2Slave):
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        self.ms, self.mu, self.ks, self.cs, self.kt = 350.0, 45.0, 22000.0, 1400.0, 190000.0
+        self.zr = self.F_damper = self.zs = self.vs = self.zu = self.vu = 0.0
+        self.travel = self.travel_rate = self.acc_body = 0.0
+        for name in ("ms", "mu", "ks", "cs", "kt"):
+            self.register_variable(Real(name, causality=Fmi2Causality.parameter, variability=Fmi2Variability.tunable))
+        for name in ("zr", "F_damper"):
+            self.register_variable(Real(name, causality=Fmi2Causality.input))
+        for name in ("travel", "travel_rate", "acc_body"):
+            self.register_variable(Real(name, causality=Fmi2Causality.output))
+
+    def do_step(self, time, step):
+        for _ in range(2):
+            h = step / 2
+            force = self.ks * (self.zs - self.zu) + self.cs * (self.vs - self.vu) + self.F_damper
+            self.acc_body = -force / self.ms
+            self.vs += h * self.acc_body
+            self.vu += h * (force - self.kt * (self.zu - self.zr)) / self.mu
+            self.zs += h * self.vs
+            self.zu += h * self.vu
+        self.travel, self.travel_rate = self.zs - self.zu, self.vs - self.vu
+        return True
+"""
+STEP, ROWS, BEGINS = 2_000_000, 1500, 1_767_225_600_000_000_000
+
+
+@pytest.fixture(scope="module")
+def car(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("car")
+    (folder / "quarter_car.py").write_text(QUARTER_CAR)
+    command = [sys.executable, "-m", "pythonfmu", "build", "-f", str(folder / "quarter_car.py"), "-d", str(folder)]
+    subprocess.run(command, check=True, capture_output=True)
+    return folder / "QuarterCar.fmu"
+
+
+@pytest.fixture(scope="module")
+def logs(car: Path) -> list[Path]:
+    """Two drives: stamps since 1970, road in mm under another name, travel in mm with the other direction, g, a temperature."""
+    found: list[Path] = []
+    for seed in (1, 2):
+        rng = np.random.default_rng(seed)
+        t = np.arange(ROWS) * STEP / 1e9
+        waves = rng.uniform(0.5, 6.0, 8)
+        road = 0.004 * np.clip(t - 0.8, 0.0, 1.0) * np.sin(2.0 * np.pi * np.outer(t, waves) + waves).mean(axis=1)
+        given = Record(np.arange(ROWS) * STEP, road[:, None], (Channel("zr"),))
+        channels = (Channel("travel", ""), Channel("acc_body", ""))
+        with FmuStepper(car, channels, inputs=("zr",)) as stepper:
+            result = run(stepper, Condition("a"), [given])
+        assert result is not None
+        travel, body = result.values.T
+        columns = {
+            Channel("Road_zr", "mm"): 1e3 * road,
+            Channel("Susp.travel", "mm"): -1e3 * travel + rng.normal(size=ROWS) * 1e-3,
+            Channel("Body acc", "gn"): body / 9.80665,
+            Channel("Oil", "K"): np.full(ROWS, 330.0),
+        }
+        path = car.parent / f"drive{seed}.parquet"
+        with writer(path) as file:
+            stamps = BEGINS + np.arange(ROWS) * STEP
+            file.write("/log", Record(stamps, np.stack(list(columns.values()), axis=1), tuple(columns)))
+        found.append(path)
+    return found
+
+
+def test_a_quarter_car_whose_exporter_writes_no_units(car: Path, logs: list[Path]):
+    path = car.parent / "study.toml"
+    path.write_text(draft(car, logs).text(path), encoding="utf-8")
+    study = load_study(path)
+    assert study_problems(study) == []
+    assert [(c.name, c.measurement, c.unit, c.measurement_sign) for c in study.channels] == [
+        ("travel", "Susp.travel", "mm", -1),
+        ("acc_body", "Body acc", "gn", 1),
+    ]
+    assert [(j.force, j.displacement, j.velocity, j.sign) for j in study.joints] == [
+        ("F_damper", "travel", "travel_rate", 1)
+    ]
+    assert {a.parameters[0] for a in study.adjustable} == {"ms", "mu", "ks", "cs", "kt"}
+    assert [c.role for c in study.conditions] == ["development", "evaluation"]
+    assert study.conditions[0].quiet is not None
+    assert study.conditions[0].quiet[1] == pytest.approx(0.8, abs=0.05)
+    item = pair(study, study.conditions[0])
+    assert np.abs(item.measured - item.response).max() < 0.01 * np.abs(item.measured).max()
+    text = path.read_text(encoding="utf-8")
+    assert "# column Oil is used for nothing" in text
+    assert text.count("# guess:") > 10
+
+
+def test_a_sensor_for_which_no_name_speaks(car: Path, logs: list[Path], tmp_path: Path):
+    """Found by what it shows."""
+    from fmucorrect.records import read
+
+    record = read(logs[0])
+    names = {"Susp.travel": "AI03", "Body acc": "AI01"}
+    channels = tuple(Channel(names.get(c.name, c.name), c.unit) for c in record.channels)
+    path = tmp_path / "log.csv"
+    with writer(path) as file:
+        file.write("/log", Record(record.t_ns, record.values, channels))
+    found = draft(car, [path])
+    assert {(guess.output, guess.column, guess.sign) for guess in found.channels} == {
+        ("travel", "AI03", -1),
+        ("acc_body", "AI01", 1),
+    }
+
+
+def test_the_sign_of_a_joint_is_found_by_pushing(tmp_path: Path):
+    """The shipped oscillator: a force input of its first joint that opposes its displacement, as a spring would."""
+    t = np.arange(3000) * 1e-3
+    base = 1e-3 * np.sin(2.0 * np.pi * 3.0 * t)
+    given = Record(np.arange(3000) * 1_000_000, base[:, None], (Channel("base.d", "m"),))
+    with FmuStepper(OSCILLATOR, (Channel("x", "m", simulation="mass1.x"),), inputs=("base.d",)) as stepper:
+        result = run(stepper, Condition("a"), [given])
+    assert result is not None
+    path = tmp_path / "log.mcap"
+    with writer(path) as file:
+        columns = (Channel("base.d", "m"), Channel("mass1.x", "m"))
+        file.write("/log", Record(given.t_ns, np.column_stack([base, result.values]), columns))
+    found = draft(OSCILLATOR, [path])
+    signs = {joint.force: (joint.displacement, joint.sign) for joint in found.joints}
+    assert signs["joint1.f"] == ("joint1.d", 1)
+    assert found.units == {}
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "alike"),
+    [
+        ("zr", "Road_zr", True),
+        ("acc_body", "Body acc [g]", True),
+        ("frontWheel.travel", "front_wheel_travel_meas", True),
+        ("travel", "temperature", False),
+        ("x", "Temp", False),
+    ],
+)
+def test_names_that_mean_one_thing(one: str, other: str, alike: bool):
+    assert (likeness(one, other) >= 0.8) == alike
+
+
+def test_what_cannot_be_drafted(car: Path, logs: list[Path], tmp_path: Path):
+    path = tmp_path / "other.csv"
+    path.write_text("time,p [Pa],q\n0,1,2\n0.1,2,1\n0.2,1,3\n", encoding="utf-8")
+    with pytest.raises(RecordError, match=r"no column shows an output"):
+        draft(car, [path])
+    with pytest.raises(RecordError, match=r"one simulated record for each run"):
+        draft(car, logs, [logs[0]])
+
+
+def test_the_command_keeps_a_study_that_is_there(car: Path, logs: list[Path], tmp_path: Path):
+    out = tmp_path / "study.toml"
+    out.write_text("format = 1\n")
+    result = CliRunner().invoke(cli.main, ["new", str(car), str(logs[0]), "-o", str(out)])
+    assert result.exit_code == 2
+    assert out.read_text() == "format = 1\n"
+    result = CliRunner().invoke(cli.main, ["new", str(car), str(logs[0]), "-o", str(out), "--overwrite"])
+    assert result.exit_code == 0, result.output
+    assert "fits:" in result.output
+    assert "fmucorrect discover" in result.output
