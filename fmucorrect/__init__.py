@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from fmucorrect.bundle import load as load_bundle
     from fmucorrect.comparison import Comparison, compare
     from fmucorrect.discovery import discover
+    from fmucorrect.drafting import Draft
+    from fmucorrect.drafting import draft as new
     from fmucorrect.errors import (
         BundleError,
         FmucorrectError,
@@ -37,7 +39,7 @@ if TYPE_CHECKING:
     from fmucorrect.railway.assessment import load_assessment
     from fmucorrect.records import describe, read, stream, writer
     from fmucorrect.registration import Offset, find_offset, resample
-    from fmucorrect.signals import Channel, Condition, Record, join
+    from fmucorrect.signals import Channel, Condition, Reading, Record, join
     from fmucorrect.stepper import CorrectedStepper, Corrector, ReplayStepper, Status, Step, Stepper, Window, grid, run
     from fmucorrect.study import Study, check_study, load_study
     from fmucorrect.training.protocol import train
@@ -48,6 +50,7 @@ __version__ = "0.1.0"
 _NAMES = {
     "bundle": ("Bundle",),
     "discovery": ("discover",),
+    "drafting": ("Draft",),
     "railway.assess": ("assess",),
     "railway.assessment": ("load_assessment",),
     "training.protocol": ("train",),
@@ -67,7 +70,7 @@ _NAMES = {
     "metrics": ("OracleLag", "Scores", "noise_floor", "oracle_lag", "score"),
     "records": ("describe", "read", "stream", "writer"),
     "registration": ("Offset", "find_offset", "resample"),
-    "signals": ("Channel", "Condition", "Record", "join"),
+    "signals": ("Channel", "Condition", "Reading", "Record", "join"),
     "stepper": (
         "CorrectedStepper",
         "Corrector",
@@ -84,15 +87,19 @@ _NAMES = {
 }
 _WHERE = {name: (module, name) for module, names in _NAMES.items() for name in names}
 _WHERE["load_bundle"] = ("bundle", "load")
+_WHERE["new"] = ("drafting", "draft")
 
 __all__ = [  # noqa: RUF022 (as a reader looks for them)
     "load_study",
+    "new",
+    "Draft",
     "check_study",
     "Study",
     "load_bundle",
     "Bundle",
     "Channel",
     "Condition",
+    "Reading",
     "Record",
     "join",
     "read",
