@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from fmucorrect.bundle import Bundle
 from fmucorrect.comparison import Comparison, compare
 from fmucorrect.errors import RecordError
 from fmucorrect.metrics import Scores
-from fmucorrect.report import comparison_page
+from fmucorrect.report import comparison_page, foxglove
 from fmucorrect.report.comparison_page import Context, Reference
 from fmucorrect.signals import Condition, Record
 from fmucorrect.stepper import CorrectedStepper, run
@@ -93,7 +93,7 @@ def find_data() -> Data:
 def run_demo(
     folder: Path, data: Data | None = None, progress: Callable[[str], object] | None = None, *, overwrite: bool = True
 ) -> Result:
-    """Run all of it and write demo.mcap, demo.html and a copy of corrector.onnx into `folder`.
+    """Run all of it and write demo.mcap with its layout for Foxglove, demo.html and a copy of corrector.onnx into `folder`.
 
     progress is told STEPS, one when each begins.
     """
@@ -104,7 +104,7 @@ def run_demo(
     study, model = load_study(data.study), bundle.load(data.corrector)
     condition = study.condition(CONDITION)
     fmu = study.simulation.fmu
-    names = ("demo.mcap", "demo.html", "corrector.onnx", *([] if fmu is None else [fmu.name]))
+    names = ("demo.mcap", "demo.html", "demo.foxglove.json", "corrector.onnx", *([] if fmu is None else [fmu.name]))
     read = [*study.files(), ("the demonstration's corrector", data.corrector)]
     outputs.check_folder(folder, names, read, "demo", overwrite)
     tell(STEPS[1])
@@ -120,7 +120,12 @@ def run_demo(
     tell(STEPS[4])
     outputs.make_folder(folder, "demo")
     record, page = folder / "demo.mcap", folder / "demo.html"
-    write_record(record, corrected, simulated, comparison)
+    write_record(record, corrected, simulated, comparison, session.made(model, study))
+    shown = [channel.name for channel in comparison.channels]
+    series = {sources.SIMULATION: shown, session.CORRECTED: [f"{name}_corrected" for name in shown]}
+    series["/measured"] = [f"{name}_measured" for name in shown]
+    status = f"{session.CORRECTED}.corrector_status"
+    outputs.write(folder / "demo.foxglove.json", foxglove.layout(comparison.channels, series, status))
     comparison_page.write(page, comparison, context(comparison, online, study, model, len(corrected)))
     corrector = folder / "corrector.onnx"
     outputs.write(corrector, data.corrector.read_bytes())
@@ -162,14 +167,20 @@ def one_by_one(study: Study, condition: Condition, model: Bundle, batch: Record)
     return Online(float(np.median(clock)), float(np.abs(values - batch.select(names).values).max()))
 
 
-def write_record(path: Path, corrected: Record, simulated: Record, comparison: Comparison) -> None:
+def write_record(
+    path: Path, corrected: Record, simulated: Record, comparison: Comparison, made: Mapping[str, str]
+) -> None:
     """The whole run as /simulation and /corrected, and as /measured what of the measurement lies on the same rows."""
     notes = session.metadata(comparison.condition)
     with outputs.Replacing(path) as beside, records.writer(beside) as file:
         file.write(sources.SIMULATION, replace(simulated, metadata=notes))
         added = corrected.names[len(simulated.channels) :]
         file.write(session.CORRECTED, replace(corrected.select(added), metadata=notes))
+        if comparison.condition.measurement is not None:
+            begun = records.describe(comparison.condition.measurement).topics[0].extent.start_ns
+            notes["measurement_start_ns"] = str(begun)
         file.write("/measured", replace(comparison.record(comparison.measured, "_measured"), metadata=notes))
+        file.close(made)
 
 
 def context(comparison: Comparison, online: Online, study: Study, model: Bundle, rows: int) -> Context:

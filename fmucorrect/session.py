@@ -3,6 +3,7 @@ as soon as it is there. Memory does not grow with the length, and a run that is 
 
 from __future__ import annotations
 
+import hashlib
 import math
 import time
 from collections.abc import Callable, Generator, Iterable, Mapping
@@ -14,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from fmucorrect import outputs, records, sources
+from fmucorrect import __version__, outputs, records, sources
 from fmucorrect.bundle import Bundle
 from fmucorrect.errors import FmucorrectError, RecordError
 from fmucorrect.records.writing import Writer
@@ -100,7 +101,7 @@ def run_study(
     told = {"damage": "; ".join(f"{file.name}: {damage}" for file, damage in lost.items())}
     plant = sources.plant(study, condition)
     inputs = sources.inputs(study, condition, duration)
-    return _write("run", plant, corrector, condition, inputs, out, progress, told)
+    return _write("run", plant, corrector, condition, inputs, out, progress, told, made(corrector, study))
 
 
 def replay_log(
@@ -130,7 +131,8 @@ def replay_log(
         raise records.damaged(str(log), damage)
     inputs = sources.log_inputs(log, channels, topic=topic, repair=repair, unit=unit, allow_damaged=allow_damaged)
     told = {"damage": damage, "repaired": sources.repaired(log, channels, topic=topic, repair=repair)}
-    return _write("replay", ReplayStepper(channels), corrector, condition, inputs, out, progress, told)
+    stepper = ReplayStepper(channels)
+    return _write("replay", stepper, corrector, condition, inputs, out, progress, told, made(corrector))
 
 
 def logged_condition(
@@ -175,6 +177,19 @@ def metadata(condition: Condition) -> dict[str, str]:
         "amplitude": repr(condition.amplitude),
         "frequency": repr(condition.frequency),
         "start": repr(condition.start),
+    }
+
+
+def made(corrector: Corrector | None, study: Study | None = None) -> dict[str, str]:
+    """What made a file, by records.assemble.MADE: the version, and the SHA-256 of the study and the corrector."""
+    path = _path(corrector)
+    return {"fmucorrect_version": __version__} | {
+        key: value
+        for key, value in (
+            ("study_sha256", study.hash if study is not None else ""),
+            ("corrector_sha256", hashlib.sha256(path.read_bytes()).hexdigest() if path is not None else ""),
+        )
+        if value
     }
 
 
@@ -228,7 +243,7 @@ class _Recorder:
 
 @contextmanager
 def _recording(
-    out: Path, command: str, notes: Mapping[str, str], added: int, progress: Progress | None
+    out: Path, command: str, notes: Mapping[str, str], added: int, progress: Progress | None, made_by: Mapping[str, str]
 ) -> Generator[_Recorder]:
     """A record file that grows beside `out` and takes its place at the end. What breaks the block off is noted in the file,
     which takes its place all the same, and the error says how many rows there are and where."""
@@ -244,16 +259,18 @@ def _recording(
         if not recorder.rows:
             raise RecordError("there was nothing to run: the input has no rows", where=str(out))
         with outputs.undisturbed():
-            file.close()
+            file.close(made_by)
             growing.finish()
     except BaseException as error:
         with outputs.undisturbed():
-            if recorder is None or not _kept(recorder, growing, out, error):
+            if recorder is None or not _kept(recorder, growing, out, error, made_by):
                 growing.discard()
         raise
 
 
-def _kept(recorder: _Recorder, growing: outputs.Growing, out: Path, error: BaseException) -> bool:
+def _kept(
+    recorder: _Recorder, growing: outputs.Growing, out: Path, error: BaseException, made_by: Mapping[str, str]
+) -> bool:
     """Close the file of a run that `error` broke off, with what it had finished: whether there was anything to keep. The
     error's notes say how much, and where."""
     with suppress(FmucorrectError, OSError):  # of the rest, when it cannot be written either, the error is told already
@@ -266,7 +283,7 @@ def _kept(recorder: _Recorder, growing: outputs.Growing, out: Path, error: BaseE
         why = str(error) or type(error).__name__
     where, says = out, "which says that it is not complete"
     try:
-        recorder.file.close({"complete": "false", "why": why})
+        recorder.file.close({**made_by, "complete": "false", "why": why})
     except (FmucorrectError, OSError):  # a full disk: what was finished can be read without an end
         where, says = growing.beside, "which has no end"
     if not recorder.rows:
@@ -293,14 +310,15 @@ def _write(
     out: Path,
     progress: Progress | None,
     told: Mapping[str, str],
+    made_by: Mapping[str, str],
 ) -> Summary:
-    """told: what was lost and mended in what is read."""
+    """told: what was lost and mended in what is read. made_by: notes for the file."""
     begun = time.perf_counter()
     try:
         stepper = plant if corrector is None else CorrectedStepper(plant, corrector)
         added = 0 if corrector is None else len(corrected_channels(corrector.channels))
         notes = metadata(condition) | {key: text for key, text in told.items() if text}
-        with _recording(out, command, notes, added, progress) as recorder:
+        with _recording(out, command, notes, added, progress, made_by) as recorder:
             run(stepper, condition, inputs, recorder.take)
     finally:
         plant.close()

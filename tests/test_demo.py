@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import subprocess
@@ -12,7 +13,9 @@ import bundles
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from mcap.reader import make_reader
 
+import fmucorrect
 from fmucorrect import cli, demo, records
 from fmucorrect.demo import Data, Result
 from fmucorrect.errors import RecordError
@@ -108,8 +111,20 @@ def test_the_command_from_an_empty_folder_without_torch(
         ".fmucorrect",
         "demo.mcap",
         "demo.html",
+        "demo.foxglove.json",
         "corrector.onnx",
         "roller_rig.fmu",
+    }
+    log = tmp_path / "fmucorrect-demo" / "demo.mcap"
+    fields = {f"{t.topic.name}.{c.name}" for t in records.describe(log).topics for c in t.topic.columns}
+    panels = json.loads((log.parent / "demo.foxglove.json").read_text())["configById"].values()
+    assert {path["value"] for panel in panels for path in panel["paths"]} <= fields
+    with log.open("rb") as stream:
+        made = next(iter(make_reader(stream).iter_metadata())).metadata
+    assert made == {
+        "fmucorrect_version": fmucorrect.__version__,
+        "study_sha256": hashlib.sha256(data.study.read_bytes()).hexdigest(),
+        "corrector_sha256": hashlib.sha256(data.corrector.read_bytes()).hexdigest(),
     }
     monkeypatch.chdir(tmp_path)
     replay = next(line for line in ran.stdout.splitlines() if "fmucorrect replay" in line)

@@ -27,6 +27,7 @@ from fmucorrect.records import assemble
 from fmucorrect.records.columns import find, has, with_units
 from fmucorrect.records.contents import Contents, TopicContents
 from fmucorrect.records.guarded import Guarded, damaged
+from fmucorrect.records.naming import field_names
 from fmucorrect.records.parts import PartsSource, is_recording, parts_of, refuse
 from fmucorrect.records.source import Sink
 from fmucorrect.records.writing import Writer
@@ -35,7 +36,7 @@ from fmucorrect.signals import AS_IT_IS, Reading, Record
 SUFFIXES = (".mcap", ".csv", ".parquet", ".mf4", ".mdf", ".tdms", ".mat")
 """The suffixes of files that can be read and written."""
 
-__all__ = ["SUFFIXES", "damaged", "describe", "find", "has", "is_recording", "read", "stream", "writer"]
+__all__ = ["SUFFIXES", "damaged", "describe", "field_names", "find", "has", "is_recording", "read", "stream", "writer"]
 
 
 def read(

@@ -16,6 +16,7 @@ from google.protobuf.message import DecodeError
 from fmucorrect.records.bulk import Layout, Place
 from fmucorrect.records.decode import DEEPEST, LONGEST
 from fmucorrect.records.source import MOST_COLUMNS
+from fmucorrect.stepper import Status
 
 _PACKAGE = "fmucorrect"
 _FIXED = {
@@ -28,24 +29,20 @@ _FIXED = {
 }
 _TEXT = {FieldDescriptor.TYPE_STRING, FieldDescriptor.TYPE_BYTES}
 _TIMES = {"google.protobuf.Timestamp", "google.protobuf.Duration"}
+DOUBLE, STATUS = "<f8", "u1"
+"""What a field may be: a double, or a `stepper.Status` as an enum, whose values take one byte."""
+
 _UNIT = re.compile(r"\[([^\[\]]+)\]")
 
 
-def field_names(names: Sequence[str]) -> list[str]:
-    """Names that protobuf allows, all different, as near to the channels' names as can be."""
-    fields: list[str] = []
-    for name in names:
-        plain = re.sub(r"\W", "_", name, flags=re.ASCII)
-        plain = plain if re.match(r"[A-Za-z_]", plain) else f"_{plain}"
-        field, n = plain, 2
-        while field in fields:
-            field, n = f"{plain}_{n}", n + 1
-        fields.append(field)
-    return fields
-
-
-def schema(topic: str, names: Sequence[str], fields: Sequence[str], units: Sequence[str]) -> tuple[str, bytes]:
-    """Name and FileDescriptorSet of a message of doubles, each with its name and unit as a comment.
+def schema(
+    topic: str,
+    names: Sequence[str],
+    fields: Sequence[str],
+    units: Sequence[str],
+    kinds: Sequence[str],
+) -> tuple[str, bytes]:
+    """Name and FileDescriptorSet of a message of numbers, each with its name and unit as a comment. kinds: DOUBLE or STATUS.
 
     proto2 optional fields: a value of 0.0 is written like any other, so every message has the same size.
     """
@@ -53,22 +50,28 @@ def schema(topic: str, names: Sequence[str], fields: Sequence[str], units: Seque
     title = title if title[0].isalpha() else f"Record{title}"
     file = descriptor_pb2.FileDescriptorProto(name=f"{_PACKAGE}/{title}.proto", package=_PACKAGE, syntax="proto2")
     message = file.message_type.add(name=title)
-    for i, (name, field, unit) in enumerate(zip(names, fields, units, strict=True)):
-        message.field.add(
-            name=field,
-            number=_number(i),
-            type=descriptor_pb2.FieldDescriptorProto.TYPE_DOUBLE,
-            label=descriptor_pb2.FieldDescriptorProto.LABEL_OPTIONAL,
+    if STATUS in kinds:
+        enum = message.enum_type.add(name="Status")
+        for status in Status:
+            enum.value.add(name=status.name, number=status.value)
+    for i, (name, field, unit, kind) in enumerate(zip(names, fields, units, kinds, strict=True)):
+        described = message.field.add(
+            name=field, number=_number(i), label=descriptor_pb2.FieldDescriptorProto.LABEL_OPTIONAL
         )
+        if kind == STATUS:
+            described.type = descriptor_pb2.FieldDescriptorProto.TYPE_ENUM
+            described.type_name = f".{_PACKAGE}.{title}.Status"
+        else:
+            described.type = descriptor_pb2.FieldDescriptorProto.TYPE_DOUBLE
         place = file.source_code_info.location.add(trailing_comments=f" {name} [{unit}]\n")
         place.path.extend([4, 0, 2, i])
         place.span.extend([i + 3, 2, 60])
     return f"{_PACKAGE}.{title}", descriptor_pb2.FileDescriptorSet(file=[file]).SerializeToString()
 
 
-def tags(count: int) -> list[bytes]:
-    """What stands before each double of a message of `schema`: field number and wire type 1."""
-    return [_varint(_number(i) << 3 | 1) for i in range(count)]
+def tags(kinds: Sequence[str]) -> list[bytes]:
+    """What stands before each number of a message of `schema`: field number and wire type, 1 for doubles, 0 for enums."""
+    return [_varint(_number(i) << 3 | (kind == DOUBLE)) for i, kind in enumerate(kinds)]
 
 
 def _number(i: int) -> int:
@@ -178,11 +181,12 @@ class ProtobufDecoder:
     def layout(self, payload: bytes) -> Layout | None:
         """The layout where all numbers are of fixed size; None for varints and what else has none."""
         fixed: list[int] = []
+        limits: list[tuple[int, int]] = []
         places: dict[str, tuple[Place, ...]] = {}
         try:
-            if not _trace(payload, 0, len(payload), self._descriptor, "", fixed, places):
+            if not _trace(payload, 0, len(payload), self._descriptor, "", fixed, places, limits):
                 return None
-            layout = Layout(payload, tuple(fixed), places)
+            layout = Layout(payload, tuple(fixed), places, tuple(limits))
             same = _equal(layout.leaves(), self.leaves(payload))
         except (ValueError, IndexError, struct.error, RecursionError):
             return None
@@ -195,13 +199,23 @@ def _repeated(field: Any) -> bool:
 
 
 def _trace(
-    data: bytes, at: int, end: int, descriptor: Any, prefix: str, fixed: list[int], places: dict[str, tuple[Place, ...]]
+    data: bytes,
+    at: int,
+    end: int,
+    descriptor: Any,
+    prefix: str,
+    fixed: list[int],
+    places: dict[str, tuple[Place, ...]],
+    limits: list[tuple[int, int]],
 ) -> bool:
     while at < end:
         start = at
         tag, at = _read_varint(data, at)
         field, wire = descriptor.fields_by_number.get(tag >> 3), tag & 7
         size = {1: 8, 5: 4}.get(wire)
+        if wire == 0 and field is not None and (largest := _largest(field)) >= 0:
+            size = 1
+            limits.append((at, largest))
         if wire == 2:
             size, at = _read_varint(data, at)
         if size is None or at + size > end:
@@ -209,7 +223,7 @@ def _trace(
         fixed.extend(range(start, at))
         if field is not None:
             name = f"{prefix}{field.name}"
-            kind = _FIXED.get(field.type)
+            kind = "u1" if wire == 0 else _FIXED.get(field.type)
             if _repeated(field) or (name in places):
                 return False
             if kind is not None and wire != 2:
@@ -217,12 +231,18 @@ def _trace(
             elif field.message_type is not None and wire == 2:
                 if field.message_type.full_name in _TIMES:
                     return False
-                if not _trace(data, at, at + size, field.message_type, f"{name}.", fixed, places):
+                if not _trace(data, at, at + size, field.message_type, f"{name}.", fixed, places, limits):
                     return False
             elif field.type not in _TEXT:
                 return False
         at += size
     return True
+
+
+def _largest(field: Any) -> int:
+    """The largest number up to which an enum knows all, and which takes one byte; -1 where there is none."""
+    known = field.enum_type.values_by_number if field.enum_type is not None else {}
+    return next((n for n in range(128) if n not in known), 128) - 1
 
 
 def _read_varint(data: bytes, at: int) -> tuple[int, int]:

@@ -18,7 +18,10 @@ from fmucorrect.signals import Channel, Reading, Record
 _STREAMED = {"drop"}
 """Rules that need only what came before a row; the others need the whole file."""
 
-RESERVED = ("path", "topic", "truncated", "assumed", "preamble")
+MADE = ("fmucorrect_version", "study_sha256", "corrector_sha256")
+"""Notes of what made a file: true of that file alone, so that none made from it takes them over."""
+
+RESERVED = ("path", "topic", "truncated", "assumed", "preamble", "parts", *MADE)
 """Metadata that reading sets and writing leaves out. What was lost ("damage") and mended ("repaired") is written on."""
 
 

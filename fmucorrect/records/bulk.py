@@ -28,11 +28,13 @@ def assemble(
     t_ns: Int64[np.ndarray, " T"],
     values: Float64[np.ndarray, "T C"],
     tags: Sequence[bytes],
+    kinds: Sequence[str],
 ) -> bytes:
-    """T message records, one after another. tags: what stands before each of the C doubles in the payload."""
+    """T message records, one after another. tags: what stands before each of the C numbers in the payload, which are of
+    numpy's types `kinds`."""
     fields: list[tuple[str, str]] = [("head", "V15"), ("log", "<i8"), ("publish", "<i8")]
-    for c, tag in enumerate(tags):
-        fields += [(f"tag{c}", f"V{len(tag)}"), (f"value{c}", "<f8")]
+    for c, (tag, kind) in enumerate(zip(tags, kinds, strict=True)):
+        fields += [(f"tag{c}", f"V{len(tag)}"), (f"value{c}", kind)]
     layout = np.dtype(fields)
     records = np.empty(len(t_ns), layout)
     raw = records.view(np.uint8).reshape(len(t_ns), layout.itemsize)
@@ -148,11 +150,15 @@ class Place:
 
 @dataclass(frozen=True)
 class Layout:
-    """Where numbers lie in payloads that equal `template` at the bytes `fixed`; a column is the sum of its places."""
+    """Where numbers lie in payloads that equal `template` at the bytes `fixed`; a column is the sum of its places.
+
+    limits: bytes that must not be larger than this, by their place: a larger one would be the first of several.
+    """
 
     template: bytes
     fixed: tuple[int, ...]
     places: Mapping[str, tuple[Place, ...]]
+    limits: tuple[tuple[int, int], ...] = ()
 
     def decode(
         self, payloads: UInt8[np.ndarray, "n S"], columns: Sequence[str]
@@ -161,6 +167,8 @@ class Layout:
         fits = np.ones(len(payloads), bool)
         for position in self.fixed:
             fits &= payloads[:, position] == self.template[position]
+        for position, largest in self.limits:
+            fits &= payloads[:, position] <= largest
         values = np.empty((len(payloads), len(columns)))
         for c, column in enumerate(columns):
             places = self.places.get(column)

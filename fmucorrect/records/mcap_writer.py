@@ -13,6 +13,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import zstandard
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
@@ -36,7 +37,9 @@ from fmucorrect.records.assemble import RESERVED
 from fmucorrect.records.bulk import assemble, assemble_index
 from fmucorrect.records.chunks import MAGIC
 from fmucorrect.records.mcap_summary import NOTES
+from fmucorrect.records.naming import field_names
 from fmucorrect.signals import Record
+from fmucorrect.stepper import Status
 
 CHUNK_ROWS = 2**14
 """Most messages in a chunk."""
@@ -52,6 +55,7 @@ class _Written:
     channel: Channel
     schema: Schema
     tags: list[bytes]
+    kinds: list[str]
     rows: int = 0
 
 
@@ -74,7 +78,14 @@ class McapSink:
         if len(record) and record.t_ns[0] < 0:
             raise RecordError("MCAP holds no time before zero", where=self._path, got=f"{record.t_ns[0]} ns")
         written = self._topics.get(topic) or self._register(topic, record)
-        size = 31 + sum(len(tag) + 8 for tag in written.tags)
+        size = 31 + sum(
+            len(tag) + np.dtype(kind).itemsize for tag, kind in zip(written.tags, written.kinds, strict=True)
+        )
+        for c, kind in enumerate(written.kinds):
+            if kind == _protobuf.STATUS and not np.isin(record.values[:, c], list(Status)).all():
+                raise RecordError(
+                    f"{record.names[c]!r} holds what is no status", where=self._path, expected=list(Status)
+                )
         rows = max(1, min(CHUNK_ROWS, _CHUNK_BYTES // size))
         self._whole = False
         for start in range(0, len(record), rows):
@@ -117,9 +128,10 @@ class McapSink:
     def _register(self, topic: str, record: Record) -> _Written:
         """Schema and channel, at the top level of the file, so that they can be read without any chunk."""
         number = len(self._topics) + 1
-        fields = _protobuf.field_names(record.names)
+        fields = field_names(record.names)
         units = [channel.unit for channel in record.channels]
-        title, descriptors = _protobuf.schema(topic, record.names, fields, units)
+        kinds = [_protobuf.STATUS if c.quantity == "status" else _protobuf.DOUBLE for c in record.channels]
+        title, descriptors = _protobuf.schema(topic, record.names, fields, units, kinds)
         metadata = {key: value for key, value in record.metadata.items() if key not in RESERVED}
         for name, field, unit in zip(record.names, fields, units, strict=True):
             metadata[f"unit.{field}"] = unit
@@ -128,12 +140,12 @@ class McapSink:
         schema = Schema(id=number, name=title, encoding="protobuf", data=descriptors)
         channel = Channel(id=number, topic=topic, message_encoding="protobuf", metadata=metadata, schema_id=number)
         self._stream.write(_bytes(schema) + _bytes(channel))
-        self._topics[topic] = _Written(channel, schema, _protobuf.tags(len(fields)))
+        self._topics[topic] = _Written(channel, schema, _protobuf.tags(kinds), kinds)
         return self._topics[topic]
 
     def _chunk(self, written: _Written, record: Record, size: int) -> None:
         number, first, last = written.channel.id, int(record.t_ns[0]), int(record.t_ns[-1])
-        data = assemble(number, written.rows, record.t_ns, record.values, written.tags)
+        data = assemble(number, written.rows, record.t_ns, record.values, written.tags, written.kinds)
         packed = self._compressor.compress(data)
         body = struct.pack("<QQQII4sQ", first, last, len(data), zlib.crc32(data), 4, b"zstd", len(packed))
         start = self._stream.tell()

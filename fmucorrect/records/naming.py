@@ -155,3 +155,16 @@ def numbered(names: Sequence[str]) -> tuple[list[str], str]:
         made = [name and f"{name}#{i}" for i, name in enumerate(names, 1)]
         return made, f"names that stand there several times: all are numbered by place ({shown})"
     return made, f"names that stand there several times are numbered in file order: {shown}"
+
+
+def field_names(names: Sequence[str]) -> list[str]:
+    """Names that protobuf allows, all different, as near to the channels' names as can be."""
+    fields: list[str] = []
+    for name in names:
+        plain = re.sub(r"\W", "_", name, flags=re.ASCII)
+        plain = plain if re.match(r"[A-Za-z_]", plain) else f"_{plain}"
+        field, n = plain, 2
+        while field in fields:
+            field, n = f"{plain}_{n}", n + 1
+        fields.append(field)
+    return fields

@@ -68,7 +68,7 @@ def _schema(encoding: str) -> tuple[str, bytes, str]:
         return "S", b"{}", "jsonschema"
     if encoding == "cdr":
         return "p/M", b"float64 x\nfloat64 y\n", "ros2msg"
-    return *_protobuf.schema("/a", ["x", "y"], ["x", "y"], ["mm", "1"]), "protobuf"
+    return *_protobuf.schema("/a", ["x", "y"], ["x", "y"], ["mm", "1"], [_protobuf.DOUBLE] * 2), "protobuf"
 
 
 def _payload(encoding: str, x: float, y: float) -> bytes:

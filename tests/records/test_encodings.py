@@ -147,10 +147,11 @@ def test_a_layout_is_found_where_there_is_one() -> None:
 
 def test_equal_sizes_with_other_fields() -> None:
     """Fields that are absent are NaN, also where another field of the same size is present."""
+    from fmucorrect.records._protobuf import DOUBLE
     from fmucorrect.records._protobuf import schema as own
     from fmucorrect.records.bulk import walk
 
-    name, descriptors = own("/a", ["x", "y"], ["x", "y"], ["mm", "N"])
+    name, descriptors = own("/a", ["x", "y"], ["x", "y"], ["mm", "N"], [DOUBLE, DOUBLE])
     decoder = ProtobufDecoder(name, descriptors)
     assert decoder.declared() == [("x", "mm"), ("y", "N")]
     payloads = [struct.pack("<Bd", tag, 1.5) for tag in (9, 9, 17, 9, 17)]
@@ -298,3 +299,27 @@ def test_a_message_that_is_none(tmp_path: Path) -> None:
         file.finish()
     with pytest.raises(RecordError, match=r"run.mcap, topic /a, between t = 0 s and 99 s: a message cannot be decoded"):
         records.read(path)
+
+
+def test_the_correctors_status_is_an_enum_for_strangers_and_a_number_here(tmp_path: Path) -> None:
+    from mcap.reader import make_reader
+    from mcap_protobuf.decoder import DecoderFactory
+
+    from fmucorrect.signals import Channel, Record
+
+    status = np.arange(300) % 3
+    t_ns = 10**6 * np.arange(300, dtype=np.int64)
+    channels = (Channel("x", "mm"), Channel("corrector_status", quantity="status"), Channel("y", "N"))
+    record = Record(t_ns, np.stack([t_ns / 7, status.astype(float), -t_ns / 3], axis=1), channels)
+    with records.writer(tmp_path / "run.mcap") as file:
+        file.write("/corrected", record)
+    with (tmp_path / "run.mcap").open("rb") as stream:
+        decoded = [m for *_, m in make_reader(stream, decoder_factories=[DecoderFactory()]).iter_decoded_messages()]
+    field = decoded[0].DESCRIPTOR.fields_by_name["corrector_status"]
+    assert {v.name: v.number for v in field.enum_type.values} == {"OK": 0, "WARMUP": 1, "OUTSIDE": 2}
+    assert [m.corrector_status for m in decoded] == status.tolist()
+    assert [m.y for m in decoded] == record["y"].tolist()
+    np.testing.assert_array_equal(records.read(tmp_path / "run.mcap").values, record.values)
+    wrong = Record(t_ns, record.values + 1.0, channels)
+    with records.writer(tmp_path / "wrong.mcap") as file, pytest.raises(RecordError, match="no status"):
+        file.write("/corrected", wrong)

@@ -143,10 +143,10 @@ def test_a_pattern_of_csv_files_and_inspect(tmp_path: Path, capsys: pytest.Captu
 
 
 def test_memory_does_not_grow_with_the_number_of_parts(tmp_path: Path) -> None:
-    step, rows = 10**6, 3000
+    step, rows = 10**6, 8000
     peaks: list[int] = []
-    for parts in (2, 6):
-        folder = tmp_path / f"of{parts}"
+    for parts in (2, 2, 6):  # the first one warms up
+        folder = tmp_path / f"of{parts}_{len(peaks)}"
         folder.mkdir()
         for i in range(parts):
             t_ns = step * (i * rows + np.arange(rows, dtype=np.int64))
@@ -156,7 +156,7 @@ def test_memory_does_not_grow_with_the_number_of_parts(tmp_path: Path) -> None:
         assert sum(len(chunk) for chunk in records.stream(folder)) == parts * rows
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
-    assert peaks[1] < peaks[0] + 2**18, peaks
+    assert peaks[2] < peaks[1] + 2**20, peaks  # four more files hold 2.3 MB
 
 
 CHANNELS = tuple(Channel(f"c{i}", "mm") for i in range(8))
