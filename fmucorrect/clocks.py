@@ -89,7 +89,7 @@ def measured_extents(study: Study, condition: Condition) -> list[Extent]:
     """How far the topics reach that hold what the study measures; of all topics where none does."""
     if condition.measurement is None:
         raise RecordError(f"condition {condition.name!r} has no measurement")
-    contents = records.describe(condition.measurement)
+    contents = records.describe(condition.measurement, condition.reading)
     if contents.damage and not study.allow_damaged:
         raise records.damaged(contents.path, contents.damage)
     wanted = {c.measurement or c.name for c in study.channels}

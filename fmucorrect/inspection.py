@@ -55,9 +55,12 @@ class Inspection:
         return "\n\n".join([*blocks, "\n".join(verdict)] if verdict else blocks)
 
 
-def inspect(paths: Sequence[Path]) -> Inspection:
-    """Open every file, and hold those of different kinds against each other. Raises the error of the first that is none."""
-    things = [open_thing(path) for path in paths]
+def inspect(paths: Sequence[Path], reading: Reading = AS_IT_IS) -> Inspection:
+    """Open every file, and hold those of different kinds against each other. Raises the error of the first that is none.
+
+    reading: what is known of record files beside what they say.
+    """
+    things = [open_thing(path, reading) for path in paths]
     fits, misfits, warnings, seen = [], [], [], []
     for study in (thing for thing in things if isinstance(thing, Study)):
         problems = study_problems(study)
@@ -70,7 +73,7 @@ def inspect(paths: Sequence[Path]) -> Inspection:
         for other in things:
             if other is model:
                 continue
-            problems = list(_against(model, other))
+            problems = list(_against(model, other, reading))
             _judge(f"{_path(model).name} and {_path(other).name}", problems, fits, misfits)
     for study in (thing for thing in things if isinstance(thing, Study)):
         for fmu in (thing for thing in things if isinstance(thing, FmuDescription)):
@@ -87,10 +90,10 @@ def inspect(paths: Sequence[Path]) -> Inspection:
 
 def _losses(study: Study) -> Iterator[str]:
     """What the records of a study lost, and what they hold that is no column."""
-    files = (path for c in study.conditions for path in (c.measurement, c.simulated, c.inputs) if path is not None)
-    for path in dict.fromkeys(files):
+    files = {path: c.reading for c in study.conditions for path in (c.measurement, c.simulated, c.inputs) if path}
+    for path, reading in files.items():
         try:
-            contents = records.describe(path)
+            contents = records.describe(path, reading)
         except FmucorrectError:  # study_problems has said why
             continue
         if contents.damage:
@@ -121,7 +124,7 @@ def _screened(study: Study, problems: list[str], seen: list[str]) -> list[Findin
     return found
 
 
-def open_thing(path: Path) -> Thing:
+def open_thing(path: Path, reading: Reading = AS_IT_IS) -> Thing:
     """The file by its suffix, opened and checked."""
     suffix = path.suffix.lower()
     if suffix == ".fmu":
@@ -130,12 +133,12 @@ def open_thing(path: Path) -> Thing:
         return bundle.load(path)
     if suffix == ".toml":
         return load_study(path)
-    if suffix in records.SUFFIXES or records.is_recording(path):
-        return records.describe(path)
+    if records.suffix_of(path) in records.READ or records.is_recording(path):
+        return records.describe(path, reading)
     raise RecordError(
         "what this file is cannot be told from its suffix",
         where=str(path),
-        expected=f"one of .fmu, .onnx, .toml, {', '.join(records.SUFFIXES)}",
+        expected=f"one of .fmu, .onnx, .toml, {', '.join(records.READ)}",
         got=repr(path.suffix),
     )
 
@@ -204,14 +207,14 @@ def _path(thing: Thing) -> Path:
     return Path(thing.path)
 
 
-def _against(model: Bundle, other: Thing) -> Iterator[str]:
+def _against(model: Bundle, other: Thing, reading: Reading) -> Iterator[str]:
     if isinstance(other, Study):
         yield from _study_against(model, other)
     elif isinstance(other, FmuDescription):
         for channel in model.channels:
             yield from _column(channel.simulation or channel.name, channel.unit, other.units, "variable")
     elif isinstance(other, Contents):
-        yield from _record_against(model, other)
+        yield from _record_against(model, other, reading)
 
 
 def _study_against(model: Bundle, study: Study) -> Iterator[str]:
@@ -230,12 +233,12 @@ def _study_against(model: Bundle, study: Study) -> Iterator[str]:
                 yield f"condition {condition.name!r} lies outside the training envelope: {key} {value:g}, {low:g} to {high:g}"
 
 
-def _record_against(model: Bundle, contents: Contents) -> Iterator[str]:
+def _record_against(model: Bundle, contents: Contents, reading: Reading) -> Iterator[str]:
     path = Path(contents.path)
-    topic = sources.default_topic(path)
+    topic = sources.default_topic(path, reading)
     chosen = [item for item in contents.topics if topic in (None, item.topic.name)]
     there = record_columns(Contents(contents.path, contents.format, tuple(chosen), contents.truncated))
-    for name, channel in zip(sources.columns(path, model.channels, topic), model.channels, strict=True):
+    for name, channel in zip(sources.columns(path, model.channels, topic, reading), model.channels, strict=True):
         yield from _column(name, channel.unit, there, "column")
     for item in chosen:
         step = views.mean_step_ns(item.extent.rows, item.extent.start_ns, item.extent.stop_ns)

@@ -19,7 +19,7 @@ from fmucorrect import __version__, outputs, records, sources
 from fmucorrect.bundle import Bundle
 from fmucorrect.errors import FmucorrectError, RecordError
 from fmucorrect.records.writing import Writer
-from fmucorrect.signals import NANOSECONDS, Condition, Record
+from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Condition, Reading, Record
 from fmucorrect.stepper import (
     CorrectedStepper,
     Corrector,
@@ -113,6 +113,7 @@ def replay_log(
     topic: str | None = None,
     repair: str | None = None,
     unit: str | None = None,
+    reading: Reading = AS_IT_IS,
     allow_damaged: bool = False,
     overwrite: bool = True,
     also_read: outputs.Inputs = (),
@@ -126,21 +127,27 @@ def replay_log(
     read = [("the log", log), ("the corrector", _path(corrector)), *also_read]
     outputs.check_file(out, read, "replay", overwrite)
     channels = corrector.channels
-    damage = records.describe(log).damage
+    damage = records.describe(log, reading).damage
     if damage and not allow_damaged:
         raise records.damaged(str(log), damage)
-    inputs = sources.log_inputs(log, channels, topic=topic, repair=repair, unit=unit, allow_damaged=allow_damaged)
-    told = {"damage": damage, "repaired": sources.repaired(log, channels, topic=topic, repair=repair)}
+    inputs = sources.log_inputs(
+        log, channels, topic=topic, repair=repair, unit=unit, reading=reading, allow_damaged=allow_damaged
+    )
+    repaired = sources.repaired(log, channels, topic=topic, repair=repair, reading=reading)
+    told = {"damage": damage, "repaired": repaired}
     stepper = ReplayStepper(channels)
     return _write("replay", stepper, corrector, condition, inputs, out, progress, told, made(corrector))
 
 
 def logged_condition(
-    log: Path, topic: str | None = None, given: Mapping[str, float] = MappingProxyType({})
+    log: Path,
+    topic: str | None = None,
+    given: Mapping[str, float] = MappingProxyType({}),
+    reading: Reading = AS_IT_IS,
 ) -> Condition | None:
     """The condition that a log of ours carries in its metadata, None where it does not. given: features that are known
     otherwise, and not read. Raises RecordError for one that is no usable number."""
-    for item in records.describe(log).topics:
+    for item in records.describe(log, reading).topics:
         data = item.topic.metadata
         if topic in (None, item.topic.name) and {"condition", *FEATURES} <= set(data):
             speed, amplitude, frequency, start = (

@@ -255,11 +255,17 @@ class Reading:
 
     columns: a column of the file by the name that it goes by here; a file without that column is read as it is. units: of
     columns, by either name, in place of what the file says. repair: repair rules of `records.timebase`, as "sort,drop".
+    time: the column that is the time; a file without that column is read as it is. Of text files: delimiter (one character,
+    "tab" or "space"), decimal ("." or ","), encoding (as Python names it). "" of any: found out.
     """
 
     columns: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     units: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     repair: str = ""
+    time: str = ""
+    delimiter: str = ""
+    decimal: str = ""
+    encoding: str = ""
 
 
 AS_IT_IS = Reading()

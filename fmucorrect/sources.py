@@ -133,7 +133,7 @@ def damages(condition: Condition) -> dict[Path, str]:
     """What the records of a condition have lost, by file, in words; a file that is whole is not there."""
     found: dict[Path, str] = {}
     for path in (condition.measurement, condition.simulated, condition.inputs):
-        damage = records.describe(path).damage if path is not None else ""
+        damage = records.describe(path, condition.reading).damage if path is not None else ""
         if path is not None and damage:
             found[path] = damage
     return found
@@ -153,14 +153,14 @@ def excitation_channel(study: Study) -> tuple[Channel, ...]:
 def expected_rows(study: Study, condition: Condition, duration: float | None = None) -> int:
     """How many samples `inputs` gives."""
     if condition.simulated is not None:
-        return logged_rows(condition.simulated, None)
+        return logged_rows(condition.simulated, None, condition.reading)
     length, _ = _length(study, condition, duration)
     return round(length * NANOSECONDS / study.simulation.step_ns) + 1
 
 
-def logged_rows(log: Path, topic: str | None) -> int:
+def logged_rows(log: Path, topic: str | None, reading: Reading = AS_IT_IS) -> int:
     """How many samples the topic has, or the longest topic of the log."""
-    topics = [item for item in records.describe(log).topics if topic in (None, item.topic.name)]
+    topics = [item for item in records.describe(log, reading).topics if topic in (None, item.topic.name)]
     return max((item.extent.rows for item in topics), default=0)
 
 
@@ -180,7 +180,7 @@ def log_inputs(
     that is not there or a file that is not whole (unless `allow_damaged`), SignalError for a unit that does not fit or is
     not said.
     """
-    chosen = topic or default_topic(log)
+    chosen = topic or default_topic(log, reading)
     factors: np.ndarray | None = None
     names = columns(log, channels, chosen, reading)
     for chunk in records.stream(
@@ -192,12 +192,20 @@ def log_inputs(
         yield replace(chunk, values=chunk.values * factors if (factors != 1.0).any() else chunk.values)
 
 
-def repaired(log: Path, channels: tuple[Channel, ...], *, topic: str | None = None, repair: str | None = None) -> str:
+def repaired(
+    log: Path,
+    channels: tuple[Channel, ...],
+    *,
+    topic: str | None = None,
+    repair: str | None = None,
+    reading: Reading = AS_IT_IS,
+) -> str:
     """What repair rules change in these columns of a log, in words; "" for nothing. Reads the log once where there are any."""
     told = ""
     if repair:
-        chosen = topic or default_topic(log)
-        for chunk in records.stream(log, columns(log, channels, chosen), topic=chosen, repair=repair):
+        chosen = topic or default_topic(log, reading)
+        names = columns(log, channels, chosen, reading)
+        for chunk in records.stream(log, names, topic=chosen, repair=repair, reading=reading):
             told = chunk.metadata.get("repaired", "")
     return told
 
@@ -206,7 +214,7 @@ def columns(
     log: Path, channels: tuple[Channel, ...], topic: str | None = None, reading: Reading = AS_IT_IS
 ) -> list[str]:
     """The column of each channel: the one named `simulation`, or where the log has none of that, the one named `name`."""
-    topics = [item.topic for item in records.describe(log).topics if topic in (None, item.topic.name)]
+    topics = [item.topic for item in records.describe(log, reading).topics if topic in (None, item.topic.name)]
 
     def column(channel: Channel) -> str:
         names = [name for name in (channel.simulation, channel.name) if name]
@@ -215,9 +223,9 @@ def columns(
     return [column(channel) for channel in channels]
 
 
-def default_topic(log: Path) -> str | None:
+def default_topic(log: Path, reading: Reading = AS_IT_IS) -> str | None:
     """/simulation where the log has that topic beside others, else None."""
-    names = [item.topic.name for item in records.describe(log).topics]
+    names = [item.topic.name for item in records.describe(log, reading).topics]
     return SIMULATION if len(names) > 1 and SIMULATION in names else None
 
 

@@ -19,6 +19,7 @@ from fmucorrect import __version__
 from fmucorrect.errors import FmucorrectError, printable
 
 if TYPE_CHECKING:
+    from fmucorrect.signals import Reading
     from fmucorrect.study import Study
 
 PATH = click.Path(path_type=Path)
@@ -32,6 +33,29 @@ ALLOW_DAMAGED = click.option(
     "--allow-damaged", is_flag=True, help="Go on with records that are cut off or damaged; what they lost is told."
 )
 """The option of every command that reads records and writes what follows from them."""
+
+
+def reading_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The options of every command that opens a record file by itself; `reading_of` takes them."""
+    for name, text in (
+        ("encoding", "Encoding of a text file, as cp1250 or shift_jis."),
+        ("decimal", "Decimal mark of a text file: . or ,"),
+        ("delimiter", "What stands between the cells of a text file: one character, tab or space."),
+        ("time", "Column that is the time, where none is named so."),
+    ):
+        command = click.option(f"--{name}", default="", help=text)(command)
+    return command
+
+
+def reading_of(time: str, delimiter: str, decimal: str, encoding: str) -> Reading:
+    """What the options tell of a record file. Raises UserError."""
+    from fmucorrect.signals import Reading
+
+    if decimal not in ("", ".", ","):
+        raise UserError(f"--decimal is . or , and not {decimal!r}")
+    if len(delimiter) > 1 and delimiter not in ("tab", "space"):
+        raise UserError(f"--delimiter is one character, tab or space, and not {delimiter!r}")
+    return Reading(time=time, delimiter=delimiter, decimal=decimal, encoding=encoding)
 
 
 OVERWRITE = click.option(

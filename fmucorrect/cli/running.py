@@ -17,13 +17,15 @@ from fmucorrect.cli.group import (
     UserError,
     open_study,
     progress_bar,
+    reading_of,
+    reading_options,
     say,
     tell_damage,
 )
 
 if TYPE_CHECKING:
     from fmucorrect.session import Summary
-    from fmucorrect.signals import Condition
+    from fmucorrect.signals import Condition, Reading
 
 
 @click.command()
@@ -119,6 +121,7 @@ def run(
 @click.option("--topic", help="Topic of the log to read; default: /simulation where there is one.")
 @click.option("--repair", help="Rules for a log with flaws: sort, drop, interpolate, clock, resample; as 'sort,drop'.")
 @click.option("--unit", help="Unit of the columns for which the log says none, as 'mm'.")
+@reading_options
 @click.option("-o", "--out", type=PATH, required=True, help="Record file to write; .mcap takes several topics.")
 @OVERWRITE
 @ALLOW_DAMAGED
@@ -131,6 +134,10 @@ def replay(
     topic: str | None,
     repair: str | None,
     unit: str | None,
+    time: str,
+    delimiter: str,
+    decimal: str,
+    encoding: str,
     out: Path,
     overwrite: bool,
     allow_damaged: bool,
@@ -146,9 +153,10 @@ def replay(
     """
     from fmucorrect import bundle, session, sources
 
+    reading = reading_of(time, delimiter, decimal, encoding)
     model = bundle.load(corrector)
-    chosen, also_read = _condition(log, topic, study, condition, features)
-    with progress_bar(sources.logged_rows(log, topic), "sample", log.name) as advance:
+    chosen, also_read = _condition(log, topic, study, condition, features, reading)
+    with progress_bar(sources.logged_rows(log, topic, reading), "sample", log.name) as advance:
         summary = session.replay_log(
             log,
             chosen,
@@ -157,6 +165,7 @@ def replay(
             topic=topic,
             repair=repair,
             unit=unit,
+            reading=reading,
             allow_damaged=allow_damaged,
             overwrite=overwrite,
             also_read=also_read,
@@ -169,10 +178,20 @@ def replay(
 
 @click.command()
 @click.argument("paths", type=PATH, nargs=-1, required=True)
+@reading_options
 @click.option("--json", "as_json", is_flag=True, help="Print what was found as JSON.")
 @click.option("-o", "--out", type=PATH, help="Write there instead of printing.")
 @OVERWRITE
-def inspect(paths: tuple[Path, ...], as_json: bool, out: Path | None, overwrite: bool) -> None:
+def inspect(
+    paths: tuple[Path, ...],
+    time: str,
+    delimiter: str,
+    decimal: str,
+    encoding: str,
+    as_json: bool,
+    out: Path | None,
+    overwrite: bool,
+) -> None:
     """Say what is in an FMU, an ONNX bundle, a record file or a study, and whether they fit together.
 
     Several PATHS are held against each other; a study against all that it names. Exit code 2 where something does not fit.
@@ -186,7 +205,7 @@ def inspect(paths: tuple[Path, ...], as_json: bool, out: Path | None, overwrite:
         studies = [load_study(path) for path in paths if path.suffix.lower() == ".toml"]
         read = [*(("the file", path) for path in paths), *(pair for study in studies for pair in study.files())]
         outputs.check_file(out, read, "inspect", overwrite)
-    found = inspection.inspect(paths)
+    found = inspection.inspect(paths, reading_of(time, delimiter, decimal, encoding))
     mark = {} if out is None else {"made_by": outputs.mark("inspect")}
     text = json.dumps(mark | found.to_json(), indent=1) if as_json else found.text()
     if out is None:
@@ -198,7 +217,12 @@ def inspect(paths: tuple[Path, ...], as_json: bool, out: Path | None, overwrite:
 
 
 def _condition(
-    log: Path, topic: str | None, study: Path | None, name: str | None, features: dict[str, float | None]
+    log: Path,
+    topic: str | None,
+    study: Path | None,
+    name: str | None,
+    features: dict[str, float | None],
+    reading: Reading,
 ) -> tuple[Condition, list[tuple[str, Path | None]]]:
     """The condition of a replay, and what its study reads. Raises UserError that says what is missing."""
     from fmucorrect import session
@@ -213,7 +237,7 @@ def _condition(
         known, read = opened.condition(name), list(opened.files())
     else:
         read = list[tuple[str, Path | None]]()
-        known = session.logged_condition(log, topic, given)
+        known = session.logged_condition(log, topic, given, reading)
     if known is None and len(given) < len(features):
         missing = ", ".join(f"--{key}" for key in features if key not in given)
         raise UserError(f"{log} does not say its operating condition: give {missing}, or --study and --condition")

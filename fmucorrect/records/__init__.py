@@ -36,7 +36,13 @@ from fmucorrect.signals import AS_IT_IS, Reading, Record
 SUFFIXES = (".mcap", ".csv", ".parquet", ".mf4", ".mdf", ".tdms", ".mat")
 """The suffixes of files that can be read and written."""
 
-__all__ = ["SUFFIXES", "damaged", "describe", "field_names", "find", "has", "is_recording", "read", "stream", "writer"]
+TEXT = (".txt", ".tsv", ".asc", ".tab", ".prn", ".csv.gz", ".txt.gz", ".tsv.gz", ".asc.gz", ".tab.gz")
+"""Those of files that are read as CSV is; none is written."""
+
+READ = (*SUFFIXES, *TEXT)
+"""The suffixes of files that can be read."""
+
+__all__ = ["READ", "SUFFIXES", "damaged", "describe", "field_names", "find", "has", "is_recording", "read", "stream", "suffix_of", "writer"]
 
 
 def read(
@@ -56,7 +62,7 @@ def read(
     file beside what it says. allow_damaged: whether a file that lost something is read
     (and says so in its metadata) or refused. Raises RecordError, with place and remedy.
     """
-    source = _source(path)
+    source = _source(path, reading)
     try:
         record = assemble.whole(source, columns, topic, repair, reading)
         if not allow_damaged:
@@ -86,7 +92,7 @@ def stream(
     """
     if rows < 1:
         raise RecordError("a chunk has at least one row", where=fspath(path), got=rows)
-    source = _source(path)
+    source = _source(path, reading)
     try:
         for chunk in assemble.chunks(source, columns, topic, repair, reading, rows):
             if not allow_damaged:
@@ -109,7 +115,7 @@ def writer(path: str | PathLike[str], *, made_by: str = "", becomes: str | PathL
     format other than MCAP makes no file when nothing is written.
     """
     name = fspath(path if becomes is None else becomes)
-    suffix = _suffix(name)
+    suffix = _suffix(name, SUFFIXES)
     try:
         return Writer(_sink(suffix, fspath(path), made_by), name, topics=suffix == ".mcap")
     except OSError as error:
@@ -118,7 +124,7 @@ def writer(path: str | PathLike[str], *, made_by: str = "", becomes: str | PathL
 
 def describe(path: str | PathLike[str], reading: Reading = AS_IT_IS) -> Contents:
     """What is in the file: topics, columns with units, rows, time range, encoding, and whether it was cut off."""
-    source = _source(path)
+    source = _source(path, reading)
     try:
         known = with_units(source.topics(), reading)
         topics = tuple(TopicContents(topic, source.extent(topic.name)) for topic in known)
@@ -127,30 +133,38 @@ def describe(path: str | PathLike[str], reading: Reading = AS_IT_IS) -> Contents
         source.close()
 
 
-def _suffix(path: str | PathLike[str]) -> str:
-    suffix = Path(path).suffix.lower()
-    if suffix not in SUFFIXES:
+def suffix_of(path: str | PathLike[str]) -> str:
+    """The suffix that tells the format, as `.csv` or `.csv.gz`, in small letters."""
+    suffixes = Path(path).suffixes[-2:]
+    return "".join(suffixes if suffixes[-1:] == [".gz"] else suffixes[-1:]).lower()
+
+
+def _suffix(path: str | PathLike[str], known: Sequence[str]) -> str:
+    suffix = suffix_of(path)
+    if suffix not in known:
         raise RecordError(
             "the file's format is not known",
             where=fspath(path),
-            expected=f"one of {', '.join(SUFFIXES)}",
+            expected=f"one of {', '.join(known)}",
             got=repr(suffix),
         )
     return suffix
 
 
-def _source(path: str | PathLike[str]) -> Guarded:
+def _source(path: str | PathLike[str], reading: Reading) -> Guarded:
     name = fspath(path)
     if is_recording(Path(path)):
         files, missing = parts_of(Path(path))
-        return Guarded(name, lambda path: PartsSource(path, files, missing, _source))
+        return Guarded(name, lambda path: PartsSource(path, files, missing, lambda part: _source(part, reading)))
     refuse(Path(path).parent, [Path(path).name])
-    suffix = _suffix(path)
+    suffix = _suffix(path, READ)
     if not Path(path).is_file():
         raise RecordError("there is no such file", where=name)
     if suffix == ".mcap":
-        from fmucorrect.records.mcap import McapSource as Opened
-    elif suffix == ".csv":
+        from fmucorrect.records.mcap import McapSource
+
+        return Guarded(name, McapSource)
+    if suffix == ".csv" or suffix in TEXT:
         from fmucorrect.records.csv import CsvSource as Opened
     elif suffix == ".parquet":
         from fmucorrect.records.parquet import opened as Opened
@@ -160,7 +174,7 @@ def _source(path: str | PathLike[str]) -> Guarded:
         from fmucorrect.records.tdms import TdmsSource as Opened
     else:
         from fmucorrect.records.mat import opened as Opened
-    return Guarded(name, Opened)
+    return Guarded(name, lambda path: Opened(path, reading))
 
 
 def _sink(suffix: str, name: str, made_by: str) -> Sink:

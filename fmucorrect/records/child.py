@@ -29,6 +29,7 @@ from fmucorrect.errors import FmucorrectError, RecordError
 from fmucorrect.records.contents import Column, Extent, Topic
 from fmucorrect.records.guarded import Guarded
 from fmucorrect.records.source import Block
+from fmucorrect.signals import AS_IT_IS, Reading
 
 START_S = 120.0
 """Seconds for Python and the library to start: ten times what a slow disk needs."""
@@ -50,10 +51,11 @@ _START = (
 class ChildSource:
     """A source that another process reads. opened: `module:class` of the source. Raises RecordError as that does."""
 
-    def __init__(self, path: str, opened: str) -> None:
+    def __init__(self, path: str, opened: str, reading: Reading = AS_IT_IS) -> None:
         self.path = path
         self._asked = count()
         self._limit = ANSWER_S + ANSWER_S_PER_BYTE * Path(path).stat().st_size
+        told_reading = json.dumps([reading.time, reading.delimiter, reading.decimal, reading.encoding])
         root = str(Path(__file__).resolve().parents[2])
         places = json.dumps([*(str(Path(place).resolve()) for place in sys.path if place), root])
         # one thread, and no arena of a gigabyte kept ready: the bound on memory counts what is kept, too
@@ -64,7 +66,7 @@ class ChildSource:
         environment |= dict.fromkeys(("TMPDIR", "TEMP", "TMP"), self._temporary.name)
         # -I: no module of the working directory or the user's can take the place of an installed one
         self._process = subprocess.Popen(
-            [sys.executable, "-I", "-c", _START, places, opened, str(Path(path).resolve()), path],
+            [sys.executable, "-I", "-c", _START, places, opened, str(Path(path).resolve()), path, told_reading],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
@@ -155,8 +157,10 @@ class ChildSource:
         )
 
 
-def serve(opened: str, path: str, shown: str) -> None:
+def serve(opened: str, path: str, shown: str, told_reading: str) -> None:
     """The child: opens the file and answers until its input ends. shown: the path as it is told."""
+    time, delimiter, decimal, encoding = json.loads(told_reading)
+    reading = Reading(time=time, delimiter=delimiter, decimal=decimal, encoding=encoding)
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what the library prints must not come between the answers
     module, name = opened.split(":")
@@ -170,7 +174,7 @@ def serve(opened: str, path: str, shown: str) -> None:
     _send(answers, {})
     limit()
     try:
-        source = Guarded(path, source_class)
+        source = Guarded(path, lambda path: source_class(path, reading))
         topics = [
             {"name": t.name, "columns": [[c.name, c.unit] for c in t.columns], "encoding": t.encoding}
             | {"metadata": dict(t.metadata), "note": t.note}

@@ -1,7 +1,7 @@
 """CSV: a first column `time` in s, a header `name` or `name [unit]`, rows of numbers.
 
-Comma, semicolon or tab; a decimal comma where one of the last two separates. A cell that is empty or says n/a is NaN.
-Times are numbers of any unit of time or ISO 8601 stamps, read exactly, and written in s with nine decimals. How other
+Comma, semicolon, tab, bar or blanks; a decimal comma where it does not separate. A cell that is empty or says n/a is
+NaN. Times are numbers of any unit of time or stamps, read exactly, and written in s with nine decimals. How other
 programs lay their files out is found in `fmucorrect.records.csv_layout`. A row with more or fewer cells than the header
 is an error; a last line without its end is left out as cut off unless it is surely whole (`CsvSource._end`).
 """
@@ -21,12 +21,14 @@ import numpy as np
 from fmucorrect.errors import RecordError
 from fmucorrect.records import naming, seconds
 from fmucorrect.records.contents import Extent, Topic
-from fmucorrect.records.csv_layout import MOST_CHARACTERS, layout, missing, number, opened, split, tail
+from fmucorrect.records.csv_layout import layout, missing, number, split
 from fmucorrect.records.source import NO_TIME, Block, extent_of
-from fmucorrect.signals import NANOSECONDS, Record
+from fmucorrect.records.text import MOST_CHARACTERS, Unpacked, opened, tail
+from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Reading, Record
 
 _NINE = re.compile(r"^-?\d+\.\d{9}$")
 _LINES = 8192
+DAY_NS = 86400 * NANOSECONDS
 _COMPARED = 200
 """Lines with which a last line without its end is compared."""
 
@@ -38,11 +40,18 @@ class CsvSource:
     damage = ""
     left_out: tuple[str, ...] = ()
 
-    def __init__(self, path: str) -> None:
+    def __init__(self, path: str, reading: Reading = AS_IT_IS) -> None:
         self.path = path
-        self._layout = layout(path)
+        self._file = Unpacked(path)
         self._streams: list[IO[str]] = []
-        self.damage = self._end()
+        try:
+            self._layout = layout(self._file.place, path, reading)
+            end = self._end()
+        except BaseException:
+            self._file.close()
+            raise
+        self._unended = bool(end)
+        self.damage = "; ".join(filter(None, [self._file.damage, end]))
         self.truncated = bool(self.damage)
         self.left_out = self._layout.left_out
 
@@ -50,6 +59,7 @@ class CsvSource:
         """Release the file."""
         for stream in self._streams:
             stream.close()
+        self._file.close()
 
     def topics(self) -> tuple[Topic, ...]:
         """One topic, of the columns whose first cell is a number or missing."""
@@ -64,8 +74,11 @@ class CsvSource:
         found = self._layout
         names = [column.name for column in found.columns]
         used = [found.time, *(names.index(column) for column in columns)]
+        days, last = 0, NO_TIME
         for first, lines in self._lines():
             block = self._block(lines, first, used)
+            if found.stamps == "midnight":
+                block, days, last = _behind_midnight(block, days, last)
             if len(block.t_ns):
                 yield block
 
@@ -75,7 +88,7 @@ class CsvSource:
 
     def _lines(self) -> Iterator[tuple[int, list[str]]]:
         """The rows as lines without their ends, by the megabyte, each time with the number of the first line."""
-        stream = opened(self.path, self._layout.encoding)
+        stream = opened(self._file.place, self._layout.encoding)
         self._streams.append(stream)
         held, number, skipped = "", 1, self._layout.first_line - 1
         while text := stream.read(MOST_CHARACTERS):
@@ -91,7 +104,7 @@ class CsvSource:
                 first = skipped + 1
             if lines:
                 yield first, lines
-        if held and not self.truncated and number > skipped:
+        if held and not self._unended and number > skipped:
             yield number, [held]
 
     def _end(self) -> str:
@@ -102,7 +115,7 @@ class CsvSource:
         the same decimals in it and some end in a zero, which only a fixed format writes. Otherwise it is left out.
         """
         found = self._layout
-        lines = tail(self.path, found.encoding)
+        lines = tail(self._file.place, found.encoding)
         last = lines.pop()
         if not last.strip():
             return ""
@@ -127,20 +140,26 @@ class CsvSource:
     def _block(self, lines: list[str], first: int, used: list[int]) -> Block:
         found = self._layout
         numbers: np.ndarray | None = None
-        if not found.stamps and set(map(str.count, lines, repeat(found.delimiter))) == {len(found.columns) - 1}:
+        if not found.stamps and self._regular(lines):
             with suppress(ValueError):  # an empty cell, a quote, a word: cell by cell below
-                numbers = np.loadtxt(
-                    self._plain(lines), delimiter=found.delimiter, usecols=used, ndmin=2, comments=None
-                )
+                delimiter = None if found.delimiter == " " else found.delimiter
+                numbers = np.loadtxt(self._plain(lines), delimiter=delimiter, usecols=used, ndmin=2, comments=None)
         if numbers is None:
             return self._slow(lines, first, used)
         t_ns = seconds.to_ns(np.ascontiguousarray(numbers[:, 0]), found.per)
         if len(t_ns) and np.abs(t_ns.astype(np.float64)).max() >= seconds.EXACT_SECONDS * NANOSECONDS:
             times = [
-                (line.split(found.delimiter)[found.time], n) for n, line in enumerate(lines, first) if line.strip()
+                (split(line, found.delimiter)[found.time], n) for n, line in enumerate(lines, first) if line.strip()
             ]
             t_ns = np.array([self._time(cell, n) for cell, n in times], np.int64)
         return Block(t_ns, np.ascontiguousarray(numbers[:, 1:]))
+
+    def _regular(self, lines: list[str]) -> bool:
+        """Whether all lines have as many cells as the header, as far as delimiters tell."""
+        found = self._layout
+        if found.delimiter == " ":
+            return set(map(len, map(str.split, lines))) == {len(found.columns)}
+        return set(map(str.count, lines, repeat(found.delimiter))) == {len(found.columns) - 1}
 
     def _plain(self, lines: list[str]) -> list[str]:
         """The lines with decimal points. Raises ValueError where that cannot be done for all of them at once."""
@@ -155,13 +174,15 @@ class CsvSource:
         return text.replace(",", ".").split("\n")
 
     def _slow(self, lines: list[str], first: int, used: list[int]) -> Block:
+        found = self._layout
         t_ns: list[int] = []
         rows: list[list[float]] = []
         for n, line in enumerate(lines, first):
             if not line.strip(" "):
                 continue
             cells = self._row(line, n)
-            t_ns.append(self._time(cells[used[0]], n))
+            time = cells[found.time]
+            t_ns.append(self._time(time if found.date is None else f"{cells[found.date]} {time}", n))
             rows.append([self._number(cells[c], n, c) for c in used[1:]])
         return Block(np.array(t_ns, np.int64), np.array(rows, np.float64).reshape(len(t_ns), len(used) - 1))
 
@@ -213,6 +234,18 @@ class CsvSource:
             name = self._layout.columns[column].name
             raise RecordError(f"line {line}, column {name!r} is no number", where=self.path, got=repr(cell[:60]))
         return value
+
+
+def _behind_midnight(block: Block, days: int, last: int) -> tuple[Block, int, int]:
+    """Clock times that go on from one day to the next; how many days that were, and the last clock time."""
+    known = block.t_ns[block.t_ns != NO_TIME]
+    if not len(known):
+        return block, days, last
+    before = np.concatenate([[known[0] if last == NO_TIME else last], known[:-1]])
+    passed = days + np.cumsum(known - before < -DAY_NS // 2)
+    t_ns = block.t_ns.copy()
+    t_ns[block.t_ns != NO_TIME] = known + passed * DAY_NS
+    return Block(t_ns, block.values), int(passed[-1]), int(known[-1])
 
 
 class CsvSink:

@@ -5,21 +5,22 @@ What was taken to be so without the file saying it is told in `Layout.assumed`; 
 
 from __future__ import annotations
 
-import codecs
 import csv
 import re
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from pathlib import Path
-from typing import IO
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import pairwise
 
 from fmucorrect.errors import RecordError
 from fmucorrect.records import naming, seconds
 from fmucorrect.records.contents import Column
 from fmucorrect.records.source import MOST_COLUMNS
+from fmucorrect.records.text import MOST_CHARACTERS, encoding_of, known_encoding, opened
+from fmucorrect.signals import Reading
 
-MOST_CHARACTERS = 2**20
-"""Of a line: room for 40 000 numbers. A line without end (a binary file, a lost line end) is refused here."""
+DELIMITERS = {"tab": "\t", "space": " ", "blank": " "}
+"""Words for delimiters that are hard to write."""
 
 _PREAMBLE = 100
 """Lines among which the header must stand."""
@@ -27,12 +28,15 @@ _PREAMBLE = 100
 _SAMPLE = 200
 """Rows by which text columns and the decimal mark are told."""
 
-_WIDTH = {"utf-16": 2, "utf-32": 4}
-"""Bytes of a unit of these encodings, after which alone a file may end."""
+_BETWEEN = 3
+"""Lines of words between the header and the first row: a description, units, a kind."""
 
 _MISSING = frozenset(["", "na", "n/a", "#n/a", "#na", "nan", "null", "none", "nil", "-", "--", "missing"])
+_TRUTH = {"true": 1.0, "false": 0.0}
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,5})?", re.ASCII)
 _DIGITS = re.compile(r"[+-]?\d[\d.,'’ \u00a0\u202f]*(?:[eE][+-]?\d+)?", re.ASCII)
+_WORD = re.compile(r"\"[^\"]*\"|\S+")
+_NAME_AND_UNIT = re.compile(r"(?:\"[^\"]*\"|\S+)(?:\s?[\[(][^\])]*[\])])?")
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+", re.ASCII)
 
 
@@ -40,6 +44,7 @@ _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+", re.ASCII)
 class Layout:
     """columns: all, in file order, by place; "" names one without a name. time: its place. numeric: places of numbers.
 
+    date: the place of dates, where the time has only clock times. delimiter: " " for any number of blanks.
     first_line: the number of the line with the first row. per: ns in a unit of the time. stamps: "", or what dates and
     clock times count from. mark: the decimal mark, "" while nothing tells. unnamed_last: columns at the end without a
     name, whose cells must be empty.
@@ -50,6 +55,7 @@ class Layout:
     mark: str
     columns: tuple[Column, ...]
     time: int
+    date: int | None
     numeric: tuple[int, ...]
     first_line: int
     per: int
@@ -82,41 +88,28 @@ def number(cell: str, mark: str) -> float | None:
         cell = cell.replace(",", ".")
     elif mark == "," and "." in cell:
         return None
-    return float(cell) if _NUMBER.fullmatch(cell) else _special(cell)
+    if _NUMBER.fullmatch(cell):
+        return float(cell)
+    truth = _TRUTH.get(cell.lower())
+    return _special(cell) if truth is None else truth
 
 
 def split(line: str, delimiter: str) -> list[str]:
     """The cells of a line. Raises csv.Error for a quotation mark that is not closed, or a cell of over 100 kB."""
+    if delimiter == " ":
+        return [cell.strip('"') for cell in _WORD.findall(line)]
     return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, strict=True), [])]
 
 
-def opened(path: str, encoding: str) -> IO[str]:
-    """The text, each kind of line end as a newline. What is no character becomes U+FFFD, which no number has."""
-    try:
-        return Path(path).open(encoding=encoding, errors="replace")
-    except OSError as error:
-        raise RecordError(f"the file cannot be read: {error.strerror}", where=path) from error
+def layout(place: str, path: str, reading: Reading) -> Layout:
+    """The layout of the file at `place`, which errors call `path`.
 
-
-def tail(path: str, encoding: str) -> list[str]:
-    """The last lines of the file, without their ends, the first of them perhaps in part; "" is last if all have one."""
-    with Path(path).open("rb") as stream:
-        start = stream.read(4)
-        size = stream.seek(0, 2)
-        stream.seek(max(0, size - 8) // 4 * 4)
-        if stream.read().rstrip(b"\0").endswith((b"\n", b"\r")) and size % _WIDTH.get(encoding, 1) == 0:
-            return [""]
-        stream.seek(max(0, size - MOST_CHARACTERS) // 4 * 4)
-        content = stream.read()
-    order = "-be" if start in (codecs.BOM_UTF32_BE,) or start.startswith(codecs.BOM_UTF16_BE) else "-le"
-    text = content.decode(encoding + order if encoding in _WIDTH else encoding, "replace")
-    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
-
-
-def layout(path: str) -> Layout:
-    """The layout of a file. Raises RecordError when there is no header with a time, or it cannot be told apart."""
-    encoding, assumed = _encoding(path)
-    with opened(path, encoding) as stream:
+    Raises RecordError when there is no header with a time, or it cannot be told apart.
+    """
+    encoding, assumed = encoding_of(place)
+    if reading.encoding:
+        encoding, assumed = known_encoding(reading.encoding, path), []
+    with opened(place, encoding) as stream:
         head = stream.read(MOST_CHARACTERS)
     lines = head.split("\n")
     whole = lines[:-1]
@@ -126,64 +119,107 @@ def layout(path: str) -> Layout:
     if not whole:
         raise RecordError("the header is not complete", where=path, expected="a line 'time,name [unit],...' and rows")
     declared = re.fullmatch(r"\"?sep=(.)\"?", whole[0].strip("\r "), re.IGNORECASE)
-    header = _header(path, whole, declared.group(1) if declared else None)
+    delimiters = DELIMITERS.get(reading.delimiter, reading.delimiter) or (declared.group(1) if declared else ",;\t|")
+    header = _header(path, whole, delimiters, reading.time)
     if len(header.cells) > MOST_COLUMNS:
         raise RecordError("the header is too wide", where=path, expected=f"at most {MOST_COLUMNS} columns")
-    return _columns(path, encoding, assumed, whole, header, 1 if declared else 0)
+    return _columns(path, encoding, assumed, whole, header, 1 if declared else 0, reading.decimal)
 
 
-def _encoding(path: str) -> tuple[str, list[str]]:
-    try:
-        with Path(path).open("rb") as stream:
-            head = stream.read(MOST_CHARACTERS)
-    except OSError as error:
-        raise RecordError(f"the file cannot be read: {error.strerror}", where=path) from error
-    for mark, name in (
-        (codecs.BOM_UTF8, "utf-8-sig"),
-        (codecs.BOM_UTF32_LE, "utf-32"),
-        (codecs.BOM_UTF32_BE, "utf-32"),
-    ):
-        if head.startswith(mark):
-            return name, []
-    if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return "utf-16", []
-    try:
-        codecs.getincrementaldecoder("utf-8")().decode(head)
-    except UnicodeDecodeError:
-        return "cp1252", ["the text is not UTF-8: read as Windows-1252 (Western European)"]
-    return "utf-8", []
+def _header(path: str, lines: Sequence[str], delimiters: str, told: str) -> _Header:
+    """The first line with a time that a row of as many cells follows; else the first line with a time.
+
+    By turns: a column that is named as `told`; one whose name means the time; one between blanks; and one in whose name
+    the time is a word, if what stands under it increases.
+    """
+    blanks = [" "] if len(delimiters) > 1 else []  # nothing else was told, and a blank stands in many names
+    places = [*([partial(_told_place, told)] if told else []), _time_place, _loose_place]
+    ways = [(allowed, place) for place in places for allowed in (delimiters, *blanks)]
+    first: _Header | None = None
+    for allowed, place in ways:
+        found, sure = _search(lines, allowed, place)
+        if sure and found is not None and (place is not _loose_place or _increases(lines, found)):
+            return found
+        first = first or (found if place is not _loose_place else None)
+    if first is None:
+        shown = next((line for line in lines if line.strip()), "")[:60]
+        raise RecordError(
+            "no column is named as the time",
+            where=path,
+            expected="a column 'time' in s, as 'time,name [unit],...'",
+            got=repr(shown),
+            remedy="Say which column it is: time in [records] of a study, --time on the command line.",
+        )
+    return first
 
 
-def _header(path: str, lines: Sequence[str], declared: str | None) -> _Header:
-    """The first line with a time that a row of as many cells follows; else the first line with a time."""
+def _search(
+    lines: Sequence[str], delimiters: str, place: Callable[[Sequence[str]], int | None]
+) -> tuple[_Header | None, bool]:
+    """A header, and whether a row follows it."""
     first: _Header | None = None
     for number, line in enumerate(lines[:_PREAMBLE]):
         if first is not None and _starts_with_value(line, first):
             break  # rows follow the header that was found: what is wrong with them is said there
-        for delimiter in declared or sorted(",;\t", key=line.count, reverse=True):
-            cells = _split(line.lstrip("#% "), delimiter)
-            time = _time_place(cells)
-            if time is None:
-                continue
-            found = _Header(number, delimiter, cells, time)
-            after = [*_next(lines, number, delimiter), [], []][:2]
-            if _is_row(found, after[0]) or (_is_units(after[0], found) and _is_row(found, after[1])):
-                return found
-            first = first or found
-    if first is None:
-        shown = next((line for line in lines if line.strip()), "")[:60]
-        raise RecordError("the first column is wrong", where=path, expected="'time' in s", got=repr(shown))
-    return first
+        for delimiter in sorted(delimiters, key=line.count, reverse=True):
+            for cells in _header_cells(line.lstrip("#%! "), delimiter):
+                time = place(cells)
+                if time is None or any(map(_is_stamp, cells)):
+                    continue
+                found = _Header(number, delimiter, cells, time)
+                if _row_below(lines, found) is not None:
+                    return found, True
+                first = first or found
+    return first, False
+
+
+def _row_below(lines: Sequence[str], header: _Header) -> int | None:
+    """The place of the first row, where at most three lines without a value stand between it and the header."""
+    between = 0
+    for place, line in enumerate(lines[header.line + 1 :], header.line + 1):
+        if not line.strip():
+            continue
+        cells = _below(line, header)
+        if _is_row(header, cells):
+            return place
+        between += 1
+        if between > _BETWEEN or not cells or any(_is_value(cell) for cell in cells) or _time_place(cells) is not None:
+            return None
+    return None
+
+
+def _increases(lines: Sequence[str], header: _Header) -> bool:
+    rows = _rows(lines, header.line + 1, header)
+    cells = [cells[header.time] for _, cells in rows if _is_value(cells[header.time])]
+    stamps = [seconds.parse_stamp(cell) for cell in cells]
+    times = [
+        stamp[0] if stamp else seconds.parse(cell.replace(",", ".")) for stamp, cell in zip(stamps, cells, strict=True)
+    ]
+    return len(times) > 1 and all(a < b for a, b in pairwise(times))
+
+
+def _header_cells(line: str, delimiter: str) -> Iterator[list[str]]:
+    """The cells of a header; between blanks, a unit in brackets may belong to the name before it, or names hold blanks."""
+    yield _split(line, delimiter)
+    if delimiter == " ":
+        yield [cell.strip('"') for cell in _NAME_AND_UNIT.findall(line)]
+        yield [cell.strip('" ') for cell in re.split(r"\t+| {2,}", line.strip())]
 
 
 def _columns(
-    path: str, encoding: str, assumed: list[str], lines: Sequence[str], header: _Header, skipped: int
+    path: str, encoding: str, assumed: list[str], lines: Sequence[str], header: _Header, skipped: int, told_mark: str
 ) -> Layout:
     """Names, units, kinds and marks, by the header and the rows behind it."""
-    first_row = header.line + 1
-    below = next(iter(_next(lines, header.line, header.delimiter, 1)), [])
-    units = below if _is_units(below, header) else []
-    if units:
+    row = _row_below(lines, header)
+    first_row = header.line + 1 if row is None else row
+    between = [cells for line in lines[header.line + 1 : first_row] if (cells := _below(line, header))]
+    units = next((cells for cells in between if _is_units(cells, header)), [])
+    if (
+        row is None
+        and (below := next(iter(_next(lines, header.line, header.delimiter, 1)), []))
+        and _is_units(below, header)
+    ):
+        units = below
         first_row = next(i for i in range(first_row, len(lines)) if lines[i].strip()) + 1
     arrays = naming.arrays(header.cells)
     columns = [_with_unit(path, cell, arrays, units, c, c == header.time) for c, cell in enumerate(header.cells)]
@@ -192,23 +228,48 @@ def _columns(
     preamble = [line.strip() for line in lines[skipped : header.line] if line.strip()]
     if preamble:
         assumed.append(f"lines before the header (line {header.line + 1}) are no data: {len(preamble)}")
+    if others := sum(cells is not units for cells in between):
+        assumed.append(f"lines between the header and the first row (line {first_row + 1}) are no data: {others}")
     if told:
         assumed.append(told)
-    if header.time:
-        assumed.append(f"the time is column {header.time + 1}, {columns[header.time].name!r}")
     rows = _rows(lines, first_row, header)
-    mark = _mark(path, header, rows)
-    per, stamps = _clock(path, header, columns[header.time], rows, mark, assumed)
-    numeric, left_out = _kinds(header, columns, rows, mark)
+    date, time = _date_place(header, rows)
+    if date is not None:
+        header = replace(header, time=time)
+        assumed.append(f"the time is the date {columns[date].name!r} and the clock time {columns[time].name!r}")
+    elif header.time or not naming.is_time(columns[time].name):
+        assumed.append(f"the time is column {time + 1}, {columns[time].name!r}")
+    mark = told_mark or _mark(path, header, rows)
+    per, stamps = _clock(path, header, date, columns[time], rows, mark, assumed)
+    numeric, left_out = _kinds(header, columns, rows, mark, date)
     return Layout(
-        encoding, header.delimiter, mark, tuple(columns), header.time, tuple(numeric), first_row + 1, per, stamps,
+        encoding, header.delimiter, mark, tuple(columns), time, date, tuple(numeric), first_row + 1, per, stamps,
         _unnamed_last(columns), "\n".join(preamble)[:2000], tuple(assumed), tuple(left_out),
     )  # fmt: skip
 
 
+def _below(line: str, header: _Header) -> list[str]:
+    """The cells of a line below the header, which may be a comment as the header."""
+    return _split(line.lstrip("#%! ") if line[:1] in "#%!" else line, header.delimiter)
+
+
+def _date_place(header: _Header, rows: Sequence[tuple[int, list[str]]]) -> tuple[int | None, int]:
+    """The place of dates beside that of clock times; None, where the time is one column."""
+    if not rows:
+        return None, header.time
+    cells = rows[0][1]
+    dates = [c for c, cell in enumerate(cells) if seconds.is_date(cell)]
+    clocks = [c for c, cell in enumerate(cells) if (stamp := seconds.parse_stamp(cell)) and stamp[1] == "midnight"]
+    if header.time in dates:
+        near = [c for c in clocks if naming.time_column(header.cells[c])] or clocks
+        return (header.time, near[0]) if len(near) == 1 else (None, header.time)
+    near = [c for c in dates if naming.is_date(header.cells[c])]
+    return (near[0], header.time) if header.time in clocks and len(near) == 1 else (None, header.time)
+
+
 def _with_unit(path: str, cell: str, arrays: frozenset[str], units: Sequence[str], place: int, time: bool) -> Column:
-    found = (naming.time_column(cell) if time else None) or naming.column(cell, arrays)
-    below = units[place].strip("[]() ") if place < len(units) else ""
+    found = (naming.time_column(cell, known=True) if time else None) or naming.column(cell, arrays)
+    below = units[place].strip("[]()' ") if place < len(units) else ""
     if below in ("", "-") or below == found.unit:
         return found
     if found.unit != "1":
@@ -228,18 +289,18 @@ def _rows(lines: Sequence[str], first: int, header: _Header) -> list[tuple[int, 
 
 def _mark(path: str, header: _Header, rows: Sequence[tuple[int, list[str]]]) -> str:
     """The decimal mark that the rows use. Raises RecordError when its marks may as well stand between thousands."""
-    if header.delimiter == ",":
-        return "."
     first: dict[str, tuple[str, str]] = {}
     sure: set[str] = set()
     for line, cells in rows:
         for c, cell in enumerate(cells):
-            if _DIGITS.fullmatch(cell):
+            if _DIGITS.fullmatch(cell) and not seconds.is_date(cell.split(" ")[0]):
                 for mark in ",.":
                     if mark in cell:
                         first.setdefault(mark, (f"line {line}, column {header.cells[c]!r}", cell))
                         if not _THOUSANDS.fullmatch(cell.replace(mark, ",")):
                             sure.add(mark)
+    if header.delimiter == ",":  # a comma that stands for the mark is between quotation marks
+        return "," if "," in sure and "." not in first else "."
     if len(first) == 2:
         (where, cell), (other, point) = first[","], first["."]
         raise RecordError(
@@ -265,6 +326,7 @@ def _mark(path: str, header: _Header, rows: Sequence[tuple[int, list[str]]]) -> 
 def _clock(
     path: str,
     header: _Header,
+    date: int | None,
     time: Column,
     rows: Sequence[tuple[int, list[str]]],
     mark: str,
@@ -272,11 +334,13 @@ def _clock(
 ) -> tuple[int, str]:
     """ns in a unit of the time, and "" or the kind of its stamps."""
     line, cell = next(((n, cells[header.time]) for n, cells in rows if not missing(cells[header.time])), (0, ""))
+    if date is not None:
+        cell = f"{rows[0][1][date]} {cell}"
     if stamp := seconds.parse_stamp(cell):
         assumed += {
             "UTC": [],
             "no zone": ["the time stamps name no zone: taken as UTC"],
-            "midnight": ["the clock times count from midnight"],
+            "midnight": ["the clock times count from midnight, and go on behind the next one"],
         }[stamp[1]]
         return 1, stamp[1]
     per = seconds.unit_ns("s" if time.unit == "1" else time.unit)
@@ -291,6 +355,9 @@ def _clock(
             where=path,
             expected="a number, or a stamp like 2024-05-06T07:08:09.250Z",
             got=repr(cell[:60]),
+            remedy="A date between slashes may begin with the day or with the month: write it as in 2024-05-06."
+            if seconds.is_slashed(cell)
+            else None,
         )
     if time.unit == "1" and value is not None:
         if found := seconds.epoch_unit(value):
@@ -302,13 +369,13 @@ def _clock(
 
 
 def _kinds(
-    header: _Header, columns: Sequence[Column], rows: Sequence[tuple[int, list[str]]], mark: str
+    header: _Header, columns: Sequence[Column], rows: Sequence[tuple[int, list[str]]], mark: str, date: int | None
 ) -> tuple[list[int], list[str]]:
     """The places of numbers, by their first cell that is not missing, and what is no column for which reason."""
     numeric: list[int] = []
     left_out: list[str] = []
     for c, column in enumerate(columns):
-        if c == header.time:
+        if c in (header.time, date):
             continue
         line, cell = next(((line, cells[c]) for line, cells in rows if not missing(cells[c])), (0, ""))
         if not column.name:
@@ -339,7 +406,21 @@ def _time_place(cells: Sequence[str]) -> int | None:
     if naming.time_column(cells[0]):
         return 0
     sure = [c for c, cell in enumerate(cells) if (found := naming.time_column(cell)) and len(found.name) > 1]
+    if len(sure) == 2:  # dates beside clock times
+        sure = [c for c in sure if not naming.is_date(cells[c])]
     return sure[0] if len(sure) == 1 else None
+
+
+def _loose_place(cells: Sequence[str]) -> int | None:
+    """The place of the only column in whose name the time is a word; of the first column, where that is one."""
+    sure = [c for c, cell in enumerate(cells) if naming.speaks_of_time(cell)]
+    return sure[0] if sure and (len(sure) == 1 or sure[0] == 0) else None
+
+
+def _told_place(told: str, cells: Sequence[str]) -> int | None:
+    """The place of the column with this name, with or without the unit behind it."""
+    found = [c for c, cell in enumerate(cells) if told in (cell, naming.bare(cell))]
+    return found[0] if len(found) == 1 else None
 
 
 def _next(lines: Sequence[str], after: int, delimiter: str, most: int = 2) -> Iterator[list[str]]:
@@ -352,8 +433,12 @@ def _next(lines: Sequence[str], after: int, delimiter: str, most: int = 2) -> It
             return
 
 
+def _is_stamp(cell: str) -> bool:
+    return seconds.parse_stamp(cell) is not None or seconds.is_date(cell)
+
+
 def _is_value(cell: str) -> bool:
-    return seconds.parse_stamp(cell) is not None or _DIGITS.fullmatch(cell) is not None
+    return _is_stamp(cell) or _DIGITS.fullmatch(cell) is not None
 
 
 def _is_row(header: _Header, cells: Sequence[str]) -> bool:
@@ -369,7 +454,7 @@ def _is_units(cells: Sequence[str], header: _Header) -> bool:
     """Whether the line below the header is units: that of the time, or none for it and known ones for the others."""
     if len(cells) != len(header.cells) or any(_DIGITS.fullmatch(cell) for cell in cells):
         return False
-    plain = [cell.strip("[]() ") for cell in cells]
+    plain = [cell.strip("[]()' ") for cell in cells]
     if seconds.unit_ns(plain[header.time]) is not None:
         return True
     named = [cell for cell in plain if cell not in ("", "-")]

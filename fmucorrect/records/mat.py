@@ -21,7 +21,7 @@ from fmucorrect.records.child import ChildSource
 from fmucorrect.records.contents import Column, Extent, Topic
 from fmucorrect.records.mat_hdf5 import Unreadable
 from fmucorrect.records.source import MOST_COLUMNS, Block, extent_of
-from fmucorrect.signals import Record
+from fmucorrect.signals import AS_IT_IS, Reading, Record
 
 _OWN = ("units", "variables", "names", "time_origin_ns", "notes")
 _ABOUT_SIGNALS = ("label", "title", "blockName", "stateName", "dimensions", "valueDimensions", "plotStyle", "name")
@@ -39,9 +39,9 @@ class _Table:
     assumed: list[str] = field(default_factory=list[str])
 
 
-def opened(path: str) -> ChildSource:
+def opened(path: str, reading: Reading) -> ChildSource:
     """A .mat file, read in a process of its own. Raises RecordError as `MatSource`."""
-    return ChildSource(path, "fmucorrect.records.mat:MatSource")
+    return ChildSource(path, "fmucorrect.records.mat:MatSource", reading)
 
 
 class MatSource:
@@ -54,8 +54,9 @@ class MatSource:
         """Import the library."""
         import scipy.io  # noqa: F401 # pyright: ignore[reportUnusedImport]
 
-    def __init__(self, path: str) -> None:
+    def __init__(self, path: str, reading: Reading = AS_IT_IS) -> None:
         self.path = path
+        self._told = reading.time
         content = _content(path)
         variables, names = _texts(content.get("variables")), _texts(content.get("names"))
         self._names = dict(zip(variables, names, strict=False))
@@ -104,7 +105,7 @@ class MatSource:
 
     def _structure(self, path: str, content: Mapping[str, Any], units: Any, around: _Table | None) -> None:
         """The members of a structure (path "": the variables of the file) into the table of its time, or `around`."""
-        key = _time_of(content)
+        key = _time_of(content, self._told)
         table = around
         if key is not None:
             table = self._table(path, key, content, _within(units, key))
@@ -274,8 +275,10 @@ def _content(path: str) -> dict[str, Any]:
     }
 
 
-def _time_of(content: Mapping[str, Any]) -> str | None:
-    """The member that is the time: `time`, or else the only vector of numbers whose name says so."""
+def _time_of(content: Mapping[str, Any], told: str) -> str | None:
+    """The member that is the time: the one told, `time`, or else the only vector of numbers whose name says so."""
+    if told in content and _is_vector(content[told]):
+        return told
     named = [key for key, value in content.items() if naming.is_time(key) and _is_vector(value)]
     exact = [key for key in named if key.lower() == "time"]
     return next((found[0] for found in (exact, named) if len(found) == 1), None)

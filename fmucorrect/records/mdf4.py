@@ -22,7 +22,7 @@ from fmucorrect.records import naming, seconds
 from fmucorrect.records.child import ChildSource
 from fmucorrect.records.contents import Column, Extent, Topic
 from fmucorrect.records.source import Block, extent_of
-from fmucorrect.signals import Record
+from fmucorrect.signals import AS_IT_IS, Reading, Record
 
 _ORIGIN = "time_origin_ns="
 _NOTES = "fmucorrect_notes="
@@ -56,11 +56,11 @@ def _refused(_: object, formula: str, **__: object) -> None:
     )
 
 
-def opened(path: str) -> ChildSource:
+def opened(path: str, reading: Reading) -> ChildSource:
     """An MDF file, read in a process of its own. Raises MissingExtra, and RecordError as `Mdf4Source`."""
     if importlib.util.find_spec("asammdf") is None:
         raise MissingExtra("asammdf", "formats")
-    return ChildSource(path, "fmucorrect.records.mdf4:Mdf4Source")
+    return ChildSource(path, "fmucorrect.records.mdf4:Mdf4Source", reading)
 
 
 class Mdf4Source:
@@ -75,8 +75,9 @@ class Mdf4Source:
         """Import the library. Raises MissingExtra."""
         _asammdf()
 
-    def __init__(self, path: str) -> None:
+    def __init__(self, path: str, reading: Reading = AS_IT_IS) -> None:
         self.path = path
+        self._told = reading.time
         module = _asammdf()
         try:
             self._file: Any = module.MDF(path)
@@ -184,7 +185,9 @@ class Mdf4Source:
 
     def _master(self, number: int, group: Any) -> tuple[tuple[int, int] | None, str]:
         """The channel that is the time, with ns in its unit; or None, and why there is none."""
-        if self._is_v4():
+        if told := [(i, c) for i, c in enumerate(group.channels) if self._told and c.name == self._told]:
+            times = told
+        elif self._is_v4():
             masters = [(i, c) for i, c in enumerate(group.channels) if c.channel_type in _MASTERS]
             times = [(i, c) for i, c in masters if c.sync_type == 1]
             if not times and masters:

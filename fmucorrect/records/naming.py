@@ -63,10 +63,20 @@ _TIMES = frozenset(
         "date_time",
         "date/time",
         "tout",
+        "x_value",  # LabVIEW
         "zeit",
+        "uhrzeit",
         "zeitstempel",
         "zeitpunkt",
         "temps",
+        "tijd",
+        "tid",
+        "čas",
+        "cas",
+        "czas",
+        "время",
+        "時間",
+        "时间",
         "tiempo",
         "tempo",
         "time axis",
@@ -74,7 +84,8 @@ _TIMES = frozenset(
         "elapsed time",
     ]
 )
-_DATES = frozenset(["date", "datum", "utc"])
+_TIME_WORDS = frozenset(["time", "timestamp", "zeit", "zeitstempel", "messzeit", "temps", "tiempo", "elapsed", "tempo"])
+_DATES = frozenset(["date", "datum", "fecha", "utc"])
 
 
 def is_unit(text: str) -> bool:
@@ -118,15 +129,29 @@ def column(header: str, arrays: frozenset[str] = frozenset()) -> Column:
     return Column(text)
 
 
-def time_column(header: str) -> Column | None:
-    """The same of a name that says time, as `time`, `t_ms`, `Zeit [s]` or `timestamp`; None of another."""
+def time_column(header: str, known: bool = False) -> Column | None:
+    """The same of a name that says time, as `time`, `t_ms`, `Zeit [s]` or `timestamp`; None of another.
+
+    known: it is the time, whatever its name.
+    """
     text = header.strip()
     match = re.fullmatch(r"(.*\S)\s*[\[(]([^\[\]()]*)[\])]", text)
     found = Column(match.group(1), match.group(2).strip() or "1") if match else Column(text)
     suffix = _TIME_SUFFIX.match(found.name)
     if found.unit == "1" and suffix and seconds.unit_ns(suffix.group(2)) is not None:
         found = Column(suffix.group(1), suffix.group(2))
-    return found if is_time(found.name) else None
+    return found if known or is_time(found.name) else None
+
+
+def bare(header: str) -> str:
+    """The name that a cell of a header writes, without its unit, even of one that is not known."""
+    match = re.fullmatch(r"(.*\S)\s*[\[(][^\[\]()]*[\])]", header.strip())
+    return match.group(1) if match else column(header).name
+
+
+def speaks_of_time(header: str) -> bool:
+    """Whether the time is a word of the name, as in `Relative Time` or `Time  1 - default sample rate`."""
+    return bool(_TIME_WORDS & set(re.split(r"[\W_\d]+", header.lower())))
 
 
 def is_time(name: str) -> bool:

@@ -21,7 +21,7 @@ from fmucorrect.records.assemble import RESERVED
 from fmucorrect.records.child import ChildSource
 from fmucorrect.records.contents import Column, Extent, Topic
 from fmucorrect.records.source import MOST_COLUMNS, NO_TIME, RAM_ROWS, Block, extent_of
-from fmucorrect.signals import Record
+from fmucorrect.signals import AS_IT_IS, Reading, Record
 
 _ORIGIN = "time_origin_ns"
 _FEW_ROWS, _ROWS_PER_BYTE = 2**20, 1000
@@ -40,11 +40,11 @@ def _pyarrow() -> tuple[Any, Any]:
     return pyarrow, pyarrow.parquet
 
 
-def opened(path: str) -> ChildSource:
+def opened(path: str, reading: Reading) -> ChildSource:
     """A Parquet file, read in a process of its own. Raises MissingExtra, and RecordError as `ParquetSource`."""
     if importlib.util.find_spec("pyarrow") is None:
         raise MissingExtra("pyarrow", "formats")
-    return ChildSource(path, "fmucorrect.records.parquet:ParquetSource")
+    return ChildSource(path, "fmucorrect.records.parquet:ParquetSource", reading)
 
 
 class ParquetSource:
@@ -59,7 +59,7 @@ class ParquetSource:
         """Import the library. Raises MissingExtra."""
         _pyarrow()
 
-    def __init__(self, path: str) -> None:
+    def __init__(self, path: str, reading: Reading = AS_IT_IS) -> None:
         self.path = path
         self._arrow, parquet = _pyarrow()
         try:
@@ -77,6 +77,7 @@ class ParquetSource:
         self._origin = seconds.origin_from(self._metadata.pop(_ORIGIN, None))
         for own in ("pandas", "ARROW:schema"):
             self._metadata.pop(own, None)
+        self._told = reading.time
         self._time = self._time_place()
         self._per = self._time_unit()
         self._left_out: list[str] = []
@@ -143,9 +144,10 @@ class ParquetSource:
         named = [i for i, field in enumerate(self._fields) if naming.is_time(field.name)]
         stamps = [i for i, field in enumerate(self._fields) if self._arrow.types.is_timestamp(field.type)]
         exact = [i for i in named if self._fields[i].name.lower() == "time"]
-        for candidates in (exact, [i for i in named if i in stamps], named, stamps):
+        told = [i for i, field in enumerate(self._fields) if field.name == self._told]
+        for candidates in (told, exact, [i for i in named if i in stamps], named, stamps):
             if len(candidates) == 1:
-                if not exact:
+                if candidates not in (told, exact):
                     self._assumed.append(f"the time is column {self._fields[candidates[0]].name!r}")
                 return candidates[0]
         raise RecordError(

@@ -43,11 +43,17 @@ _BY_WORD = {word: _SYMBOLS[symbol] for words, symbol in _WORDS.items() for word 
 _EPOCHS = ((1e11, 1e13, 1_000_000, "ms"), (1e14, 1e16, 1_000, "us"), (1e17, 9.2e18, 1, "ns"))
 """Sizes of ms, us and ns since 1970 between 1973 and 2262; as seconds they would be beyond every stamp."""
 
+_DAY = r"(?:(\d{4})([-/.]?)(\d\d)\2(\d\d)|(\d{1,2})\.(\d{1,2})\.(\d{4}))"
+"""A date, the year first or, between points, last."""
 _STAMP = re.compile(
-    r"(\d{4})-(\d\d)-(\d\d)[T ](\d\d):(\d\d)(?::(\d\d)(?:[.,](\d{1,30}))?)? ?(Z|UTC|[+-]\d\d(?::?\d\d)?)?",
+    _DAY + r"[T ](\d\d?):?(\d\d)(?::?(\d\d)(?:[.,](\d{1,30}))?)?(?: ?([AP])\.?M\.?)? ?(Z|UTC|[+-]\d\d(?::?\d\d)?)?",
     re.ASCII | re.IGNORECASE,
 )
-_CLOCK = re.compile(r"(\d{1,6}):([0-5]\d):([0-5]\d)(?:[.,](\d{1,30}))?", re.ASCII)
+_DATE = re.compile(_DAY, re.ASCII)
+_SLASHED = re.compile(r"\d{1,2}/\d{1,2}/\d{2,4}\b.*", re.ASCII)
+_CLOCK = re.compile(r"(\d{1,6}):([0-5]\d):([0-5]\d)(?:[.,](\d{1,30}))?(?: ?([AP])\.?M\.?)?", re.ASCII | re.IGNORECASE)
+_MINUTES = re.compile(r"()(\d{1,6}):([0-5]\d)[.,](\d{1,30})()", re.ASCII)
+"""Minutes, seconds and decimals, as spreadsheets write them. Without decimals it may be hours and minutes."""
 _EPOCH_DAY = date(1970, 1, 1).toordinal()
 
 
@@ -134,31 +140,56 @@ def parse(text: str, per: int = NANOSECONDS) -> int:
         return NO_TIME
 
 
+def is_date(text: str) -> bool:
+    """Whether the text is a date without a clock time, as 2024-05-06 or 6.5.2024."""
+    match = _DATE.fullmatch(text)
+    return match is not None and (match.group(2) != "" or match.group(1) is None)
+
+
+def is_slashed(text: str) -> bool:
+    """Whether the text begins with a date between slashes, the year last: its day and month cannot be told apart."""
+    return _SLASHED.fullmatch(text) is not None
+
+
 def parse_stamp(text: str) -> tuple[int, str] | None:
     """ns, and from where they count: "UTC" (a zone was given), "no zone" (taken as UTC) or "midnight" (a clock time).
 
-    ISO 8601 with T or a blank, any number of decimals (the nearest ns); None when the text is none, or beyond 2262.
+    ISO 8601 with T or a blank, any number of decimals (the nearest ns), dates between points or slashes, 12 hours with AM
+    and PM; None when the text is none, or beyond 2262.
     """
-    if match := _CLOCK.fullmatch(text):
-        hours, minutes, whole, decimals = match.groups()
-        return (int(hours) * 3600 + int(minutes) * 60 + int(whole)) * NANOSECONDS + _fraction(decimals), "midnight"
+    if match := _CLOCK.fullmatch(text) or _MINUTES.fullmatch(text):
+        hours, minutes, whole, decimals, half = match.groups()
+        hour = _hour(int(hours or 0), half)
+        if hour is None:
+            return None
+        return (hour * 3600 + int(minutes) * 60 + int(whole)) * NANOSECONDS + _fraction(decimals), "midnight"
     match = _STAMP.fullmatch(text)
     if not match:
         return None
-    year, month, day, hour, minute, second, decimals, zone = match.groups()
+    year, _, month, day, *last_year, hour, minute, second, decimals, half, zone = match.groups()
+    if year is None:
+        day, month, year = last_year
+    hour = _hour(int(hour), half)
     try:
         days = date(int(year), int(month), int(day)).toordinal() - _EPOCH_DAY
     except ValueError:
         return None
-    if int(hour) > 23 or int(minute) > 59 or int(second or 0) > 59:
+    if hour is None or hour > 23 or int(minute) > 59 or int(second or 0) > 59:
         return None
-    seconds = days * 86400 + int(hour) * 3600 + int(minute) * 60 + int(second or 0)
+    seconds = days * 86400 + hour * 3600 + int(minute) * 60 + int(second or 0)
     if zone and zone[0] in "+-":
         digits = zone[1:].replace(":", "")
         offset = int(digits[:2]) * 3600 + int(digits[2:] or 0) * 60
         seconds -= offset if zone[0] == "+" else -offset
     t_ns = seconds * NANOSECONDS + _fraction(decimals)
     return (t_ns, "UTC" if zone else "no zone") if abs(t_ns) <= _LARGEST_NS else None
+
+
+def _hour(hour: int, half: str | None) -> int | None:
+    """The hour of the day of one with AM or PM (""/None: without); None when there is none such."""
+    if not half:
+        return hour
+    return hour % 12 + (12 if half in "pP" else 0) if 1 <= hour <= 12 else None
 
 
 def _fraction(decimals: str | None) -> int:

@@ -23,7 +23,7 @@ from fmucorrect.records import naming, seconds
 from fmucorrect.records.assemble import RESERVED
 from fmucorrect.records.contents import Column, Extent, Topic
 from fmucorrect.records.source import RAM_ROWS, Block, extent_of
-from fmucorrect.signals import NANOSECONDS, Record
+from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Reading, Record
 
 _ORIGIN = "time_origin_ns"
 _UNITS = ("unit_string", "NI_UnitDescription")
@@ -80,7 +80,7 @@ class TdmsSource:
 
     format = "TDMS"
 
-    def __init__(self, path: str) -> None:
+    def __init__(self, path: str, reading: Reading = AS_IT_IS) -> None:
         self.path = path
         self.damage = _damage(path)
         self.truncated = bool(self.damage)
@@ -92,7 +92,7 @@ class TdmsSource:
             if (scales := _scales(owner.properties)) > _SCALES:
                 raise RecordError(f"it states {scales} scales", where=path, expected=f"at most {_SCALES}")
         self._left_out: list[str] = []
-        groups = [(group, _time_channel(group)) for group in self._file.groups()]
+        groups = [(group, _time_channel(group, reading.time)) for group in self._file.groups()]
         self._from_ns = self._earliest([group for group, time in groups if time is None])
         self._series = {
             series.topic.name: series
@@ -290,13 +290,13 @@ def _no_numbers(channel: Any) -> str:
     return "" if channel.dtype.kind in "fiub" else _OTHERS.get(channel.dtype.kind, f"no numbers ({channel.dtype})")
 
 
-def _time_channel(group: Any) -> Any:
-    """The channel that is the time of its group: named so, or the only one of time stamps; None without one."""
+def _time_channel(group: Any, told: str) -> Any:
+    """The channel that is the time of its group: told or named so, or the only one of time stamps; None without one."""
     channels = [c for c in group.channels() if c.dtype is not None and (_is_stamps(c) or c.dtype.kind in "fiu")]
     named = [c for c in channels if naming.is_time(c.name)]
     stamps = [c for c in channels if _is_stamps(c)]
     exact = [c for c in named if c.name.lower() == "time"]
-    for candidates in (exact, named, stamps):
+    for candidates in ([c for c in channels if told and c.name == told], exact, named, stamps):
         if len(candidates) == 1:
             return candidates[0]
     return None

@@ -144,7 +144,7 @@ def _covered(study: Study, condition: Condition) -> Iterator[Finding]:
     """Inputs that end before the run does, or lie on another clock."""
     if condition.inputs is None or condition.simulated is not None or study.fmu is None:
         return
-    run, extent = clock(study, condition), records.describe(condition.inputs).topics[0].extent
+    run, extent = clock(study, condition), records.describe(condition.inputs, condition.reading).topics[0].extent
     if extent.rows < 2 or extent.start_ns is None or extent.stop_ns is None:
         return
     length = run.length

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 
 from fmucorrect import records
 from fmucorrect.errors import RecordError
-from fmucorrect.signals import Channel, Record
+from fmucorrect.signals import Channel, Reading, Record
 
 
 def write(folder: Path, text: str) -> Path:
@@ -48,7 +49,7 @@ def test_text_columns_are_left_out(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("a,b\n0,1\n", "first column is wrong.*'time'"),
+        ("a,b\n0,1\n", "no column is named as the time.*'time'"),
         ("time,a", "header is not complete"),
         ("time,a\n0,1\n1,x\n", r"line 3, column 'a' is no number, got 'x'"),
         ("time,a\n0,1\n1\n2,2\n", r"line 3 is wrong, expected 2 cells, as in the header, got 1"),
@@ -82,3 +83,86 @@ def test_incomplete_last_line_of_another_program(tmp_path: Path) -> None:
     record = records.read(write(tmp_path, "time,a,b\n0,1,2\n1,3"))
     assert len(record) == 1
     assert record.metadata["truncated"] == "true"
+
+
+ROWS = "0{0}00{1}1{0}5{1}-2{0}25\n0{0}01{1}2{0}5{1}-4{0}5\n"
+
+
+def rows(delimiter: str, mark: str = ".") -> str:
+    return ROWS.format(mark, delimiter)
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("dewesoft.txt", "Data\n\nStart:\t06.05.2024 07:08:09\nRate:\t100 Hz\n\nTime\tx\ty\n(s)\t(mm)\t(N)\n" + rows("\t")),
+        ("dewesoft.csv", "Date;06.05.2024\nTime;07:08:09\n\nTime (s);x (mm);y (N)\n" + rows(";", ",")),
+        ("catman.asc", "HBM_CATMAN\tV5\nChannels=3\nTime  1 - default sample rate\tx\ty\n\n[s]\t[mm]\t[N]\n" + rows("\t", ",")),
+        ("imc.asc", "Zeit\tx\ty\n's'\t'mm'\t'N'\n" + rows("\t", ",")),
+        ("simpack.txt", "# Simpack\n# time [s]  x [mm]  y [N]\n" + rows("   ")),
+        ("blanks.prn", "time  x   y\n [s] [mm] [N]\n" + rows("  ")),
+        ("adams.tab", '"Time"\t"x"\t"y"\n"(sec)"\t"(mm)"\t"(N)"\n' + rows("\t")),
+        ("bar.csv", "time|x [mm]|y [N]\n" + rows("|")),
+        ("described.csv", "time,x,y\nclock,travel,force\ns,mm,N\n" + rows(",")),
+        ("quoted.csv", 'time,x [mm],y [N]\n"0,00","1,5","-2,25"\n"0,01","2,5","-4,5"\n'),
+        ("relative.csv", "y [N],Relative Time (s),x [mm]\n-2.25,0,1.5\n-4.5,0.01,2.5\n"),
+        ("zeros.tsv", "time\tx [mm]\ty [N]\n" + rows("\t")),
+    ],
+)  # fmt: skip
+def test_what_loggers_write(name: str, content: str, tmp_path: Path) -> None:
+    path = tmp_path / name
+    path.write_bytes(content.encode("utf-16-le" if name.startswith("zeros") else "cp1252"))
+    packed = tmp_path / "packed.txt.gz"
+    packed.write_bytes(gzip.compress(path.read_bytes()))
+    for file in (path, packed):
+        record = records.read(file, ["x", "y"])
+        assert [c.unit for c in record.channels] == ["mm", "N"]
+        assert record.t_ns.tolist() == [0, 10**7]
+        assert record.values.tolist() == [[1.5, -2.25], [2.5, -4.5]]
+
+
+@pytest.mark.parametrize(
+    ("content", "t_s"),
+    [
+        ("time,x\n23:59:59.5,1\n00:00:00.5,2\n00:00:01.5,3\n", [86399.5, 86400.5, 86401.5]),
+        ("time,x\n11:59:59 PM,1\n12:00:00 AM,2\n", [86399, 86400]),
+        ("time,x\n00:00.5,1\n01:00.25,2\n", [0.5, 60.25]),
+        ("Date,Time,x\n2024-05-06,23:59:59.5,1\n2024-05-07,00:00:00.5,2\n", [1715039999.5, 1715040000.5]),
+        ("x;Datum;Uhrzeit\n1,5;06.05.2024;23:59:59,5\n2,5;07.05.2024;00:00:00,5\n", [1715039999.5, 1715040000.5]),
+        ("time,x\n2024/05/06 07:08:09.5,1\n", [1714979289.5]),
+        ("time,x\n6.5.2024 7:08,1\n", [1714979280]),
+        ("time,x\n20240506T070809Z,1\n", [1714979289]),
+    ],
+)
+def test_clock_times_and_dates(content: str, t_s: list[float], tmp_path: Path) -> None:
+    assert records.read(write(tmp_path, content), ["x"]).t_ns.tolist() == [round(t * 10**9) for t in t_s]
+
+
+def test_what_is_told_of_a_file(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    path.write_bytes("čas?Weg;x\n0,5;1.000\n1,5;2\n".encode("cp1250"))
+    told = Reading(time="čas?Weg", delimiter=";", decimal=",", encoding="cp1250")
+    with pytest.raises(RecordError, match="no column is named as the time"):
+        records.read(path)
+    with pytest.raises(RecordError, match=r"column 'x' is no number, got '1\.000'"):
+        records.read(path, reading=told)
+    path.write_bytes("Weg;čas?Weg [ms]\n1,5;0,5\n2;1\n".encode("cp1250"))
+    record = records.read(path, reading=told)
+    assert record.t_ns.tolist() == [500_000, 10**6]
+    assert record.values.tolist() == [[1.5], [2]]
+    with pytest.raises(RecordError, match=r"the encoding is not known.*'klingon'"):
+        records.read(path, reading=Reading(encoding="klingon"))
+
+
+def test_a_packed_file_that_is_cut_off(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv.gz"
+    lines = "".join(f"{i},{i * 7919 % 1000}\n" for i in range(20_000))
+    data = gzip.compress(f"time,x\n{lines}".encode())
+    path.write_bytes(data[: len(data) // 2])
+    record = records.read(path)
+    assert record.t_ns.tolist() == [10**9 * i for i in range(len(record))]
+    assert len(record) > 1000
+    assert "packed file is damaged or cut off" in record.metadata["damage"]
+    path.write_bytes(b"time,x\n0,1\n")
+    with pytest.raises(RecordError, match="cannot be unpacked"):
+        records.read(path)
