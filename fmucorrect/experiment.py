@@ -84,13 +84,17 @@ def read_samples(study: Study, condition: Condition) -> Record:
     names = [channel.measurement or channel.name for channel in wanted]
     raw = records.read(condition.measurement, names, reading=condition.reading, allow_damaged=study.allow_damaged)
     timebase.require_uniform(raw, where=str(condition.measurement))
-    factors, channels = [], []
+    conversions: list[units.Conversion] = []
+    channels, signs = list[Channel](), list[int]()
     for have, want in zip(raw.channels, wanted, strict=True):
         unit = want.unit or have.unit
         where = f"{condition.measurement}, column {have.name}"
-        factors.append(units.conversion(have.unit, unit, where) * want.measurement_sign)
+        conversions.append(units.convert(have.unit, unit, where))
+        signs.append(want.measurement_sign)
         channels.append(replace(want, unit=unit))
-    return Record(raw.t_ns, raw.values * factors, tuple(channels), raw.metadata)
+    scaling = units.Scaling.of(conversions)
+    values = raw.values if scaling is None else scaling(raw.values)
+    return Record(raw.t_ns, values * np.array(signs), tuple(channels), raw.metadata)
 
 
 def pair(

@@ -79,7 +79,7 @@ def inspect(paths: Sequence[Path], reading: Reading = AS_IT_IS) -> Inspection:
         for fmu in (thing for thing in things if isinstance(thing, FmuDescription)):
             _judge(
                 f"{study.path.name} and {fmu.path.name}",
-                check_study(study, fmu.units, {}, [v.name for v in fmu.of("input")]),
+                check_study(study, fmu.units, {}, [v.name for v in fmu.of("input")], fmu.defined),
                 fits,
                 misfits,
             )
@@ -146,11 +146,11 @@ def open_thing(path: Path, reading: Reading = AS_IT_IS) -> Thing:
 def study_problems(study: Study) -> list[str]:
     """What a study asks for and its FMU, records and input series do not have."""
     problems: list[str] = []
-    variables, inputs = None, ()
+    variables, inputs, defined = None, (), units.NONE
     if study.simulation.fmu is not None:
         try:
             fmu = open_fmu(study.simulation.fmu).known(study.simulation.units)
-            variables, inputs = fmu.units, tuple(variable.name for variable in fmu.of("input"))
+            variables, inputs, defined = fmu.units, tuple(v.name for v in fmu.of("input")), fmu.defined
         except FmucorrectError as error:
             problems.append(str(error))
     columns: dict[Path, Mapping[str, str]] = {}
@@ -177,7 +177,7 @@ def study_problems(study: Study) -> list[str]:
         for kind in joint.kinds
         if kind not in FAMILIES
     ]
-    return [*problems, *check_study(study, variables, columns, inputs)]
+    return [*problems, *check_study(study, variables, columns, inputs, defined)]
 
 
 def record_columns(contents: Contents, reading: Reading = AS_IT_IS) -> dict[str, str]:
@@ -212,7 +212,8 @@ def _against(model: Bundle, other: Thing, reading: Reading) -> Iterator[str]:
         yield from _study_against(model, other)
     elif isinstance(other, FmuDescription):
         for channel in model.channels:
-            yield from _column(channel.simulation or channel.name, channel.unit, other.units, "variable")
+            name = channel.simulation or channel.name
+            yield from _column(name, channel.unit, other.units, "variable", other.defined)
     elif isinstance(other, Contents):
         yield from _record_against(model, other, reading)
 
@@ -246,7 +247,9 @@ def _record_against(model: Bundle, contents: Contents, reading: Reading) -> Iter
             yield f"samples come every {step / 1e6:.6g} ms on average, the corrector wants {model.step_ns / 1e6:g} ms"
 
 
-def _column(name: str, unit: str, there: Mapping[str, str], kind: str) -> Iterator[str]:
+def _column(
+    name: str, unit: str, there: Mapping[str, str], kind: str, defined: Mapping[str, units.Unit] = units.NONE
+) -> Iterator[str]:
     if name not in there:
         short = [other for other in there if not any(full.endswith(f".{other}") for full in there if full != other)]
         listed = f"; there are {views.few(short)}" if len(there) <= 2 * views.SHOWN else ""
@@ -255,6 +258,6 @@ def _column(name: str, unit: str, there: Mapping[str, str], kind: str) -> Iterat
         yield f"{kind} {name!r} has no unit, expected one like {unit!r}"
     else:
         try:
-            units.conversion(there[name], unit, f"{kind} {name!r}")
+            units.convert(there[name], unit, f"{kind} {name!r}", defined)
         except FmucorrectError as error:
             yield str(error)

@@ -6,8 +6,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from fmucorrect import records, units
 from fmucorrect.clocks import Clock, clock, measured_extents
 from fmucorrect.errors import FmuError, RecordError, SignalError
@@ -181,15 +179,16 @@ def log_inputs(
     not said.
     """
     chosen = topic or default_topic(log, reading)
-    factors: np.ndarray | None = None
+    conversions: list[units.Conversion] | None = None
     names = columns(log, channels, chosen, reading)
     for chunk in records.stream(
         log, names, topic=chosen, repair=repair, reading=reading, rows=ROWS, allow_damaged=allow_damaged
     ):
-        if factors is None:
+        if conversions is None:
             pairs = zip(chunk.channels, channels, strict=True)
-            factors = np.array([_factor(have, want, log, unit) for have, want in pairs])
-        yield replace(chunk, values=chunk.values * factors if (factors != 1.0).any() else chunk.values)
+            conversions = [_conversion(have, want, log, unit) for have, want in pairs]
+        scaling = units.Scaling.of(conversions)
+        yield chunk if scaling is None else replace(chunk, values=scaling(chunk.values))
 
 
 def repaired(
@@ -229,9 +228,9 @@ def default_topic(log: Path, reading: Reading = AS_IT_IS) -> str | None:
     return SIMULATION if len(names) > 1 and SIMULATION in names else None
 
 
-def _factor(have: Channel, want: Channel, log: Path, unit: str | None) -> float:
+def _conversion(have: Channel, want: Channel, log: Path, unit: str | None) -> units.Conversion:
     if want.unit == "":
-        return 1.0
+        return units.Conversion()
     if have.unit in ("", "1") and want.unit not in ("", "1"):
         if unit is None:
             raise SignalError(
@@ -240,5 +239,5 @@ def _factor(have: Channel, want: Channel, log: Path, unit: str | None) -> float:
                 expected=f"a unit like {want.unit!r}",
                 remedy=f"Name it in the file (in CSV: '{have.name} [{want.unit}]'), or give --unit {want.unit}.",
             )
-        return units.conversion(unit, want.unit, f"--unit for column {have.name}")
-    return units.conversion(have.unit, want.unit, f"{log}, column {have.name}")
+        return units.convert(unit, want.unit, f"--unit for column {have.name}")
+    return units.convert(have.unit, want.unit, f"{log}, column {have.name}")

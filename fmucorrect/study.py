@@ -14,10 +14,11 @@ from pathlib import Path
 from types import MappingProxyType
 
 from fmucorrect import sketch
-from fmucorrect.errors import StudyError
+from fmucorrect.errors import SignalError, StudyError
 from fmucorrect.signals import NANOSECONDS, Channel, Condition, Reading
 from fmucorrect.study_places import Location, Places, by_line, like, misfit, place
 from fmucorrect.study_training import Training
+from fmucorrect.units import NONE, Unit, parse
 
 
 @dataclass(frozen=True)
@@ -263,17 +264,19 @@ def check_study(
     variables: Mapping[str, str] | None,
     columns: Mapping[Path, Mapping[str, str]],
     inputs: Sequence[str] = (),
+    defined: Mapping[str, Unit] = NONE,
 ) -> list[str]:
     """What the study asks for and the FMU or the records do not have, one line each, in the order of the file.
 
     variables: unit by name of the FMU's variables, None to leave the FMU out; inputs: those of them that may be driven.
     columns: unit by column name, and by the name that a study's [records] gives the column, of each record and input series
-    that was looked into, by its path in `study`; others are left out.
+    that was looked into, by its path in `study`; others are left out. defined: units that the FMU declares itself.
     """
-    found = [*_check_records(study, variables, columns)]
+    found = [*_check_records(study, variables, columns, defined)]
     if variables is not None:
         driven = {name: variables[name] for name in inputs}
-        found += [*_check_model(study, variables), *_check_inputs(study, driven, columns)]
+        found += [*_check_model(study, variables, defined), *_check_inputs(study, driven, columns, defined)]
+        found += [*_check_units(study, defined)]
     return by_line(f"{place(study.places, loc)}: {text}" for loc, text in found)
 
 
@@ -293,7 +296,19 @@ _JOINT_UNITS = {
 _PARTNERS = {"velocity": "displacement", "nominal_force": "force"}
 
 
-def _check_model(study: Study, variables: Mapping[str, str]) -> Iterator[tuple[Location, str]]:
+def _check_units(study: Study, defined: Mapping[str, Unit]) -> Iterator[tuple[Location, str]]:
+    """Units of channels that neither are known nor declared by the FMU."""
+    for i, channel in enumerate(study.channels):
+        if channel.unit not in defined:
+            try:
+                parse(channel.unit)
+            except SignalError as error:
+                yield ("channels", i, "unit"), f"{error} The FMU declares none of that name."
+
+
+def _check_model(
+    study: Study, variables: Mapping[str, str], defined: Mapping[str, Unit]
+) -> Iterator[tuple[Location, str]]:
     tables: list[tuple[Location, Mapping[str, float]]] = [(("simulation",), study.parameters)]
     tables += [(("conditions", i), condition.parameters) for i, condition in enumerate(study.conditions)]
     wanted: list[Wanted] = [((*loc, "parameters", name), name, ()) for loc, table in tables for name in table]
@@ -304,18 +319,21 @@ def _check_model(study: Study, variables: Mapping[str, str]) -> Iterator[tuple[L
         for key, known in _JOINT_UNITS.items():
             partner = _PARTNERS.get(key, key)
             unit = variables.get(getattr(joint, partner), "")
-            same = [mine for mine, its in zip(known, _JOINT_UNITS[partner], strict=True) if like(unit, its)]
+            same = [mine for mine, its in zip(known, _JOINT_UNITS[partner], strict=True) if like(unit, its, defined)]
             if name := getattr(joint, key):
                 wanted.append((("joints", i, key), name, same or known))
     if any(condition.simulated is None for condition in study.conditions):
         wanted += _responses(study)
     for loc, name, known in wanted:
-        if problem := misfit("variable", name, variables, known):
+        if problem := misfit("variable", name, variables, known, defined):
             yield loc, f"{problem[0]} in the FMU{problem[1]}"
 
 
 def _check_inputs(
-    study: Study, inputs: Mapping[str, str], columns: Mapping[Path, Mapping[str, str]]
+    study: Study,
+    inputs: Mapping[str, str],
+    columns: Mapping[Path, Mapping[str, str]],
+    defined: Mapping[str, Unit],
 ) -> Iterator[tuple[Location, str]]:
     """A log may hold more than the FMU takes; a column whose name is nearly that of an input without a column is a slip."""
     for i, condition in enumerate(study.conditions):
@@ -324,7 +342,7 @@ def _check_inputs(
         for name, unit in there.items():
             if name not in inputs and (near := get_close_matches(name, left, 1, SLIP)):
                 yield loc, f"there is no input {name!r} in the FMU; did you mean {near[0]!r}?"
-            elif name in inputs and unit not in ("", "1") and inputs[name] and not like(unit, inputs[name]):
+            elif name in inputs and unit not in ("", "1") and inputs[name] and not like(unit, inputs[name], defined):
                 yield loc, f"column {name!r} has unit {unit!r}, not like {inputs[name]!r}"
         if there and not set(there) & set(inputs):
             yield loc, f"no column is named as an input of the FMU{_listed(inputs)}"
@@ -335,7 +353,10 @@ def _listed(names: Mapping[str, str]) -> str:
 
 
 def _check_records(
-    study: Study, variables: Mapping[str, str] | None, columns: Mapping[Path, Mapping[str, str]]
+    study: Study,
+    variables: Mapping[str, str] | None,
+    columns: Mapping[Path, Mapping[str, str]],
+    defined: Mapping[str, Unit],
 ) -> Iterator[tuple[Location, str]]:
     measured: list[Wanted] = []
     for i, channel in enumerate(study.channels):
@@ -351,7 +372,7 @@ def _check_records(
         for loc, name, known in wanted:
             same: dict[tuple[str, str], list[str]] = {}
             for file in dict.fromkeys(file for file in files if file in columns):
-                if file and name and (problem := misfit("column", name, columns[file], known)):
+                if file and name and (problem := misfit("column", name, columns[file], known, defined)):
                     same.setdefault(problem, []).append(file.name)
             yield from ((loc, f"{head} in {', '.join(names)}{tail}") for (head, tail), names in same.items())
 

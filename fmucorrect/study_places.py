@@ -186,21 +186,30 @@ def _title(document: Mapping[str, Any], path: Location) -> str:
     return f"{title}, key {'.'.join(map(str, keys))}" if keys else title
 
 
-def misfit(kind: str, name: str, there: Mapping[str, str], known: Sequence[str]) -> tuple[str, str] | None:
-    """What is wrong with a name that should be `there`, in two parts with the place between them; None when nothing."""
+def misfit(
+    kind: str,
+    name: str,
+    there: Mapping[str, str],
+    known: Sequence[str],
+    defined: Mapping[str, units.Unit] = units.NONE,
+) -> tuple[str, str] | None:
+    """What is wrong with a name that should be `there`, in two parts with the place between them; None when nothing.
+
+    defined: units of the FMU's own.
+    """
     if name not in there:
         hint = nearest(name, there) or (f"; there are {', '.join(map(repr, there))}" if len(there) <= 20 else "")
         return f"there is no {kind} {name!r}", hint
-    if known and not any(like(there[name], unit) for unit in known):
+    if known and not any(like(there[name], unit, defined) for unit in known):
         text = f"has unit {there[name]!r}" if there[name] not in ("", "1") else "has no unit"
         return f"{kind} {name!r} {text}", f", expected one like {' or '.join(map(repr, known))}"
     return None
 
 
-def like(unit: str, other: str) -> bool:
+def like(unit: str, other: str, defined: Mapping[str, units.Unit] = units.NONE) -> bool:
     """Whether values in one unit can be converted to the other; False when a unit is not known."""
     try:
-        units.conversion(unit, other, "")
+        units.convert(unit, other, "", defined)
     except SignalError:
         return False
     return True

@@ -93,7 +93,7 @@ class ChannelRow(Table):
     simulation: Text = Field(description="FMU output variable, or column of the simulated record")
     measurement: Text = Field(description="column of the measured record")
     quantity: Quantity = Field(description=f"one of {', '.join(_QUANTITIES)}")
-    unit: Annotated[str, AfterValidator(_unit)] = Field(description="unit of the corrected output, as 'mm'")
+    unit: str = Field(description="unit of the corrected output, as 'mm'")  # or one of the FMU's own: _across
     axis: str = ""
     positive: str = ""
     frame: str = ""
@@ -241,8 +241,15 @@ def _across(document: Mapping[str, Any], folder: Path, places: Places) -> Iterat
             if other := seen.get(name) or (names["joints"].get(name) if table == "groups" else None):
                 yield f"{place(places, loc)}: {name!r} is taken by {place(places, other[:2])}; names must differ"
             seen.setdefault(name, loc)
+    simulation = document.get("simulation")
+    own = isinstance(simulation, dict) and "fmu" in simulation
     for i, row in _rows(document, "channels"):
         quantity, unit = row.get("quantity"), row.get("unit")
+        if isinstance(unit, str) and not own:  # an FMU may declare a unit of its own, which check_study knows
+            try:
+                _unit(unit)
+            except ValueError as error:
+                yield f"{place(places, ('channels', i, 'unit'))}: {error}"
         if isinstance(unit, str) and isinstance(quantity, str) and quantity in _QUANTITIES:
             yield from _fits(place(places, ("channels", i, "unit")), quantity, unit)
     for i, row in _rows(document, "groups"):

@@ -27,7 +27,7 @@ AB = (Channel("a", unit="mm"), Channel("b", unit="m/s2"))
         ("kip", "kN", 4.4482216152605),
         ("µm", "um", 1.0),
         ("1", "%", 100.0),
-        ("rev/min", "Hz", 2 * np.pi / 60),
+        ("rev/min", "rad/s", 2 * np.pi / 60),
         ("MN/m", "N/mm", 1e3),
     ],
 )

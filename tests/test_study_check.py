@@ -7,7 +7,9 @@ from pathlib import Path
 import pytest
 from study_example import CHANNEL, CONDITION, EXAMPLE, JOINT, edited, files, write
 
+from fmucorrect.errors import StudyError
 from fmucorrect.study import check_study, load_study
+from fmucorrect.units import Unit
 
 
 @pytest.fixture
@@ -105,3 +107,18 @@ def test_a_column_missing_in_several_records_is_one_problem(folder: Path) -> Non
     columns = {name: {"acc_FW": "m/s2", "platform_yaw": "deg"} for name in ("measured_300.mcap", "second.mcap")}
     (found,) = checked(folder, EXAMPLE + more, None, columns)
     assert "there is no column 'lvdt_FW' in measured_300.mcap, second.mcap" in found
+
+
+def test_a_unit_of_the_fmus_own_is_none_of_anybody_elses(folder: Path) -> None:
+    text = edited(('unit = "mm" ', 'unit = "plank" '))
+    there = {(folder / "measured_300.mcap").resolve(): {"lvdt_FW": "um", "acc_FW": "gn", "platform_yaw": "deg"}}
+    study = load_study(write(folder, text))
+    found = check_study(study, VARIABLES, there)
+    assert any("unit 'plank' is not known" in line and "The FMU declares none" in line for line in found)
+    defined = {"plank": Unit("plank", 2.0, (0, 1, 0, 0, 0, 0))}
+    assert check_study(study, VARIABLES, there, defined=defined) == []
+    wrong = {"plank": Unit("plank", 2.0, (1, 0, 0, 0, 0, 0))}
+    assert any("expected one like 'plank'" in line for line in check_study(study, VARIABLES, there, defined=wrong))
+    alone = text.replace('fmu = "RollerRig.fmu"', "")
+    with pytest.raises(StudyError, match="unit 'plank' is not known"):
+        load_study(write(folder, alone))

@@ -41,11 +41,6 @@ SINGLE = [
     ("parameters = { } ", "parameters = { a = true } ", "[simulation], key parameters.a: must be a number, got True"),
     ("parameters = { } ", "parameters = 3 ", "[simulation], key parameters: must be a table, as { key = value }, got 3"),
     ('unit = "mm" ', 'unti = "mm" ', f"{CHANNEL}, key unti: is not known; did you mean 'unit'?"),
-    (
-        'unit = "mm" ',
-        'unit = "furlong" ',
-        f"{CHANNEL}, key unit: unit 'furlong' is not known ('furlong'). Write it as in 'm/s2' or 'N.m'.",
-    ),
     ('unit = "mm" ', 'unit = "N" ', f"{CHANNEL}, key unit: 'N' is no unit of displacement; write one like 'm'"),
     (
         'quantity = "displacement" ',

@@ -3,11 +3,12 @@
 import dataclasses
 import math
 
+import numpy as np
 import pytest
 import scipy.constants as c
 
 from fmucorrect.errors import SignalError
-from fmucorrect.units import conversion, parse
+from fmucorrect.units import Conversion, Scaling, Unit, conversion, convert, parse
 
 IN_SI = {
     "%": ("1", 1 / 100),
@@ -37,6 +38,25 @@ IN_SI = {
     "mm2": ("m2", 1e-6),
     "cm³": ("m3", 1e-6),
     "1/min": ("Hz", 1 / 60),
+    "rpm": ("rad/s", 2 * c.pi / 60),
+    "U/min": ("rad/s", 2 * c.pi / 60),
+    "bar": ("Pa", c.bar),
+    "mbar": ("Pa", 100),
+    "hPa": ("Pa", 100),
+    "psi": ("Pa", c.psi),
+    "atm": ("Pa", c.atm),
+    "Volt": ("V", 1),
+    "mph": ("m/s", c.mph),
+    "ft": ("m", c.foot),
+    "lb": ("kg", c.lb),
+    "kgf": ("N", c.kilogram_force),
+    "l/min": ("m3/s", 1e-3 / 60),
+    "kOhm": ("V/A", 1000),
+    "newton": ("N", 1),
+    "N-m": ("J", 1),
+    "μm": ("m", 1e-6),
+    "‰": ("1", 1e-3),
+    "W/(m.degC)": ("W/m/K", 1),
     "kW.h": ("J", 3.6e6),
 }
 SAME = [
@@ -116,3 +136,58 @@ def test_a_unit_is_read_once_and_stays_what_it_is() -> None:
     assert parse("kN.m") is parse("kN.m")
     with pytest.raises(dataclasses.FrozenInstanceError):
         parse("m").factor = 2.0  # pyright: ignore[reportAttributeAccessIssue]
+
+
+TEMPERATURES = [
+    ("degC", "K", 20.0, 293.15),
+    ("K", "°C", 0.0, -273.15),
+    ("degF", "degC", 212.0, 100.0),
+    ("Celsius", "degF", -40.0, -40.0),
+    ("degC/s", "K/s", 20.0, 20.0),
+    ("degF.m", "K.m", 9.0, 5.0),
+]
+
+
+@pytest.mark.parametrize(("source", "target", "value", "expected"), TEMPERATURES)
+def test_a_temperature_has_an_offset_and_a_difference_has_none(source, target, value, expected) -> None:
+    found = convert(source, target, "")
+    assert found.factor * value + found.offset == pytest.approx(expected, abs=1e-9)
+    scaling = Scaling.of([found, Conversion()])
+    if scaling is None:
+        assert value == expected
+    else:
+        assert scaling(np.array([[value, 1.5]])).tolist() == [[pytest.approx(expected, abs=1e-9), 1.5]]
+    if found.offset:
+        with pytest.raises(SignalError, match="temperature cannot be converted by a factor"):
+            conversion(source, target, "")
+
+
+def test_a_gram_is_a_fall_where_it_meets_an_acceleration() -> None:
+    assert conversion("g", "m/s2", "") == 9.80665
+    assert conversion("mg", "m/s2", "") == pytest.approx(9.80665e-3, rel=1e-14)
+    assert conversion("m/s2", "g", "") == pytest.approx(1 / 9.80665, rel=1e-14)
+    assert conversion("g", "kg", "") == 1e-3
+    assert conversion("mg", "g", "") == 1e-3
+    with pytest.raises(SignalError, match="do not fit"):
+        conversion("kg", "m/s2", "")
+
+
+@pytest.mark.parametrize(("one", "other"), [("Hz", "rad/s"), ("rpm", "Hz"), ("1/min", "rad/s"), ("Hz", "rpm")])
+def test_turns_and_radians_are_not_confounded(one, other) -> None:
+    with pytest.raises(SignalError, match="radians or turns"):
+        conversion(one, other, "")
+
+
+def test_what_is_declared_goes_before_what_is_known_unless_it_is_of_another_size() -> None:
+    own = {
+        "plank": Unit("plank", 2.0, (0, 1, 0, 0, 0, 0)),
+        "g": Unit("g", 9.81, (0, 1, -2, 0, 0, 0)),
+        "grade": Unit("grade", 2.0, (0, 0, 0, 0, 1, 0), 10.0),
+        "mm": Unit("mm", 1.0, (0, 1, 0, 0, 0, 0)),
+    }
+    assert conversion("plank", "cm", "", own) == 200.0
+    assert conversion("m/s2", "g", "", own) == pytest.approx(1 / 9.81)
+    assert convert("grade", "K", "", own) == Conversion(2.0, 10.0)
+    assert convert("unheard of", "unheard of", "") == Conversion()
+    with pytest.raises(SignalError, match="declares a unit 'mm' of another size"):
+        conversion("mm", "m", "", own)

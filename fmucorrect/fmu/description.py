@@ -18,6 +18,7 @@ from fmpy import model_description as fmpy_description
 from fmucorrect import outputs
 from fmucorrect.errors import FmuError
 from fmucorrect.fmu import archive
+from fmucorrect.units import Unit
 
 _LIBRARY_SUFFIXES = (".so", ".dll", ".dylib")
 _AGAIN = "Export it again."
@@ -77,9 +78,9 @@ class FmuDescription:
 
     fmi: "2.0" or "3.0". identifier: name of its library. token: what the library checks it by. platforms: folders in
     binaries/ that hold the library. start_time, stop_time, step_size: s, of the default experiment, None where it says
-    nothing; tolerance: of its solver, relative, which a run asks for. capabilities: what it can, in words. log_categories:
-    names of its log categories. wrapped: what `fmucorrect wrap` wrote of the solver and the corrector inside; empty for any
-    other FMU.
+    nothing; tolerance: of its solver, relative, which a run asks for. defined: units that it declares itself, by name.
+    capabilities: what it can, in words. log_categories: names of its log categories. wrapped: what `fmucorrect wrap` wrote
+    of the solver and the corrector inside; empty for any other FMU.
     """
 
     path: Path
@@ -98,6 +99,7 @@ class FmuDescription:
     stop_time: float | None
     step_size: float | None
     tolerance: float | None = None
+    defined: Mapping[str, Unit] = field(default_factory=lambda: MappingProxyType({}), repr=False)
     wrapped: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}), repr=False)
 
     def of(self, causality: str) -> tuple[Variable, ...]:
@@ -224,6 +226,7 @@ def open_fmu(path: str | Path) -> FmuDescription:
         stop_time=_float(experiment.stopTime, None),
         step_size=_float(experiment.stepSize, None),
         tolerance=_tolerance(experiment.tolerance),
+        defined=_defined(model.unitDefinitions),
         wrapped=wrapped,
     )
 
@@ -272,6 +275,18 @@ def _variable(variable: fmpy_description.ModelVariable) -> Variable:
         and (variable.causality == "input" or variable.initial in ("exact", "approx")),
         description=variable.description or "",
     )
+
+
+def _defined(definitions: Iterable[fmpy_description.Unit]) -> Mapping[str, Unit]:
+    """The units that are said in kg, m, s, A, K and rad; those of light and of amounts are not computed with."""
+    found: dict[str, Unit] = {}
+    for unit in definitions:
+        base = unit.baseUnit
+        if unit.name and base is not None and not base.mol and not base.cd:
+            dimension = (base.kg, base.m, base.s, base.A, base.K, base.rad)
+            if math.isfinite(base.offset) and math.isfinite(base.factor) and base.factor:
+                found[unit.name] = Unit(unit.name, base.factor, dimension, base.offset)
+    return MappingProxyType(found)
 
 
 def _check_variables(variables: Iterable[Variable], path: Path) -> None:

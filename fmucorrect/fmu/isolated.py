@@ -188,8 +188,8 @@ class IsolatedStepper:
 
     def _responses(self, record: Record, values: Float64[np.ndarray, "T J"]) -> Record:
         """A copy, in the channels' units."""
-        factors = self._matched.factors
-        values = values.copy() if factors is None else values * factors
+        scaling = self._matched.scaling
+        values = values.copy() if scaling is None else scaling(values)
         return replace(record, values=values, channels=self.channels)
 
     def close(self) -> None:

@@ -13,7 +13,7 @@ from jaxtyping import Float64
 from fmucorrect.errors import FmuError, SignalError
 from fmucorrect.fmu.description import FmuDescription, Variable, open_fmu
 from fmucorrect.signals import Channel, Record, Times, Values
-from fmucorrect.units import conversion
+from fmucorrect.units import Conversion, Scaling, Unit, convert
 
 WHOLE = 1e-3
 """By how much an input of whole numbers may be beside one: what converting and writing with few digits leaves."""
@@ -25,14 +25,14 @@ SECOND = 1e9
 class Matched:
     """What a stepper of an FMU moves, and the checks of what goes in.
 
-    channels: the responses, with units. outputs: their variables. factors: (J,) from the FMU's units to the channels',
-    None for 1. inputs: the variables of the columns of u.
+    channels: the responses, with units. outputs: their variables. scaling: from the FMU's units to the channels', None
+    where they are the same. inputs: the variables of the columns of u.
     """
 
     description: FmuDescription
     outputs: tuple[Variable, ...]
     channels: tuple[Channel, ...]
-    factors: Float64[np.ndarray, " J"] | None
+    scaling: Scaling | None
     inputs: tuple[Variable, ...]
 
     @property
@@ -52,10 +52,14 @@ class Matched:
             )  # fmt: skip
         order = [record.index(name) for name in wanted]
         values = np.ascontiguousarray(record.values[:, order])
-        factors = [
-            input_factor(record.channels[c].unit, v.unit, v.name) for c, v in zip(order, self.inputs, strict=True)
-        ]
-        return values if all(factor == 1.0 for factor in factors) else values * np.array(factors)
+        known = self.description.defined
+        scaling = Scaling.of(
+            [
+                input_conversion(record.channels[c].unit, v.unit, v.name, known)
+                for c, v in zip(order, self.inputs, strict=True)
+            ]
+        )
+        return values if scaling is None else scaling(values)
 
     def check_row(self, t_ns: int, last_ns: int | None, width: int) -> None:
         """Raises SignalError where time does not go on from `last_ns`, or a row of inputs is too long or too short."""
@@ -100,18 +104,18 @@ def match(
     description = open_fmu(path).known(units, tolerance)
     _ = description.binaries  # refused now rather than when it is started
     variables, complete = outputs(description, channels)
-    factors = output_factors(variables, complete)
-    return Matched(description, tuple(variables), complete, factors, tuple(inputs(description, input_names)))
+    scaling = output_scaling(description, variables, complete)
+    return Matched(description, tuple(variables), complete, scaling, tuple(inputs(description, input_names)))
 
 
-def input_factor(source: str, target: str, name: str) -> float:
-    """What a value in `source` is multiplied by to be in `target`, the unit of the FMU's variable; a value without a unit is
-    in the variable's own. Raises SignalError, also where only the FMU says no unit."""
+def input_conversion(source: str, target: str, name: str, known: Mapping[str, Unit]) -> Conversion:
+    """From `source` to `target`, the unit of the FMU's variable `name`; a value without a unit is in the variable's own.
+    Raises SignalError, also where only the FMU says no unit."""
     if source == target or source in ("", "1"):
-        return 1.0
+        return Conversion()
     if not target:
         raise _unknown(name, source)
-    return conversion(source, target, name)
+    return convert(source, target, name, known)
 
 
 def _unknown(name: str, unit: str) -> SignalError:
@@ -137,15 +141,18 @@ def outputs(description: FmuDescription, channels: tuple[Channel, ...]) -> tuple
     return variables, tuple(complete)
 
 
-def output_factors(variables: list[Variable], channels: tuple[Channel, ...]) -> Float64[np.ndarray, " K"] | None:
-    """What the FMU's values are multiplied by to be in the channels' units, None for 1. Raises SignalError."""
-    factors = np.ones(len(channels))
-    for i, (variable, channel) in enumerate(zip(variables, channels, strict=True)):
+def output_scaling(
+    description: FmuDescription, variables: list[Variable], channels: tuple[Channel, ...]
+) -> Scaling | None:
+    """From the FMU's units to the channels', None where they are the same. Raises SignalError."""
+    conversions: list[Conversion] = []
+    for variable, channel in zip(variables, channels, strict=True):
         if not variable.unit and channel.unit not in ("", "1"):
             raise _unknown(variable.name, channel.unit)
-        if variable.unit and variable.unit != channel.unit:
-            factors[i] = conversion(variable.unit, channel.unit, f"channel {channel.name!r}")
-    return None if (factors == 1.0).all() else factors
+        where = f"channel {channel.name!r}"
+        known = convert(variable.unit, channel.unit, where, description.defined) if variable.unit else Conversion()
+        conversions.append(known)
+    return Scaling.of(conversions)
 
 
 def inputs(description: FmuDescription, names: Sequence[str]) -> list[Variable]:

@@ -61,7 +61,7 @@ class Simulation:
         _ = self._description.binaries  # refused now rather than at start()
         self._structure = read_structure(self._description)
         self._outputs, self._channels = matching.outputs(self._description, channels)
-        self._factors = matching.output_factors(self._outputs, self._channels)
+        self._scaling = matching.output_scaling(self._description, self._outputs, self._channels)
         step = self._description.step_size if step_size is None else step_size
         if not step or step <= 0.0:
             raise FmuError(
@@ -144,7 +144,7 @@ class Simulation:
         with self._released_on_error():
             for port in self._readers:
                 port.get()
-        return self._row.copy() if self._factors is None else self._row * self._factors
+        return self._row.copy() if self._scaling is None else self._scaling(self._row)
 
     def get(self, names: Sequence[str]) -> Float64[np.ndarray, " M"]:
         """Any variables now, in the FMU's units."""
@@ -189,7 +189,7 @@ class Simulation:
                     if status := call():
                         instance.check(status, function)
         self._count += steps
-        return result if self._factors is None else result * self._factors
+        return result if self._scaling is None else self._scaling(result)
 
     def save(self) -> SavedState:
         """A copy of the solver's state, which start() and close() void and free."""

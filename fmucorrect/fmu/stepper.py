@@ -86,7 +86,7 @@ class FmuStepper:
     ) -> None:
         self._matched = match(path, channels, inputs, units, tolerance)
         self._description, self._place = self._matched.description, place
-        self._channels, self._factors = self._matched.channels, self._matched.factors
+        self._channels, self._scaling = self._matched.channels, self._matched.scaling
         self._parameters, self._logger, self._choosy = parameters, log, self._matched.choosy
         start_values(self._description, parameters)
         self._loaded: LoadedFmu | None = None
@@ -114,8 +114,8 @@ class FmuStepper:
 
     @property
     def factors(self) -> Float64[np.ndarray, " J"]:
-        """From the solver's units to the channels'."""
-        return np.ones(len(self._channels)) if self._factors is None else self._factors
+        """From a difference in the solver's units to one in the channels'."""
+        return np.ones(len(self._channels)) if self._scaling is None else self._scaling.factors
 
     def load(self) -> None:
         """Unpack and load the library, which reset() does by itself."""
@@ -159,7 +159,7 @@ class FmuStepper:
             self.close()
             raise
         self._last_ns = t_ns
-        simulated = self._row.copy() if self._factors is None else self._row * self._factors
+        simulated = self._row.copy() if self._scaling is None else self._scaling(self._row)
         return Step(t_ns, simulated, simulated, self._zeros, Status.OK)
 
     def process(self, record: Record) -> Record:
@@ -177,8 +177,8 @@ class FmuStepper:
         return self._responses(record, values)
 
     def _responses(self, record: Record, values: Float64[np.ndarray, "T J"]) -> Record:
-        if self._factors is not None:
-            values *= self._factors
+        if self._scaling is not None:
+            values = self._scaling(values)
         return replace(record, values=values, channels=self._channels)
 
     def advance(self, t_ns: Times, u: Float64[np.ndarray, "T U"], values: Float64[np.ndarray, "T J"]) -> None:

@@ -19,36 +19,7 @@ _ROUND = re.compile(r"^(.*\S)\s*\(([^()]*)\)$", re.DOTALL)
 _SLASH = re.compile(r"^(.*\S)\s+/\s+(\S+)$", re.DOTALL)
 _TIME_SUFFIX = re.compile(r"^(.*?)(?:_|\s*/\s*|,\s*|\s+in\s+)([A-Za-zµμ]+)$")
 
-_MORE_UNITS = frozenset(
-    [
-        "bar",
-        "mbar",
-        "hPa",
-        "°C",
-        "degC",
-        "°F",
-        "degF",
-        "K/s",
-        "dB",
-        "rpm",
-        "U/min",
-        "1/min",
-        "mm/m",
-        "um/m",
-        "µm/m",
-        "l",
-        "l/min",
-        "l/s",
-        "Ohm",
-        "ohm",
-        "Ω",
-        "mol",
-        "cd",
-        "lx",
-        "ppm",
-        "‰",
-    ]
-)
+_MORE_UNITS = frozenset(["dB", "mol", "cd", "lx"])
 """Units that measurement files name and that nothing here computes with."""
 
 _TIMES = frozenset(

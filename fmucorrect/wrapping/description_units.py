@@ -50,7 +50,7 @@ def _same(element: ET.Element, unit: str) -> bool:
         exponents[:5] == ours.dimension[:5]
         and not any(int(base.get(name, "0")) for name in _OTHERS)
         and math.isclose(float(base.get("factor", "1")), ours.factor, rel_tol=1e-6)
-        and float(base.get("offset", "0")) == 0.0
+        and math.isclose(float(base.get("offset", "0")), ours.offset, rel_tol=1e-6)
     )
 
 
@@ -61,6 +61,8 @@ def _define(definitions: ET.Element, name: str, unit: str) -> None:
     attributes = {base: str(power) for base, power in zip(_BASE, parsed.dimension, strict=True) if power}
     if parsed.factor != 1.0:
         attributes["factor"] = repr(parsed.factor)
+    if parsed.offset:
+        attributes["offset"] = repr(parsed.offset)
     add(element, "BaseUnit", attributes)
 
 

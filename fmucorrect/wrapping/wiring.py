@@ -23,7 +23,7 @@ from typing import Any
 
 from fmucorrect.bundle import Info
 from fmucorrect.errors import FmuError, SignalError, WrapError
-from fmucorrect.fmu import FmuDescription, Variable, matching
+from fmucorrect.fmu import FmuDescription, Variable
 from fmucorrect.fmu.startvalues import start_values
 from fmucorrect.study_places import parse_toml
 from fmucorrect.units import conversion
@@ -178,13 +178,14 @@ def _parameters(fmu: FmuDescription, info: Info, mapping: MappingFile) -> Mappin
 
 
 def _factor(variable: Variable, unit: str, where: str) -> float:
+    """What a value of the solver is multiplied by to be in `unit`; 1 where either side says no unit."""
     if not variable.unit and unit not in ("", "1"):
         raise WrapError(
             f"{where}: variable {variable.name!r} has no unit in the FMU",
             expected=f"a unit like {unit!r}",
             remedy=f'Say in a mapping file which one the solver computes in: [units] "{variable.name}" = "{unit}".',
         )
-    return matching.input_factor(variable.unit, unit, where)
+    return 1.0 if variable.unit in ("", "1") else conversion(variable.unit, unit, where)
 
 
 def _real(variable: Variable) -> bool:

@@ -7,12 +7,15 @@ import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from trouble_fmu import OSCILLATOR, description, packed
 
-from fmucorrect.errors import FmuError
+from fmucorrect.errors import FmuError, SignalError
 from fmucorrect.fmu import FmuStepper, open_fmu
+from fmucorrect.fmu.matching import input_conversion, output_scaling
 from fmucorrect.signals import Channel
+from fmucorrect.units import Conversion, Unit
 
 
 def test_description(oscillator: Path):
@@ -45,6 +48,22 @@ def test_declared_type_gives_unit_and_limits(tmp_path: Path):
     )
     variable = open_fmu(packed(tmp_path / "a.fmu", xml, None, "2.0")).variables["a"]
     assert (variable.unit, variable.maximum) == ("m", 2.0)
+
+
+def test_units_that_an_fmu_declares_go_with_it(tmp_path: Path):
+    xml = description("2.0", '<ScalarVariable name="a" valueReference="90"><Real unit="plank"/></ScalarVariable>')
+    own = '<Unit name="plank"><BaseUnit m="1" factor="2" offset="0.5"/></Unit><Unit name="lx"><BaseUnit cd="1" m="-2"/></Unit>'
+    xml = xml.replace("<TypeDefinitions>", f"<UnitDefinitions>{own}</UnitDefinitions><TypeDefinitions>")
+    fmu = open_fmu(packed(tmp_path / "a.fmu", xml, None, "2.0"))
+    assert dict(fmu.defined) == {"plank": Unit("plank", 2.0, (0, 1, 0, 0, 0, 0), 0.5)}
+    variable = [fmu.variables["a"]]
+    scaling = output_scaling(fmu, variable, (Channel("a", "mm"),))
+    assert scaling is not None
+    assert scaling(np.array([[3.0]])).tolist() == [[6500.0]]
+    assert output_scaling(fmu, variable, (Channel("a", "plank"),)) is None
+    assert input_conversion("mm", "plank", "a", fmu.defined) == Conversion(0.0005, -0.25)
+    with pytest.raises(SignalError, match="do not fit"):
+        output_scaling(fmu, variable, (Channel("a", "N"),))
 
 
 def _zip(entries: dict[str, str]) -> Callable[[Path], object]:
