@@ -39,7 +39,7 @@ SUFFIXES = (".mcap", ".csv", ".parquet", ".mf4", ".mdf", ".tdms", ".mat")
 TEXT = (".txt", ".tsv", ".asc", ".tab", ".prn", ".csv.gz", ".txt.gz", ".tsv.gz", ".asc.gz", ".tab.gz")
 """Those of files that are read as CSV is; none is written."""
 
-READ = (*SUFFIXES, *TEXT)
+READ = (*SUFFIXES, *TEXT, ".lvm", ".h5", ".hdf5", ".hdf", ".nc", ".uff", ".unv", ".58", ".tdm")
 """The suffixes of files that can be read."""
 
 __all__ = ["READ", "SUFFIXES", "damaged", "describe", "field_names", "find", "has", "is_recording", "read", "stream", "suffix_of", "writer"]
@@ -172,6 +172,14 @@ def _source(path: str | PathLike[str], reading: Reading) -> Guarded:
         from fmucorrect.records.mdf4 import opened as Opened
     elif suffix == ".tdms":
         from fmucorrect.records.tdms import TdmsSource as Opened
+    elif suffix == ".lvm":
+        from fmucorrect.records.lvm import LvmSource as Opened
+    elif suffix in (".h5", ".hdf5", ".hdf", ".nc"):
+        from fmucorrect.records.hdf5 import opened as Opened
+    elif suffix in (".uff", ".unv", ".58"):
+        from fmucorrect.records.uff import opened as Opened
+    elif suffix == ".tdm":
+        from fmucorrect.records.tdm import opened as Opened
     else:
         from fmucorrect.records.mat import opened as Opened
     return Guarded(name, lambda path: Opened(path, reading))

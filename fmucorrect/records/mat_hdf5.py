@@ -5,12 +5,12 @@ Links to other places or files, and datasets kept in other files, are not follow
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from fmucorrect.errors import MissingExtra, RecordError
+from fmucorrect.records.structures import Unreadable
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 """What an HDF5 file begins with, behind a block of 0, 512, 1024 or 2048 bytes."""
@@ -22,13 +22,6 @@ _MOST_CELLS = 10_000
 """Entries of a cell or structure array that are followed."""
 _DEEPEST = 32
 """Levels of structures, as references may lead in a circle."""
-
-
-@dataclass(frozen=True)
-class Unreadable:
-    """Something of the file that is no number, text or structure. kind: what it is, in words."""
-
-    kind: str
 
 
 def is_hdf5(path: str) -> bool:
