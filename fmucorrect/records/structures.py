@@ -78,7 +78,7 @@ class Tables:
             Topic(
                 table.name,
                 tuple(Column(name, table.units[name]) for name in table.series),
-                "variables",
+                self.encoding,
                 self._metadata | ({"assumed": "; ".join(table.assumed)} if table.assumed else {}),
                 "" if table.series else "no numbers as long as the time",
             )

@@ -76,7 +76,12 @@ class TdmSource(Tables):
                 continue
             attributes = {str(a.get("name")): str(a.text) for a in xml.iterfind("instance_attributes/*")}
             channels.append(
-                (name, np.asarray(file.channel(group, c)), str(file.channel_unit(group, c) or "1"), attributes)
+                (
+                    name,
+                    np.asarray(file.channel(group, c)),
+                    str(file.channel_unit(group, c) or "").strip('" ') or "1",
+                    attributes,
+                )
             )
         named = [c for c in channels if c[0] == self._told] or [c for c in channels if naming.is_time(c[0])]
         named = named or [c for c in channels if c[1].dtype.kind == "M"]

@@ -86,15 +86,14 @@ def universal(**changes: Any) -> dict[str, Any]:
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("binary", [0, 1])
-def test_universal_files(binary: int, tmp_path: Path) -> None:
+def test_universal_files(tmp_path: Path) -> None:
     path = tmp_path / "run.uff"
     sets = [
-        universal(binary=binary),
-        universal(binary=binary, rsp_dir=-3, ordinate_axis_units_lab="N", data=-np.arange(5.0)),
-        universal(binary=binary, rsp_node=4, abscissa_spacing=0, abscissa_inc=0.0, x=np.array([0, 0.5, 2, 3, 4.0])),
-        universal(binary=binary, func_type=4, abscissa_spec_data_type=18, data=np.arange(5) * (1 + 1j)),
-        universal(binary=binary, func_type=2, abscissa_spec_data_type=18),
+        universal(),
+        universal(rsp_dir=-3, ordinate_axis_units_lab="N", data=-np.arange(5.0)),
+        universal(rsp_node=4, abscissa_spacing=0, abscissa_inc=0.0, x=np.array([0, 0.5, 2, 3, 4.0])),
+        universal(func_type=4, abscissa_spec_data_type=18, data=np.arange(5) * (1 + 1j)),
+        universal(func_type=2, abscissa_spec_data_type=18),
     ]
     pyuff.UFF(str(path)).write_sets(sets, "overwrite")
     record = records.read(path, ["3+Y", "3-Z"])
