@@ -42,7 +42,20 @@ TEXT = (".txt", ".tsv", ".asc", ".tab", ".prn", ".csv.gz", ".txt.gz", ".tsv.gz",
 READ = (*SUFFIXES, *TEXT, ".lvm", ".h5", ".hdf5", ".hdf", ".nc", ".uff", ".unv", ".58", ".tdm")
 """The suffixes of files that can be read."""
 
-__all__ = ["READ", "SUFFIXES", "damaged", "describe", "field_names", "find", "has", "is_recording", "read", "stream", "suffix_of", "writer"]
+__all__ = [
+    "READ",
+    "SUFFIXES",
+    "damaged",
+    "describe",
+    "field_names",
+    "find",
+    "has",
+    "is_recording",
+    "read",
+    "stream",
+    "suffix_of",
+    "writer",
+]
 
 
 def read(
