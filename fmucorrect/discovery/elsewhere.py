@@ -15,12 +15,14 @@ from pathlib import Path
 
 import numpy as np
 
+from fmucorrect import records
 from fmucorrect.discovery import native
 from fmucorrect.discovery.content import digest, packed, unpacked
 from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.ownfolder import own_folder
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.trials import Trial
+from fmucorrect.errors import RecordError
 from fmucorrect.study import Adjustable, Study
 
 PIECE = 1_000_000
@@ -67,6 +69,12 @@ def _parcel(problem: Problem) -> Parcel:
     def moved(path: Path | None) -> Path | None:
         if path is None:
             return None
+        if records.is_recording(path):
+            raise RecordError(
+                "a record of several files cannot be sent to other machines",
+                where=str(path),
+                remedy="Join its files into one, or leave --scheduler out.",
+            )
         content = path.read_bytes()
         name = f"{digest(content)}{path.suffix}"
         files[name] = content

@@ -71,6 +71,8 @@ def test_a_bag_of_ros2_is_one_record(tmp_path: Path) -> None:
     found = {one.topic.name: (one.extent.rows, one.topic.metadata["parts"]) for one in records.describe(folder).topics}
     assert found == {"/x": (30, "run_0.mcap; run_1.mcap; run_2.mcap"), "/y": (10, "run_2.mcap")}
     assert records.describe(folder).format == "MCAP, 3 files"
+    assert [file.name for file in records.files(folder)] == ["run_0.mcap", "run_1.mcap", "run_2.mcap"]
+    assert records.files(folder / "run_0.mcap") == (folder / "run_0.mcap",)
     assert not records.describe(folder).damage
 
 
