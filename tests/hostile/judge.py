@@ -227,7 +227,7 @@ class Judge:
             return "internal error", said.strip()[-300:]
         if answer["exit"] not in (0, 2):
             return "crash", f"exit {answer['exit']}: {said[-300:]}"
-        if answer["exit"] == 2 and not (command[0] == "inspect" and "not fit" in said):
+        if answer["exit"] == 2 and not (command[0] == "inspect" and "not fit, see above" in said):
             return (
                 ("clean error", err.strip()[-300:])
                 if err.strip()
