@@ -46,8 +46,12 @@ def clock(study: Study, condition: Condition) -> Clock:
     length = (measured[1] - measured[0]) / NANOSECONDS
     path = condition.simulated or (condition.inputs if study.fmu is not None else None)
     what = "the simulated record" if condition.simulated is not None else "the inputs"
-    given = _whole([item.extent for item in records.describe(path).topics]) if path is not None else None
+    given = (
+        _whole([item.extent for item in records.describe(path, condition.reading).topics]) if path is not None else None
+    )
     theirs = given or (0, measured[1] - measured[0])
+    if condition.measurement is None:
+        return Clock(theirs[0], (theirs[1] - theirs[0]) / NANOSECONDS, False, None, "")
     overlapping = max(theirs[0], measured[0]) < min(theirs[1], measured[1])
     said = condition.clock
     if isinstance(said, float):

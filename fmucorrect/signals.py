@@ -279,8 +279,8 @@ class Condition:
     role: "development" or "evaluation". speed: km/h; amplitude: deg; frequency: Hz; start: s, when the excitation
     begins (phase zero); 0 where it has no meaning. parameters: FMU start values in the FMU's own units. inputs: time
     series for FMU inputs. measurement, simulated: record files. quiet: s, an interval without excitation. clock: "common",
-    "excitation", s from the simulation's first sample to the measurement's, or None: as `clocks` finds it. reading: of its
-    record files.
+    "excitation", s from the simulation's first sample to the measurement's, or None: as `clocks` finds it. begins_ns:
+    stamp of the inputs at which a run begins, where that is known without the measurement. reading: of its record files.
     """
 
     name: str
@@ -295,6 +295,7 @@ class Condition:
     simulated: Path | None = None
     quiet: tuple[float, float] | None = None
     clock: str | float | None = None
+    begins_ns: int | None = None
     reading: Reading = AS_IT_IS
 
     @property

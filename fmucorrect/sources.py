@@ -105,8 +105,8 @@ def inputs(study: Study, condition: Condition, duration: float | None = None) ->
 def _length(study: Study, condition: Condition, duration: float | None) -> tuple[float, int]:
     """How long a run is, s: `duration`, else to the end of the measurement; and the stamp of the inputs at which it begins.
     Raises RecordError where that asks for more samples than anyone means."""
-    if duration is not None and condition.inputs is None:
-        found, length = Clock(0, duration, False, None, ""), duration
+    if duration is not None and (condition.inputs is None or condition.begins_ns is not None):
+        found, length = Clock(condition.begins_ns or 0, duration, False, None, ""), duration
     else:
         found = clock(study, condition)
         length = found.length if duration is None else duration

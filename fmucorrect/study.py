@@ -220,7 +220,10 @@ def load_study(path: str | Path) -> Study:
             reading=Reading(
                 MappingProxyType({**table.records.columns, **row.records.columns}),
                 MappingProxyType({**table.records.units, **row.records.units}),
-                row.records.repair or table.records.repair,
+                *(
+                    getattr(row.records, key) or getattr(table.records, key)
+                    for key in ("repair", "time", "delimiter", "decimal", "encoding")
+                ),
             ),
         )
         for row in table.conditions

@@ -146,10 +146,14 @@ def _clock(value: object) -> str | float:
 
 
 class RecordsTable(Table):
+    time: str = ""
     clock: Annotated[Any, AfterValidator(_clock)] = None
     repair: str = ""
     units: dict[str, Annotated[str, AfterValidator(_unit)]] = {}
     columns: dict[str, Text] = {}
+    delimiter: str = ""
+    decimal: Literal["", ".", ","] = ""
+    encoding: str = ""
 
 
 class ConditionRow(Table):

@@ -144,3 +144,14 @@ def test_names_and_units_that_the_study_gives(tmp_path: Path):
     assert left(paired(tmp_path, "log.csv", "log.csv", f"[records]\n{columns}\n{units}")) < 1e-9
     with pytest.raises(RecordError, match=r"no column is named as an input of the FMU"):
         paired(tmp_path, "log.csv", "log.csv", '[records]\ncolumns = { "x" = "Susp. travel" }')
+
+
+def test_a_text_file_as_the_study_tells_it(tmp_path: Path):
+    """Neither the time's name nor the decimal comma is plain; a study says both."""
+    t, base, x = driven()
+    rows = [
+        f"{a:.3f};{b!r};{c!r}".replace(".", ",") for a, b, c in zip(t.tolist(), base.tolist(), x.tolist(), strict=True)
+    ]
+    (tmp_path / "log.csv").write_text("clk;base.d;x\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    told = '[records]\ntime = "clk"\ndelimiter = ";"\ndecimal = ","\nunits = { "base.d" = "m", "x" = "m" }'
+    assert left(paired(tmp_path, "log.csv", "log.csv", told)) < 1e-9

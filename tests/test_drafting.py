@@ -15,7 +15,7 @@ from fmucorrect.drafting import draft
 from fmucorrect.drafting.guess import likeness
 from fmucorrect.errors import RecordError
 from fmucorrect.experiment import pair
-from fmucorrect.fmu import FmuStepper
+from fmucorrect.fmu import IsolatedStepper
 from fmucorrect.inspection import study_problems
 from fmucorrect.records import writer
 from fmucorrect.signals import Channel, Condition, Record
@@ -75,7 +75,7 @@ def logs(car: Path) -> list[Path]:
         road = 0.004 * np.clip(t - 0.8, 0.0, 1.0) * np.sin(2.0 * np.pi * np.outer(t, waves) + waves).mean(axis=1)
         given = Record(np.arange(ROWS) * STEP, road[:, None], (Channel("zr"),))
         channels = (Channel("travel", ""), Channel("acc_body", ""))
-        with FmuStepper(car, channels, inputs=("zr",)) as stepper:
+        with IsolatedStepper(car, channels, inputs=("zr",)) as stepper:
             result = run(stepper, Condition("a"), [given])
         assert result is not None
         travel, body = result.values.T
@@ -138,7 +138,7 @@ def test_the_sign_of_a_joint_is_found_by_pushing(tmp_path: Path):
     t = np.arange(3000) * 1e-3
     base = 1e-3 * np.sin(2.0 * np.pi * 3.0 * t)
     given = Record(np.arange(3000) * 1_000_000, base[:, None], (Channel("base.d", "m"),))
-    with FmuStepper(OSCILLATOR, (Channel("x", "m", simulation="mass1.x"),), inputs=("base.d",)) as stepper:
+    with IsolatedStepper(OSCILLATOR, (Channel("x", "m", simulation="mass1.x"),), inputs=("base.d",)) as stepper:
         result = run(stepper, Condition("a"), [given])
     assert result is not None
     path = tmp_path / "log.mcap"

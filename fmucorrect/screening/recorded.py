@@ -15,7 +15,7 @@ from fmucorrect.clocks import clock
 from fmucorrect.experiment import read_samples
 from fmucorrect.screening.finding import Finding
 from fmucorrect.screening.same import COPIED, overlap
-from fmucorrect.signals import NANOSECONDS, Condition, Record
+from fmucorrect.signals import NANOSECONDS, Condition, Reading, Record
 from fmucorrect.sources import driving
 from fmucorrect.study import Study
 
@@ -201,7 +201,7 @@ def _said(study: Study, condition: Condition, measured: Record) -> Iterator[Find
         if condition.speed > 0.0 and min(abs(v / condition.speed - 1.0) for v in likely) > OFF:
             yield _other(where, "speed", f"{value:g} for parameter {name!r}", f"{condition.speed:g} km/h", "parameters")
     if condition.speed > 0.0 and condition.measurement is not None:
-        for column, unit in _speed_columns(condition.measurement):
+        for column, unit in _speed_columns(condition.measurement, condition.reading):
             speed = records.read(condition.measurement, [column], reading=condition.reading).values[:, 0]
             mean = float(np.median(speed)) * units.conversion(unit, "km/h", column)
             if abs(mean / condition.speed - 1.0) > OFF:
@@ -219,9 +219,9 @@ def _other(where: str, key: str, found: str, stated: str, source: str) -> Findin
     )
 
 
-def _speed_columns(path: Path) -> Iterator[tuple[str, str]]:
+def _speed_columns(path: Path, reading: Reading) -> Iterator[tuple[str, str]]:
     """Columns whose last name is speed, in a unit of speed."""
-    for item in records.describe(path).topics:
+    for item in records.describe(path, reading).topics:
         for column in item.topic.columns:
             named = column.name.split(".")[-1].lower() in ("speed", "vehicle_speed")
             if named and column.unit in ("km/h", "m/s", "kmh", "kph"):
