@@ -52,15 +52,18 @@ def clock(study: Study, condition: Condition) -> Clock:
     theirs = given or (0, measured[1] - measured[0])
     if condition.measurement is None:
         return Clock(theirs[0], (theirs[1] - theirs[0]) / NANOSECONDS, False, None, "")
+    # inputs whose stamps may be the run's own time are that, unless the same recorder began both at once
+    counted = condition.simulated is None and 0 <= theirs[0] < measured[1] - measured[0]
+    first = 0 if counted and abs(theirs[0] - measured[0]) > study.simulation.step_ns else theirs[0]
     overlapping = max(theirs[0], measured[0]) < min(theirs[1], measured[1])
     said = condition.clock
     if isinstance(said, float):
         told = f"as the study says, the measurement begins at {said:+.9g} s of the run"
-        return Clock(theirs[0], max(said + length, 0.0), False, said, told)
+        return Clock(first, max(said + length, 0.0), False, said, told)
     one_file = path is not None and path == condition.measurement
     if said == "excitation" or (said is None and study.excitation is not None and not one_file):
-        end = max(theirs[1], measured[1] if given and overlapping else theirs[0] + measured[1] - measured[0])
-        return Clock(theirs[0], (end - theirs[0]) / NANOSECONDS, False, None, "")  # it may lie anywhere in the inputs
+        end = max(theirs[1], first + measured[1] - measured[0])  # it may lie anywhere in the inputs
+        return Clock(first, (end - first) / NANOSECONDS, False, None, "")
     if said is None and not overlapping:
         raise RecordError(
             f"nothing tells where the measurement lies against {what if given else 'the run'}: the stamps do not overlap, and "
@@ -76,6 +79,18 @@ def clock(study: Study, condition: Condition) -> Clock:
     why = "one file has one clock" if one_file else "the study says so" if said else "the stamps overlap"
     told = f"one clock ({why}): the run begins at stamp {seconds_text(origin)} s, the measurement at {_span(measured)}"
     return Clock(origin, max((measured[1] - origin) / NANOSECONDS, 0.0), True, None, told)
+
+
+def begins(study: Study, condition: Condition) -> int:
+    """The stamp at which a run of known length begins: it needs no measurement, and has the one that it would have with it."""
+    if condition.begins_ns is not None:
+        return condition.begins_ns
+    if condition.inputs is None:
+        return 0
+    try:
+        return clock(study, condition).origin_ns
+    except RecordError:  # nothing that is measured tells it
+        return _whole([item.extent for item in records.describe(condition.inputs, condition.reading).topics])[0]
 
 
 def _whole(extents: Sequence[Extent]) -> tuple[int, int]:

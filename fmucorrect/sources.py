@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from fmucorrect import records, units
-from fmucorrect.clocks import Clock, clock, measured_extents
+from fmucorrect.clocks import begins, clock, measured_extents
 from fmucorrect.errors import FmuError, RecordError, SignalError
 from fmucorrect.fmu import FmuStepper, IsolatedStepper, Limits, input_record, open_fmu
 from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Channel, Condition, Reading, Record
@@ -105,14 +105,14 @@ def inputs(study: Study, condition: Condition, duration: float | None = None) ->
 def _length(study: Study, condition: Condition, duration: float | None) -> tuple[float, int]:
     """How long a run is, s: `duration`, else to the end of the measurement; and the stamp of the inputs at which it begins.
     Raises RecordError where that asks for more samples than anyone means."""
-    if duration is not None and (condition.inputs is None or condition.begins_ns is not None):
-        found, length = Clock(condition.begins_ns or 0, duration, False, None, ""), duration
-    else:
+    if duration is None:
         found = clock(study, condition)
-        length = found.length if duration is None else duration
+        length, origin = found.length, found.origin_ns
+    else:
+        length, origin = duration, begins(study, condition)
     rows, most = length * NANOSECONDS / study.simulation.step_ns, MOST_MEASURED if duration is None else MOST_ROWS
     if rows <= most:
-        return length, found.origin_ns
+        return length, origin
     what = f"{length:.6g} s at a step of {study.simulation.step_size:g} s would be {rows:.3g} samples"
     expected = f"at most {most:.0e} samples"
     if duration is not None:

@@ -155,3 +155,13 @@ def test_a_text_file_as_the_study_tells_it(tmp_path: Path):
     (tmp_path / "log.csv").write_text("clk;base.d;x\n" + "\n".join(rows) + "\n", encoding="utf-8")
     told = '[records]\ntime = "clk"\ndelimiter = ";"\ndecimal = ","\nunits = { "base.d" = "m", "x" = "m" }'
     assert left(paired(tmp_path, "log.csv", "log.csv", told)) < 1e-9
+
+
+def test_inputs_that_begin_late_in_the_run(tmp_path: Path):
+    """Stamps of inputs count from the run's begin where the measurement has a clock of its own."""
+    t, base, x = driven()
+    inputs = log(tmp_path / "inputs.csv", t, 1.0, base__d=base)
+    measurement = log(tmp_path / "measured.mcap", t, EPOCH, base__d=base, x=x)
+    item = paired(tmp_path, inputs, measurement, excitation=EXCITATION)
+    assert item.offset is not None
+    assert item.offset.offset == pytest.approx(1.0, abs=1e-4)

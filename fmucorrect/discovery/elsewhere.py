@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from fmucorrect import records
-from fmucorrect.clocks import clock
+from fmucorrect.clocks import begins
 from fmucorrect.discovery import native
 from fmucorrect.discovery.content import digest, packed, unpacked
 from fmucorrect.discovery.model import Model
@@ -91,7 +91,7 @@ def _parcel(problem: Problem) -> Parcel:
                 inputs=moved(trial.condition.inputs),
                 simulated=moved(trial.condition.simulated),
                 measurement=None,
-                begins_ns=clock(study, trial.condition).origin_ns,
+                begins_ns=begins(study, trial.condition),
             ),
             measured=np.zeros((0, len(study.channels))),
         )
