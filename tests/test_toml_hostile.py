@@ -198,7 +198,7 @@ def test_places_of_a_value_over_very_many_lines_take_no_longer_than_they_may() -
         ("step_size = 0.001", "step_size = 1e-300", "between 1e-09 and 86400 s"),
         ("speed = 385.0", "speed = 1e308", "key speed: "),
         ("start = 10.0", "start = 1e300", "key start: "),
-        ('"measured_385.mcap"', '"."', "is a folder, expected a file"),
+        ('"../roller_rig.fmu"', '"."', "is a folder, expected a file"),
         ('"measured_385.mcap"', f'"{"m" * 3000}"', "cannot be looked for"),
     ],
 )
