@@ -52,10 +52,15 @@ def plant(study: Study, condition: Condition, *, isolated: bool = True) -> Stepp
 
 def solver(study: Study, channels: tuple[Channel, ...], inputs: Sequence[str]) -> FmuStepper:
     """The study's FMU in this process. Raises FmuError where the study has none."""
-    it = study.simulation
-    if it.fmu is None:
-        raise FmuError("the study has no FMU", where=str(study.path), remedy="Name it: [simulation] fmu.")
-    return FmuStepper(it.fmu, channels, inputs=inputs, parameters=it.parameters, units=it.units, tolerance=it.tolerance)
+    it, fmu = study.simulation, fmu_of(study)
+    return FmuStepper(fmu, channels, inputs=inputs, parameters=it.parameters, units=it.units, tolerance=it.tolerance)
+
+
+def fmu_of(study: Study) -> Path:
+    """The study's FMU. Raises FmuError where the study has none."""
+    if study.fmu is None:
+        raise FmuError("the study names no FMU", where=str(study.path), remedy="Name it: [simulation] fmu.")
+    return study.fmu
 
 
 def driving(study: Study, condition: Condition) -> tuple[str, ...]:
