@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from fmucorrect import records
 from fmucorrect.errors import RecordError
@@ -42,13 +43,11 @@ class Clock:
 
 def clock(study: Study, condition: Condition) -> Clock:
     """Raises RecordError where nothing tells how the clocks of a condition belong together."""
-    measured = _whole(measured_extents(study, condition)) if condition.measurement is not None else (0, 0)
+    measured = _stamps(measured_extents(study, condition)) if condition.measurement is not None else (0, 0)
     length = (measured[1] - measured[0]) / NANOSECONDS
     path = condition.simulated or (condition.inputs if study.fmu is not None else None)
     what = "the simulated record" if condition.simulated is not None else "the inputs"
-    given = (
-        _whole([item.extent for item in records.describe(path, condition.reading).topics]) if path is not None else None
-    )
+    given = _stamps_of(path, condition) if path is not None else None
     theirs = given or (0, measured[1] - measured[0])
     if condition.measurement is None:
         return Clock(theirs[0], (theirs[1] - theirs[0]) / NANOSECONDS, False, None, "")
@@ -90,14 +89,17 @@ def begins(study: Study, condition: Condition) -> int:
     try:
         return clock(study, condition).origin_ns
     except RecordError:  # nothing that is measured tells it
-        return _whole([item.extent for item in records.describe(condition.inputs, condition.reading).topics])[0]
+        return _stamps_of(condition.inputs, condition)[0]
 
 
-def _whole(extents: Sequence[Extent]) -> tuple[int, int]:
-    """First and last stamp of all, ns."""
-    starts = [extent.start_ns for extent in extents if extent.start_ns is not None]
-    stops = [extent.stop_ns for extent in extents if extent.stop_ns is not None]
-    return (min(starts), max(stops)) if starts else (0, 0)
+def _stamps(extents: Sequence[Extent]) -> tuple[int, int]:
+    """First and last stamp of all, ns; 0 where there is none."""
+    whole = Extent.together(extents)
+    return whole.start_ns or 0, whole.stop_ns or 0
+
+
+def _stamps_of(path: Path, condition: Condition) -> tuple[int, int]:
+    return _stamps([item.extent for item in records.describe(path, condition.reading).topics])
 
 
 def _span(stamps: tuple[int, int]) -> str:

@@ -180,7 +180,7 @@ def _remarks(row: Mapping[str, Any]) -> Remarks:
 def _lines(effects: Effects) -> Iterator[str]:
     yield "format = 1"
     if effects.coupling_step is not None:
-        yield f"coupling_step = {_toml(effects.coupling_step)}"
+        yield f"coupling_step = {toml(effects.coupling_step)}"
     for row in effects.forces:
         table = {"effect": row.effect, "joint": row.joint, "parameters": row.parameters, "rotation": row.rotation}
         yield from _rows("effects", table | _fields(row.remarks))
@@ -203,18 +203,19 @@ def _rows(table: str, row: Mapping[str, Any]) -> Iterator[str]:
     for key, value in row.items():
         empty = value is None or (isinstance(value, str | tuple | Mapping) and not value)
         if key == "parameters" or not empty:
-            yield f"{key} = {_toml(value)}"
+            yield f"{key} = {toml(value)}"
 
 
-def _toml(value: Any) -> str:
+def toml(value: Any) -> str:
+    """A value as TOML writes it in one line: text, numbers, tuples as arrays, mappings as inline tables."""
     if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{_key(key)} = {_toml(entry)}" for key, entry in value.items()) + " }"
+        return "{ " + ", ".join(f"{_key(key)} = {toml(entry)}" for key, entry in value.items()) + " }"
     if isinstance(value, tuple):
-        return f"[{', '.join(map(_toml, value))}]"
+        return f"[{', '.join(map(toml, value))}]"
     if isinstance(value, str):
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
     return repr(value)
 
 
 def _key(name: str) -> str:
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _toml(name)
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else toml(name)

@@ -18,6 +18,7 @@ All of them are the user's to mend: the command line prints the message alone an
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from typing import Any
 
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
@@ -33,6 +34,17 @@ def printable(text: str) -> str:
 def one_line(text: str) -> str:
     """The same, line ends too: a name or another text of a file, within a line of this program's own."""
     return printable(text).replace("\n", "\\n")
+
+
+SHOWN = 30
+"""Most names that the text lists; JSON has them all."""
+
+
+def few(names: Sequence[str]) -> str:
+    """Not more than SHOWN of them, in a row."""
+    mark = "; " if any("," in name for name in names) else ", "
+    more = f"{mark}and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
+    return mark.join(names[:SHOWN]) + more
 
 
 class FmucorrectError(Exception):

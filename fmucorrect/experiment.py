@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from fmucorrect import records, sources, units
-from fmucorrect.clocks import clock
+from fmucorrect.clocks import Clock, clock
 from fmucorrect.errors import RecordError
 from fmucorrect.records import timebase
 from fmucorrect.registration import Offset, at_rate, clock_rate, find_offset, overlap, place, resample, steady_segment
@@ -52,11 +52,12 @@ class Pair:
         return self.simulated.values[self.rows, : self.measured.shape[1]]
 
 
-def simulate(study: Study, condition: Condition) -> Record:
-    """The uncorrected simulated response of a condition, the excitation behind the channels."""
+def simulate(study: Study, condition: Condition, known: Clock | None = None) -> Record:
+    """The uncorrected simulated response of a condition, the excitation behind the channels. known: its clock, where the
+    caller has it already."""
     stepper = sources.plant(study, condition)
     try:
-        result = run(stepper, condition, sources.inputs(study, condition))
+        result = run(stepper, condition, sources.inputs(study, condition, known=known))
     finally:
         stepper.close()
     assert result is not None
@@ -108,7 +109,7 @@ def pair(
     if allow_damaged is not None:
         study = replace(study, allow_damaged=allow_damaged)
     known = clock(study, condition)
-    simulated = simulate(study, condition) if simulated is None else simulated
+    simulated = simulate(study, condition, known) if simulated is None else simulated
     measured = read_measurement(study, condition)
     count = len(study.channels)
     step = study.simulation.step_ns / NANOSECONDS

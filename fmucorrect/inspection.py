@@ -10,7 +10,7 @@ from typing import Any
 from fmucorrect import bundle, records, sources, units, views
 from fmucorrect.bundle import Bundle
 from fmucorrect.catalogue.law import FAMILIES
-from fmucorrect.errors import FmucorrectError, RecordError
+from fmucorrect.errors import SHOWN, FmucorrectError, RecordError, few
 from fmucorrect.experiment import Pair, pair
 from fmucorrect.fmu import FmuDescription, open_fmu
 from fmucorrect.records.contents import Contents
@@ -77,12 +77,7 @@ def inspect(paths: Sequence[Path], reading: Reading = AS_IT_IS) -> Inspection:
             _judge(f"{_path(model).name} and {_path(other).name}", problems, fits, misfits)
     for study in (thing for thing in things if isinstance(thing, Study)):
         for fmu in (thing for thing in things if isinstance(thing, FmuDescription)):
-            _judge(
-                f"{study.path.name} and {fmu.path.name}",
-                check_study(study, fmu.units, {}, [v.name for v in fmu.of("input")], fmu.defined),
-                fits,
-                misfits,
-            )
+            _judge(f"{study.path.name} and {fmu.path.name}", _against_model(study, fmu, {}), fits, misfits)
     return Inspection(
         tuple(views.describe(thing) for thing in things), tuple(fits), tuple(misfits), tuple(warnings), tuple(seen)
     )
@@ -146,11 +141,10 @@ def open_thing(path: Path, reading: Reading = AS_IT_IS) -> Thing:
 def study_problems(study: Study) -> list[str]:
     """What a study asks for and its FMU, records and input series do not have."""
     problems: list[str] = []
-    variables, inputs, defined = None, (), units.NONE
+    fmu = None
     if study.simulation.fmu is not None:
         try:
-            fmu = open_fmu(study.simulation.fmu).known(study.simulation.units)
-            variables, inputs, defined = fmu.units, tuple(v.name for v in fmu.of("input")), fmu.defined
+            fmu = open_fmu(study.simulation.fmu)
         except FmucorrectError as error:
             problems.append(str(error))
     columns: dict[Path, Mapping[str, str]] = {}
@@ -177,7 +171,18 @@ def study_problems(study: Study) -> list[str]:
         for kind in joint.kinds
         if kind not in FAMILIES
     ]
-    return [*problems, *check_study(study, variables, columns, inputs, defined)]
+    return [*problems, *_against_model(study, fmu, columns)]
+
+
+def _against_model(study: Study, fmu: FmuDescription | None, columns: Mapping[Path, Mapping[str, str]]) -> list[str]:
+    """What the study asks for that the FMU (None: left out) and records with these columns do not have."""
+    if fmu is None:
+        return check_study(study, None, columns)
+    try:
+        fmu = fmu.known(study.simulation.units)
+    except FmucorrectError as error:
+        return [str(error), *check_study(study, None, columns)]
+    return check_study(study, fmu.units, columns, [variable.name for variable in fmu.of("input")], fmu.defined)
 
 
 def record_columns(contents: Contents, reading: Reading = AS_IT_IS) -> dict[str, str]:
@@ -252,7 +257,7 @@ def _column(
 ) -> Iterator[str]:
     if name not in there:
         short = [other for other in there if not any(full.endswith(f".{other}") for full in there if full != other)]
-        listed = f"; there are {views.few(short)}" if len(there) <= 2 * views.SHOWN else ""
+        listed = f"; there are {few(short)}" if len(there) <= 2 * SHOWN else ""
         yield f"there is no {kind} {name!r}{listed}"
     elif there[name] in ("", "1") and unit not in ("", "1"):
         yield f"{kind} {name!r} has no unit, expected one like {unit!r}"

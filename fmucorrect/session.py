@@ -204,11 +204,17 @@ class _Recorder:
     """Writes results as they come, and counts them."""
 
     def __init__(
-        self, file: Writer, notes: Mapping[str, str], added: int, several: bool, progress: Progress | None
+        self,
+        file: Writer,
+        notes: Mapping[str, str],
+        by: Mapping[str, str],
+        added: int,
+        several: bool,
+        progress: Progress | None,
     ) -> None:
-        """notes: metadata of what is written. added: columns of the correction, behind the simulation's. several: whether
-        the file takes several topics."""
-        self.file, self._notes, self._added, self._several = file, notes, added, several
+        """notes: metadata of what is written. by: what made it. added: columns of the correction, behind the simulation's.
+        several: whether the file takes several topics."""
+        self._file, self._notes, self._by, self._added, self._several = file, notes, by, added, several
         self._progress = progress
         self.rows, self.first_ns, self.last_ns = 0, 0, 0
         self.counts = np.zeros(len(Status), np.int64)
@@ -218,6 +224,10 @@ class _Recorder:
         if not self._added:
             return (sources.SIMULATION,)
         return (sources.SIMULATION, CORRECTED) if self._several else (CORRECTED,)
+
+    def close(self, notes: Mapping[str, str] = MappingProxyType({})) -> None:
+        """Finish the file, with these notes beside what made it."""
+        self._file.close({**self._by, **notes})
 
     def take(self, result: Record) -> None:
         """Write rows down. Of rows with NaN or Inf, those before are written, then the file refuses the others."""
@@ -234,11 +244,11 @@ class _Recorder:
         result = replace(result, metadata=self._notes)
         topics = self.topics
         if len(topics) == 1:
-            self.file.write(topics[0], result)
+            self._file.write(topics[0], result)
         else:
             simulated = len(result.channels) - self._added
-            self.file.write(sources.SIMULATION, result.select(result.names[:simulated]))
-            self.file.write(CORRECTED, result.select(result.names[simulated:]))
+            self._file.write(sources.SIMULATION, result.select(result.names[:simulated]))
+            self._file.write(CORRECTED, result.select(result.names[simulated:]))
         if self._added:
             self.counts += np.bincount(result["corrector_status"].astype(np.int64), minlength=len(Status))
         self.first_ns = self.first_ns if self.rows else int(result.t_ns[0])
@@ -250,7 +260,7 @@ class _Recorder:
 
 @contextmanager
 def _recording(
-    out: Path, command: str, notes: Mapping[str, str], added: int, progress: Progress | None, made_by: Mapping[str, str]
+    out: Path, command: str, notes: Mapping[str, str], by: Mapping[str, str], added: int, progress: Progress | None
 ) -> Generator[_Recorder]:
     """A record file that grows beside `out` and takes its place at the end. What breaks the block off is noted in the file,
     which takes its place all the same, and the error says how many rows there are and where."""
@@ -261,23 +271,21 @@ def _recording(
     recorder: _Recorder | None = None
     try:
         file = records.writer(growing.beside, made_by=outputs.mark(command), becomes=out)
-        recorder = _Recorder(file, notes, added, out.suffix.lower() == ".mcap", progress)
+        recorder = _Recorder(file, notes, by, added, out.suffix.lower() == ".mcap", progress)
         yield recorder
         if not recorder.rows:
             raise RecordError("there was nothing to run: the input has no rows", where=str(out))
         with outputs.undisturbed():
-            file.close(made_by)
+            recorder.close()
             growing.finish()
     except BaseException as error:
         with outputs.undisturbed():
-            if recorder is None or not _kept(recorder, growing, out, error, made_by):
+            if recorder is None or not _kept(recorder, growing, out, error):
                 growing.discard()
         raise
 
 
-def _kept(
-    recorder: _Recorder, growing: outputs.Growing, out: Path, error: BaseException, made_by: Mapping[str, str]
-) -> bool:
+def _kept(recorder: _Recorder, growing: outputs.Growing, out: Path, error: BaseException) -> bool:
     """Close the file of a run that `error` broke off, with what it had finished: whether there was anything to keep. The
     error's notes say how much, and where."""
     with suppress(FmucorrectError, OSError):  # of the rest, when it cannot be written either, the error is told already
@@ -290,7 +298,7 @@ def _kept(
         why = str(error) or type(error).__name__
     where, says = out, "which says that it is not complete"
     try:
-        recorder.file.close({**made_by, "complete": "false", "why": why})
+        recorder.close({"complete": "false", "why": why})
     except (FmucorrectError, OSError):  # a full disk: what was finished can be read without an end
         where, says = growing.beside, "which has no end"
     if not recorder.rows:
@@ -317,15 +325,15 @@ def _write(
     out: Path,
     progress: Progress | None,
     told: Mapping[str, str],
-    made_by: Mapping[str, str],
+    by: Mapping[str, str],
 ) -> Summary:
-    """told: what was lost and mended in what is read. made_by: notes for the file."""
+    """told: what was lost and mended in what is read. by: what makes the file, as `made` has it."""
     begun = time.perf_counter()
     try:
         stepper = plant if corrector is None else CorrectedStepper(plant, corrector)
         added = 0 if corrector is None else len(corrected_channels(corrector.channels))
         notes = metadata(condition) | {key: text for key, text in told.items() if text}
-        with _recording(out, command, notes, added, progress, made_by) as recorder:
+        with _recording(out, command, notes, by, added, progress) as recorder:
             run(stepper, condition, inputs, recorder.take)
     finally:
         plant.close()

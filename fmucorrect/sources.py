@@ -7,9 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from fmucorrect import records, units
-from fmucorrect.clocks import begins, clock, measured_extents
-from fmucorrect.errors import FmuError, RecordError, SignalError
-from fmucorrect.fmu import FmuStepper, IsolatedStepper, Limits, input_record, open_fmu
+from fmucorrect.clocks import Clock, begins, clock, measured_extents
+from fmucorrect.errors import FmuError, RecordError, SignalError, few
+from fmucorrect.fmu import FmuStepper, IsolatedStepper, Limits, Variable, input_record, open_fmu
 from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Channel, Condition, Reading, Record
 from fmucorrect.stepper import ReplayStepper, Stepper, grid
 from fmucorrect.study import Study
@@ -35,7 +35,7 @@ def plant(study: Study, condition: Condition, *, isolated: bool = True) -> Stepp
     fmu = study.fmu
     if condition.simulated is not None or fmu is None:
         return ReplayStepper(channels)
-    driven = driving(study, condition)
+    driven = [variable.name for variable in driving(study, condition)]
     if not isolated:
         return solver(study, channels, driven)
     it = study.simulation
@@ -63,32 +63,31 @@ def fmu_of(study: Study) -> Path:
     return study.fmu
 
 
-def driving(study: Study, condition: Condition) -> tuple[str, ...]:
+def driving(study: Study, condition: Condition) -> tuple[Variable, ...]:
     """The FMU's inputs that the input series of a condition has columns for; what else a log holds drives nothing. Raises
     RecordError where it has none at all."""
     if condition.inputs is None or study.fmu is None:
         return ()
-    topics = [item.topic for item in records.describe(condition.inputs, condition.reading).topics]
-    wanted = [variable.name for variable in open_fmu(study.fmu).of("input")]
-    found = tuple(name for name in wanted if records.has(topics, name, condition.reading))
+    topics = records.topics(condition.inputs, condition.reading)
+    every = open_fmu(study.fmu).of("input")
+    found = tuple(variable for variable in every if records.has(topics, variable.name, condition.reading))
     if found:
         return found
+    wanted = [variable.name for variable in every]
     there = [topic.full_name(column.name) for topic in topics for column in topic.columns]
     raise RecordError(
         "no column is named as an input of the FMU",
         where=str(condition.inputs),
-        expected=f"one of {_few(wanted)}" if wanted else "an FMU with inputs",
-        got=_few(there),
+        expected=f"one of {few(wanted)}" if wanted else "an FMU with inputs",
+        got=few(there),
         remedy='Name the columns in [records]: columns = { "input of the FMU" = "column of the file" }.',
     )
 
 
-def _few(names: Sequence[str]) -> str:
-    return ", ".join(names[:12]) + (f" and {len(names) - 12} more" if len(names) > 12 else "")
-
-
-def inputs(study: Study, condition: Condition, duration: float | None = None) -> Iterator[Record]:
-    """What drives the plant of a condition, chunk by chunk."""
+def inputs(
+    study: Study, condition: Condition, duration: float | None = None, known: Clock | None = None
+) -> Iterator[Record]:
+    """What drives the plant of a condition, chunk by chunk. known: its clock, where the caller has it already."""
     if condition.simulated is not None or study.simulation.fmu is None:
         if condition.simulated is None:
             raise RecordError(f"condition {condition.name!r} has neither an FMU nor a simulated record")
@@ -96,22 +95,23 @@ def inputs(study: Study, condition: Condition, duration: float | None = None) ->
         damaged, reading = study.allow_damaged, condition.reading
         yield from log_inputs(condition.simulated, channels, reading=reading, allow_damaged=damaged)
         return
-    series, held = None, frozenset[str]()
+    driven, series = driving(study, condition), None
+    held = frozenset(variable.name for variable in driven if variable.discrete)
     if condition.inputs is not None:
-        held = frozenset(variable.name for variable in open_fmu(study.simulation.fmu).of("input") if variable.discrete)
-        series = records.read(
-            condition.inputs, driving(study, condition), reading=condition.reading, allow_damaged=study.allow_damaged
-        )
-    length, origin = _length(study, condition, duration)
+        names, damaged = [variable.name for variable in driven], study.allow_damaged
+        series = records.read(condition.inputs, names, reading=condition.reading, allow_damaged=damaged)
+    length, origin = _length(study, condition, duration, known)
     for chunk in grid(length, study.simulation.step_ns, ROWS):
         yield chunk if series is None else replace(input_record(chunk.t_ns + origin, series, held), t_ns=chunk.t_ns)
 
 
-def _length(study: Study, condition: Condition, duration: float | None) -> tuple[float, int]:
+def _length(
+    study: Study, condition: Condition, duration: float | None, known: Clock | None = None
+) -> tuple[float, int]:
     """How long a run is, s: `duration`, else to the end of the measurement; and the stamp of the inputs at which it begins.
     Raises RecordError where that asks for more samples than anyone means."""
     if duration is None:
-        found = clock(study, condition)
+        found = known or clock(study, condition)
         length, origin = found.length, found.origin_ns
     else:
         length, origin = duration, begins(study, condition)
@@ -218,7 +218,7 @@ def columns(
     log: Path, channels: tuple[Channel, ...], topic: str | None = None, reading: Reading = AS_IT_IS
 ) -> list[str]:
     """The column of each channel: the one named `simulation`, or where the log has none of that, the one named `name`."""
-    topics = [item.topic for item in records.describe(log, reading).topics if topic in (None, item.topic.name)]
+    topics = [one for one in records.topics(log, reading) if topic in (None, one.name)]
 
     def column(channel: Channel) -> str:
         names = [name for name in (channel.simulation, channel.name) if name]
@@ -229,7 +229,7 @@ def columns(
 
 def default_topic(log: Path, reading: Reading = AS_IT_IS) -> str | None:
     """/simulation where the log has that topic beside others, else None."""
-    names = [item.topic.name for item in records.describe(log, reading).topics]
+    names = [topic.name for topic in records.topics(log, reading)]
     return SIMULATION if len(names) > 1 and SIMULATION in names else None
 
 

@@ -201,8 +201,14 @@ def misfit(
         hint = nearest(name, there) or (f"; there are {', '.join(map(repr, there))}" if len(there) <= 20 else "")
         return f"there is no {kind} {name!r}", hint
     if known and not any(like(there[name], unit, defined) for unit in known):
-        text = f"has unit {there[name]!r}" if there[name] not in ("", "1") else "has no unit"
-        return f"{kind} {name!r} {text}", f", expected one like {' or '.join(map(repr, known))}"
+        expected = f", expected one like {' or '.join(map(repr, known))}"
+        if there[name] in ("", "1"):
+            return f"{kind} {name!r} has no unit", expected
+        try:
+            units.explained(there[name], f"{kind} {name!r}", defined)
+        except SignalError as error:
+            return str(error), expected
+        return f"{kind} {name!r} has unit {there[name]!r}", expected
     return None
 
 

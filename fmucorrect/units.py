@@ -211,7 +211,7 @@ def convert(source: str, target: str, where: str, known: Mapping[str, Unit] = NO
     `where` is named in it."""
     if source == target:
         return Conversion()
-    a, b = _explained(source, where, known), _explained(target, where, known)
+    a, b = explained(source, where, known), explained(target, where, known)
     a, b = _falling(a, b), _falling(b, a)
     # an angle may be counted as dimensionless (N.m/rad against N.m), as FMI tools do
     if a.dimension[:5] != b.dimension[:5]:
@@ -238,8 +238,9 @@ def conversion(source: str, target: str, where: str, known: Mapping[str, Unit] =
     return found.factor
 
 
-def _explained(text: str, where: str, known: Mapping[str, Unit]) -> Unit:
-    """The unit. Raises SignalError where `known` gives another size to a unit of the same kind than it has."""
+def explained(text: str, where: str, known: Mapping[str, Unit] = NONE) -> Unit:
+    """The unit that `known`, or else this module, explains. Raises SignalError where none does, and where `known` gives a unit
+    of the same kind another size than it has here."""
     if text not in known:
         return parse(text)
     declared = known[text]

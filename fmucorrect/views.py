@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from fmucorrect.bundle import Bundle
-from fmucorrect.errors import one_line
+from fmucorrect.errors import few, one_line
 from fmucorrect.fmu import FmuDescription
 from fmucorrect.records.contents import Contents, TopicContents
 from fmucorrect.signals import NANOSECONDS, Condition
 from fmucorrect.study import Study
 
 Thing = FmuDescription | Bundle | Contents | Study
-SHOWN = 30
-"""Most names that the text lists; JSON has them all."""
 _WITH_UNITS = ("channels", "columns", "outputs", "inputs", "parameters")
 
 
@@ -161,13 +159,6 @@ def _item(key: str, value: Any, depth: int) -> Iterator[str]:
         yield f"{indent}{key} ({len(value)}): {few([_plain(entry) for entry in value])}"
     else:
         yield f"{indent}{key}: {_plain(value)}"
-
-
-def few(names: Sequence[str]) -> str:
-    """Not more than SHOWN of them, in a row."""
-    mark = "; " if any("," in name for name in names) else ", "
-    more = f"{mark}and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
-    return mark.join(names[:SHOWN]) + more
 
 
 def _plain(value: Any) -> str:

@@ -8,8 +8,6 @@ import click
 
 from fmucorrect.cli.group import OVERWRITE, PATH, UserError, progress_bar, say
 
-STEPS = ("read", "simulate", "push")
-
 
 @click.command()
 @click.argument("model", type=PATH)
@@ -26,17 +24,19 @@ def new(model: Path, runs: tuple[Path, ...], references: tuple[Path, ...], out: 
     Example: fmucorrect new quarter_car.fmu run1.mf4 run2.mf4 -o study.toml
     """
     from fmucorrect import inspection, outputs
-    from fmucorrect.drafting import draft
+    from fmucorrect.drafting import STEPS, draft
 
     read = [("the FMU", model), *(("the run", run) for run in (*runs, *references))]
     outputs.check_file(out, read, "new", overwrite)
     with progress_bar(len(STEPS), "step", "drafting") as advance:
         found = draft(model, runs, references, lambda step: advance(1))
-    outputs.write(out, found.text(out))
+    text = found.text(out)
+    outputs.write(out, text)
     inspected = inspection.inspect([out])
     say(inspected.text())
-    guesses = found.text(out).count("# guess:")
-    say(f"\n{out} is written, with {guesses} guesses: search it for '# guess:', and mend what is not so.")
+    say(
+        f"\n{out} is written, with {text.count('# guess:')} guesses: search it for '# guess:', and mend what is not so."
+    )
     if inspected.misfits:
         raise UserError(f"{len(inspected.misfits)} of what was drafted does not fit yet, see above")
     say(f"Then: fmucorrect inspect {out}; fmucorrect discover {out} -o found; or fmucorrect train {out} -o trained")

@@ -63,7 +63,7 @@ class Simulator:
     ) -> None:
         if substeps < 1:
             raise ValueError(f"substeps must be at least 1, got {substeps}")
-        sources.fmu_of(study)
+        sources.fmu_of(study)  # what is missing is told before what drives it
         self._substeps = substeps
         chunk = join(list(sources.inputs(study, condition, duration)))
         self._condition, self._step_ns = condition, study.simulation.step_ns

@@ -11,18 +11,20 @@ way; the sign is found by pushing (`joints`). `parameters` are those of stiffnes
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 
-from fmucorrect.drafting.joints import find_joints
+from fmucorrect.drafting.joints import find_joints, joint_units
 from fmucorrect.drafting.pairing import find_channels, find_inputs, input_units, quiet, read_run, step_of, try_out
 from fmucorrect.drafting.parameters import find_parameters
 from fmucorrect.drafting.written import Draft, DraftedRun
-from fmucorrect.errors import FmuError, RecordError
+from fmucorrect.errors import FmuError, RecordError, few
 from fmucorrect.fmu import open_fmu
 
-__all__ = ["Draft", "draft"]
+__all__ = ["STEPS", "Draft", "draft"]
+
+STEPS = ("reading", "simulating", "pushing")
+"""What draft() does, as it tells `progress`."""
 
 
 def draft(
@@ -41,29 +43,28 @@ def draft(
         raise RecordError(
             "there must be one simulated record for each run, or none", expected=len(runs), got=len(references)
         )
-    progress("read")
+    progress(STEPS[0])
     model = open_fmu(Path(fmu))
     if not [v for v in model.of("output") if v.number]:
         raise FmuError("it has no outputs that could be compared", where=str(fmu))
     logs = [read_run(Path(run)) for run in runs]
     step_ns, why = step_of(model, logs[0])
     inputs = find_inputs(model, logs[0])
-    progress("simulate")
+    progress(STEPS[1])
     trial = try_out(model, logs[0], inputs, step_ns)
     channels = find_channels(model, logs[0], trial)
     if not channels:
-        there = ", ".join(trial.columns[:12]) + (" and more" if len(trial.columns) > 12 else "")
         raise RecordError(
             "no column shows an output of the FMU, by its name or by what it holds",
             where=str(runs[0]),
-            expected=f"measurements of {', '.join(v.name for v in trial.outputs[:12])}",
-            got=there,
+            expected=f"measurements of {few([v.name for v in trial.outputs])}",
+            got=few(trial.columns),
             remedy="Write the study by hand (fmucorrect/README.md), or give the columns the names of the outputs.",
         )
-    progress("push")
-    units = input_units(model, logs[0], inputs)
-    units |= {guess.output: guess.variable_unit for guess in channels if guess.variable_unit}
+    progress(STEPS[2])
     joints = find_joints(model, tuple(inputs))
+    units = joint_units(model, joints) | input_units(model, logs[0], inputs)
+    units |= {guess.output: guess.variable_unit for guess in channels if guess.variable_unit}
     held_out = len(logs) - 1 if len(logs) > 1 else None
     drafted = [
         DraftedRun(
@@ -74,7 +75,7 @@ def draft(
         )
         for i, log in enumerate(logs)
     ]
-    found = Draft(
+    return Draft(
         model=model,
         step_ns=step_ns,
         why_step=why,
@@ -83,9 +84,8 @@ def draft(
         joints=joints,
         parameters=find_parameters(model),
         runs=tuple(drafted),
-        quiet=quiet(logs[0], inputs),
+        quiet=quiet(trial),
         units=units,
         unpaired=tuple(c for c in trial.columns if c not in {guess.column for guess in channels}),
         left_out=logs[0].left_out,
     )
-    return replace(found, units=found.guessed_units())

@@ -1,9 +1,8 @@
-"""What a draft says and why: a value with its reason, which becomes a comment behind it."""
+"""What names and units alone let one guess."""
 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from difflib import SequenceMatcher
 
 from fmucorrect import units
@@ -22,14 +21,6 @@ _FILLING = frozenset("meas measured sensor signal raw ch channel act actual cmd 
 """Words of a name that say nothing of what it is."""
 WITHIN = 0.9
 """Likeness of `zr` and `road_zr`."""
-
-
-@dataclass(frozen=True)
-class Guess:
-    """value: as it stands in the study. why: in a few words."""
-
-    value: str
-    why: str
 
 
 def quantity(unit: str) -> str | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from fmucorrect.drafting.guess import quantity, words
 from fmucorrect.fmu import FmuDescription, Variable
@@ -67,11 +67,18 @@ def find_joints(fmu: FmuDescription, driven: Sequence[str]) -> tuple[JointGuess,
             )
         )
     names = [joint.name for joint in found]
-    return tuple(joint if names.count(joint.name) == 1 else JointGuess(joint.force, *_rest(joint)) for joint in found)
+    return tuple(joint if names.count(joint.name) == 1 else replace(joint, name=joint.force) for joint in found)
 
 
-def _rest(joint: JointGuess) -> tuple[str, str, str, str, str, int]:
-    return joint.force, joint.displacement, joint.velocity, joint.nominal_force, joint.acceleration, joint.sign
+def joint_units(fmu: FmuDescription, joints: Sequence[JointGuess]) -> dict[str, str]:
+    """The units of their variables that the FMU leaves without one: SI."""
+    units = {"displacement": "m", "velocity": "m/s", "force": "N", "acceleration": "m/s2"}
+    return {
+        name: units[kind(fmu.variables[name])]
+        for joint in joints
+        for name in (joint.force, joint.displacement, joint.velocity, joint.nominal_force, joint.acceleration)
+        if name and not fmu.variables[name].unit
+    }
 
 
 def kind(variable: Variable) -> str:

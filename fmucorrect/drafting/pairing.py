@@ -14,7 +14,7 @@ from fmucorrect import records, units
 from fmucorrect.drafting.guess import likeness, quantity, si
 from fmucorrect.errors import RecordError, SignalError
 from fmucorrect.fmu import FmuDescription, IsolatedStepper, Variable, input_record
-from fmucorrect.registration import mean_step, resample
+from fmucorrect.registration import resample
 from fmucorrect.signals import NANOSECONDS, Channel, Condition, Record
 from fmucorrect.stepper import grid, run
 
@@ -41,11 +41,13 @@ _UNITLESS = ("", "1", "-")
 
 @dataclass(frozen=True)
 class Run:
-    """A log. columns: unit by the name that selects it, of the numeric columns that share the most rows."""
+    """A log. columns: unit by the name that selects it, of the numeric columns that share the most rows. interval_ns: between
+    samples, on average."""
 
     path: Path
     columns: Mapping[str, str]
     topic: str
+    interval_ns: int
     left_out: tuple[str, ...]
 
     def read(self, names: Sequence[str]) -> Record:
@@ -80,7 +82,10 @@ def read_run(path: Path) -> Run:
         raise RecordError("there are no numeric columns with rows", where=str(path))
     chosen = max(filled, key=lambda item: (len(item.topic.columns), item.extent.rows))
     others = tuple(f"topic {item.topic.name}" for item in filled if item is not chosen)
-    return Run(path, {c.name: c.unit for c in chosen.topic.columns}, chosen.topic.name, (*contents.left_out, *others))
+    extent = chosen.extent
+    interval = round(((extent.stop_ns or 0) - (extent.start_ns or 0)) / (extent.rows - 1))
+    columns = {column.name: column.unit for column in chosen.topic.columns}
+    return Run(path, columns, chosen.topic.name, interval, (*contents.left_out, *others))
 
 
 def find_inputs(fmu: FmuDescription, run: Run) -> dict[str, str]:
@@ -114,28 +119,29 @@ def _may_be(one: str, other: str) -> bool:
 class Trial:
     """One run of the model over a log: all its outputs (own units) and all measured columns, on one grid.
 
-    simulated: (T, O); measured: (T, C). step_ns: of the grid.
+    simulated: (T, O); measured: (T, C). driven: the inputs as they were logged, None without any.
     """
 
     outputs: tuple[Variable, ...]
     simulated: Float64[np.ndarray, "T O"]
     columns: tuple[str, ...]
     measured: Float64[np.ndarray, "T C"]
-    step_ns: int
+    driven: Record | None
 
 
 def try_out(fmu: FmuDescription, log: Run, inputs: Mapping[str, str], step_ns: int) -> Trial:
     """Raises RecordError, FmuError and SignalError: of reading, and of the model."""
     outputs = [v for v in fmu.of("output") if v.number and not v.discrete][:OUTPUTS]
     columns = tuple(column for column in log.columns if column not in inputs.values())
-    record = log.read(columns)
+    logged = log.read((*columns, *inputs.values()))
+    record = logged.select(columns)
     length = min((int(record.t_ns[-1]) - int(record.t_ns[0])) / NANOSECONDS, LOOKED, ROWS * step_ns / NANOSECONDS)
     first = int(record.t_ns[0])
     channels = tuple(Channel(variable.name, "", simulation=variable.name) for variable in outputs)
-    driven = log.read(list(inputs.values())) if inputs else None
-    if driven is not None:
-        named = tuple(Channel(name, channel.unit) for name, channel in zip(inputs, driven.channels, strict=True))
-        driven = Record(driven.t_ns, driven.values, named)
+    driven = None
+    if inputs:
+        given = logged.select(list(inputs.values()))
+        driven = replace(given, channels=tuple(Channel(name, log.columns[inputs[name]]) for name in inputs))
     known = input_units(fmu, log, inputs)
     with IsolatedStepper(fmu.path, channels, inputs=tuple(inputs), units=known) as stepper:
         chunks: Iterable[Record] = grid(length, step_ns)
@@ -145,7 +151,7 @@ def try_out(fmu: FmuDescription, log: Run, inputs: Mapping[str, str], step_ns: i
     assert simulated is not None
     measured = resample(record, step_ns) if len(record) > 1 else record
     rows = min(len(simulated), len(measured))
-    return Trial(tuple(outputs), simulated.values[:rows], columns, measured.values[:rows], step_ns)
+    return Trial(tuple(outputs), simulated.values[:rows], columns, measured.values[:rows], driven)
 
 
 def input_units(fmu: FmuDescription, log: Run, inputs: Mapping[str, str]) -> dict[str, str]:
@@ -239,19 +245,17 @@ def correlations(
 
 def step_of(fmu: FmuDescription, log: Run) -> tuple[int, str]:
     """The communication step, ns, and why: the FMU's own where it is no longer than the log's sample interval."""
-    record = log.read(list(log.columns)[:1])
-    interval = round(float(mean_step(record)))
     own = round((fmu.step_size or 0.0) * NANOSECONDS)
-    if 0 < own <= interval:
+    if 0 < own <= log.interval_ns:
         return own, "the step of the FMU's default experiment"
-    return interval, f"the sample interval of {log.path.name}"
+    return log.interval_ns, f"the sample interval of {log.path.name}"
 
 
-def quiet(log: Run, inputs: Mapping[str, str]) -> float:
+def quiet(trial: Trial) -> float:
     """s at the beginning in which nothing drives: every input stays where it begins. 0 where that is short."""
-    if not inputs:
+    record = trial.driven
+    if record is None:
         return 0.0
-    record = log.read(list(inputs.values()))
     swing = np.ptp(record.values, axis=0)
     away = (np.abs(record.values - record.values[0]) > MOVES * swing).any(axis=1)
     length = float(record.t_ns[int(np.argmax(away))] - record.t_ns[0]) / NANOSECONDS if away.any() else 0.0

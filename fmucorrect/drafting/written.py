@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import os
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from fmucorrect.drafting.joints import JointGuess, kind
+from fmucorrect.drafting.joints import JointGuess
 from fmucorrect.drafting.pairing import ChannelGuess
 from fmucorrect.drafting.parameters import TOLERANCE, ParameterGuess
+from fmucorrect.effects import toml
 from fmucorrect.errors import one_line
 from fmucorrect.fmu import FmuDescription
 from fmucorrect.signals import NANOSECONDS
@@ -46,16 +45,6 @@ class Draft:
     unpaired: tuple[str, ...]
     left_out: tuple[str, ...]
 
-    def guessed_units(self) -> dict[str, str]:
-        """Units of the channels' and joints' variables that the FMU leaves without one: the latter in SI."""
-        si = {"displacement": "m", "velocity": "m/s", "force": "N", "acceleration": "m/s2"}
-        found = dict(self.units)
-        for joint in self.joints:
-            for name in (joint.force, joint.displacement, joint.velocity, joint.nominal_force, joint.acceleration):
-                if name and not self.model.variables[name].unit:
-                    found.setdefault(name, si[kind(self.model.variables[name])])
-        return found
-
     def text(self, path: Path) -> str:
         """The study file, to be written to `path`: file names are relative to it."""
         return "\n".join(self._lines(path.resolve().parent)) + "\n"
@@ -63,14 +52,13 @@ class Draft:
     def _lines(self, folder: Path) -> Iterator[str]:
         yield "# Drafted by `fmucorrect new`. What follows `# guess:` was not said by any file: look at it."
         yield "format = 1"
-        yield f"name = {_quoted(self.model.name)}"
+        yield f"name = {toml(self.model.name)}"
         yield ""
         yield "[simulation]"
-        yield f"fmu = {_quoted(_relative(self.model.path, folder))}"
+        yield f"fmu = {toml(_relative(self.model.path, folder))}"
         yield f"step_size = {self.step_ns / NANOSECONDS!r}  # guess: {self.why_step}"
         if self.units:
-            rows = ", ".join(f"{_quoted(name)} = {_quoted(unit)}" for name, unit in self.units.items())
-            yield f"units = {{ {rows} }}  # guess: the FMU says none; SI, unless sizes say otherwise"
+            yield f"units = {toml(self.units)}  # guess: the FMU says none; SI, unless sizes say otherwise"
         renamed = {name: column for name, column in self.inputs.items() if name != column}
         unsaid = {guess.column: guess.column_unit for guess in self.channels if guess.column_unit}
         if renamed or unsaid or not self.inputs:
@@ -79,11 +67,9 @@ class Draft:
         if not self.inputs:
             yield "clock = 0.0  # guess: run and log begin at once; an [excitation] that both recorded would tell"
         if renamed:
-            rows = ", ".join(f"{_quoted(name)} = {_quoted(column)}" for name, column in renamed.items())
-            yield f"columns = {{ {rows} }}  # guess: inputs of the FMU, by alike names and units"
+            yield f"columns = {toml(renamed)}  # guess: inputs of the FMU, by alike names and units"
         if unsaid:
-            rows = ", ".join(f"{_quoted(column)} = {_quoted(unit)}" for column, unit in unsaid.items())
-            yield f"units = {{ {rows} }}  # guess: the logs say none; what makes simulated and measured of one size"
+            yield f"units = {toml(unsaid)}  # guess: the logs say none; what makes simulated and measured of one size"
         for guess in self.channels:
             yield from self._channel(guess)
         for joint in self.joints:
@@ -91,7 +77,7 @@ class Draft:
         for parameter in self.parameters:
             yield ""
             yield "[[adjustable]]"
-            yield f"parameter = {_quoted(parameter.name)}  # guess: {parameter.why}; it is {parameter.start:g}"
+            yield f"parameter = {toml(parameter.name)}  # guess: {parameter.why}; it is {parameter.start:g}"
             yield f"minimum = {parameter.minimum!r}"
             yield f"maximum = {parameter.maximum!r}"
             yield f"tolerance = {TOLERANCE}  # guess: write how well you know it"
@@ -105,24 +91,24 @@ class Draft:
         named = f"alike names ({guess.alike:.2f})" if guess.alike > 0.5 else "no likeness of the names"
         yield ""
         yield "[[channels]]"
-        yield f"name = {_quoted(guess.output)}"
-        yield f"simulation = {_quoted(guess.output)}"
-        yield f"measurement = {_quoted(guess.column)}  # guess: {named}, correlation {guess.shown:+.2f}"
+        yield f"name = {toml(guess.output)}"
+        yield f"simulation = {toml(guess.output)}"
+        yield f"measurement = {toml(guess.column)}  # guess: {named}, correlation {guess.shown:+.2f}"
         yield f'quantity = "{guess.quantity}"'
         said = "  # guess: nobody says one" if guess.column_unit and guess.variable_unit else ""
-        yield f"unit = {_quoted(guess.unit)}{said}"
+        yield f"unit = {toml(guess.unit)}{said}"
         if guess.sign < 0:
             yield "measurement_sign = -1  # guess: by the correlation"
 
     def _joint(self, joint: JointGuess) -> Iterator[str]:
         yield ""
         yield "[[joints]]"
-        yield f"name = {_quoted(joint.name)}"
-        yield f"force = {_quoted(joint.force)}"
-        yield f"displacement = {_quoted(joint.displacement)}  # guess: it gives way when the force pushes"
+        yield f"name = {toml(joint.name)}"
+        yield f"force = {toml(joint.force)}"
+        yield f"displacement = {toml(joint.displacement)}  # guess: it gives way when the force pushes"
         for key in ("velocity", "nominal_force", "acceleration"):
             if name := getattr(joint, key):
-                yield f"{key} = {_quoted(name)}  # guess: by its name and unit"
+                yield f"{key} = {toml(name)}  # guess: by its name and unit"
         yield f"sign = {joint.sign}  # found by one push"
 
     def _conditions(self, folder: Path) -> Iterator[str]:
@@ -137,23 +123,18 @@ class Draft:
             number = names[run.path.stem]
             yield ""
             yield "[[conditions]]"
-            yield f"name = {_quoted(run.path.stem + (f' {number}' if number > 1 else ''))}"
+            yield f"name = {toml(run.path.stem + (f' {number}' if number > 1 else ''))}"
             held = "  # guess: the last run is held out, so that something proves what is found"
             yield f'role = "{run.role}"{held if run.role == "evaluation" else ""}'
             if self.inputs:
-                yield f"inputs = {_quoted(_relative(run.path, folder))}"
-            yield f"measurement = {_quoted(_relative(run.path, folder))}"
+                yield f"inputs = {toml(_relative(run.path, folder))}"
+            yield f"measurement = {toml(_relative(run.path, folder))}"
             if run.simulated is not None:
-                yield f"simulated = {_quoted(_relative(run.simulated, folder))}"
+                yield f"simulated = {toml(_relative(run.simulated, folder))}"
             if run is self.runs[0] and self.quiet:
                 yield f"quiet = [0.0, {self.quiet:.3f}]  # guess: nothing moves there"
             if run.missing:
                 yield f"# it lacks {one_line(', '.join(run.missing))}"
-
-
-def _quoted(text: str) -> str:
-    """A basic string of TOML, which JSON's are, but for DEL."""
-    return re.sub("\x7f", r"\\u007f", json.dumps(text, ensure_ascii=False))
 
 
 def _relative(path: Path, folder: Path) -> str:

@@ -17,9 +17,10 @@ def input_record(t_ns: Times, series: Record, held: Container[str] = ()) -> Reco
     if not len(series):
         raise RecordError("the time series of the inputs has no rows", where=series.metadata.get("path"))
     seconds, known = (t_ns - series.t_ns[0]) / NANOSECONDS, series.seconds(int(series.t_ns[0]))
-    before = np.maximum(np.searchsorted(series.t_ns, t_ns, side="right") - 1, 0)
     columns = [
-        column[before] if channel.name in held else np.interp(seconds, known, column)
+        column[np.maximum(np.searchsorted(series.t_ns, t_ns, side="right") - 1, 0)]
+        if channel.name in held
+        else np.interp(seconds, known, column)
         for channel, column in zip(series.channels, series.values.T, strict=True)
     ]
     values = np.stack(columns, axis=1) if columns else np.zeros((len(t_ns), 0))

@@ -16,7 +16,7 @@ from collections.abc import Generator, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType, TracebackType
-from typing import final
+from typing import Never, final
 
 import numpy as np
 from jaxtyping import Float64
@@ -33,8 +33,7 @@ from fmucorrect.stepper import BROKEN_OFF, Row, Status, Step, finished_rows, kee
 
 ROWS, BYTES = 4096, 1 << 24
 """Rows that are asked for at once, and what they take at most: one asks takes some 0.1 ms, however many they are."""
-_NONE: Mapping[str, float] = MappingProxyType({})
-_NO_UNITS: Mapping[str, str] = MappingProxyType({})
+_NONE: Mapping[str, Never] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -61,7 +60,7 @@ class IsolatedStepper:
         *,
         inputs: Sequence[str] = (),
         parameters: Mapping[str, float] = _NONE,
-        units: Mapping[str, str] = _NO_UNITS,
+        units: Mapping[str, str] = _NONE,
         tolerance: float | None = None,
         log: logging.Logger | None = None,
         limits: Limits = DEFAULT,

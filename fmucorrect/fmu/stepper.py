@@ -9,7 +9,7 @@ from ctypes import c_void_p
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType, TracebackType
-from typing import final
+from typing import Never, final
 
 import numpy as np
 from jaxtyping import Float64
@@ -24,8 +24,7 @@ from fmucorrect.fmu.startvalues import start_values
 from fmucorrect.signals import Channel, Condition, Record, Times
 from fmucorrect.stepper import Row, Status, Step
 
-_NONE: Mapping[str, float] = MappingProxyType({})
-_NO_UNITS: Mapping[str, str] = MappingProxyType({})
+_NONE: Mapping[str, Never] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -79,7 +78,7 @@ class FmuStepper:
         *,
         inputs: Sequence[str] = (),
         parameters: Mapping[str, float] = _NONE,
-        units: Mapping[str, str] = _NO_UNITS,
+        units: Mapping[str, str] = _NONE,
         tolerance: float | None = None,
         log: logging.Logger | None = None,
         place: Place | None = None,

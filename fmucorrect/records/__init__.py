@@ -25,7 +25,7 @@ from pathlib import Path
 from fmucorrect.errors import RecordError
 from fmucorrect.records import assemble
 from fmucorrect.records.columns import find, has, with_units
-from fmucorrect.records.contents import Contents, TopicContents
+from fmucorrect.records.contents import Contents, Topic, TopicContents
 from fmucorrect.records.guarded import Guarded, damaged
 from fmucorrect.records.naming import field_names
 from fmucorrect.records.parts import PartsSource, is_recording, parts_of, refuse
@@ -55,6 +55,7 @@ __all__ = [
     "read",
     "stream",
     "suffix_of",
+    "topics",
     "writer",
 ]
 
@@ -139,6 +140,15 @@ def writer(path: str | PathLike[str], *, made_by: str = "", becomes: str | PathL
 def files(path: Path) -> tuple[Path, ...]:
     """The files that a path stands for: itself, or those of a recording."""
     return tuple(parts_of(path)[0]) if is_recording(path) else (path,)
+
+
+def topics(path: str | PathLike[str], reading: Reading = AS_IT_IS) -> tuple[Topic, ...]:
+    """The topics of a file with their columns; unlike `describe` it does not look for their rows."""
+    source = _source(path, reading)
+    try:
+        return with_units(source.topics(), reading)
+    finally:
+        source.close()
 
 
 def describe(path: str | PathLike[str], reading: Reading = AS_IT_IS) -> Contents:

@@ -49,28 +49,25 @@ def plan(
 
 def find(topics: Sequence[Topic], name: str, path: str, reading: Reading = AS_IT_IS) -> tuple[int, Column]:
     """The column that a name means: the number of its topic, and itself. Raises RecordError with near names."""
-    known = reading.columns.get(name)
-    if known is not None and (matches := _matches(topics, known)):
-        return _only(topics, matches, known, path)
-    if matches := _matches(topics, name):
-        return _only(topics, matches, name, path)
-    wanted = name if known is None else known
+    matches, wanted = _meant(topics, name, reading), reading.columns.get(name, name)
+    if len(matches) == 1:
+        return matches[0]
+    if matches:
+        there = ", ".join(topics[t].full_name(column.name) for t, column in matches)
+        raise RecordError(f"column {wanted!r} may mean {there}", where=path, remedy="Write the full name.")
     raise RecordError(f"there is no column {wanted!r}", where=path, expected=_near(topics, _plain(wanted)))
 
 
 def has(topics: Sequence[Topic], name: str, reading: Reading = AS_IT_IS) -> bool:
     """Whether there is a column that a name may mean."""
-    return any(_matches(topics, known) for known in (reading.columns.get(name, name), name))
+    return bool(_meant(topics, name, reading))
 
 
 def with_units(topics: Sequence[Topic], reading: Reading) -> tuple[Topic, ...]:
     """The topics with the units that `reading` knows."""
-    told: dict[tuple[int, str], str] = {}
-    for name, unit in reading.units.items():
-        for known in (reading.columns.get(name, name), name):
-            if matches := _matches(topics, known):
-                told |= {(t, column.name): unit for t, column in matches}
-                break
+    told = {
+        (t, column.name): unit for name, unit in reading.units.items() for t, column in _meant(topics, name, reading)
+    }
     if not told:
         return tuple(topics)
     return tuple(
@@ -103,6 +100,12 @@ def _everything(topics: Sequence[Topic], path: str) -> Plan:
     return Plan(names, tuple(column.unit for column in columns), (part,))
 
 
+def _meant(topics: Sequence[Topic], name: str, reading: Reading) -> list[tuple[int, Column]]:
+    """The columns that a name may mean: by the name that `reading` has for it, else by itself."""
+    known = reading.columns.get(name)
+    return (_matches(topics, known) if known is not None else []) or _matches(topics, name)
+
+
 def _matches(topics: Sequence[Topic], name: str) -> list[tuple[int, Column]]:
     """The columns that a name may mean: in full, as the column alone, as the end of the full name, or with its unit as a
     header writes it."""
@@ -119,13 +122,6 @@ def _matches(topics: Sequence[Topic], name: str) -> list[tuple[int, Column]]:
         if matches:
             return matches
     return []
-
-
-def _only(topics: Sequence[Topic], matches: Sequence[tuple[int, Column]], name: str, path: str) -> tuple[int, Column]:
-    if len(matches) == 1:
-        return matches[0]
-    there = ", ".join(topics[t].full_name(column.name) for t, column in matches)
-    raise RecordError(f"column {name!r} may mean {there}", where=path, remedy="Write the full name.")
 
 
 def _near(topics: Sequence[Topic], wanted: str) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
@@ -22,6 +22,13 @@ class Extent:
     rows: int
     start_ns: int | None
     stop_ns: int | None
+
+    @staticmethod
+    def together(extents: Sequence[Extent]) -> Extent:
+        """All rows, from the first stamp of any to the last."""
+        starts = [one.start_ns for one in extents if one.start_ns is not None]
+        stops = [one.stop_ns for one in extents if one.stop_ns is not None]
+        return Extent(sum(one.rows for one in extents), min(starts, default=None), max(stops, default=None))
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ import numpy as np
 from fmucorrect.errors import RecordError
 from fmucorrect.records import naming, seconds
 from fmucorrect.records.csv_layout import missing, number
-from fmucorrect.records.structures import Table, Tables
+from fmucorrect.records.structures import Tables
 from fmucorrect.records.text import encoding_of, opened
 from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Reading
 
@@ -86,14 +86,7 @@ class LvmSource(Tables):
         for i, (label, (x, y)) in enumerate(zip(labels, pairs, strict=True)):
             known = ~np.isnan(rows[:, x]) if kind == "Multi" else slice(None)
             times = rows[known, x] if x >= 0 else self._grid(head, i, len(rows))
-            t_ns = seconds.to_ns(times)
-            table = next((table for table in self._tables if np.array_equal(table.t_ns, t_ns)), None)
-            if table is None:
-                number = len(self._tables) + 1
-                table = Table(
-                    "" if number == 1 else f"times{number}", t_ns, assumed=[*assumed, *([told] if told else [])]
-                )
-                self._tables.append(table)
+            table = self._at(seconds.to_ns(times), [*assumed, *([told] if told else [])])
             table.series[label] = rows[known, y]
             table.units[label] = units[i].strip() if i < len(units) and units[i].strip() else "1"
 

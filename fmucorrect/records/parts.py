@@ -186,10 +186,7 @@ class PartsSource:
     def extent(self, topic: str) -> Extent:
         """Rows and time range of a topic, from those of its files."""
         self.topics()
-        each = [self._extent(topic, i) for i in self._order[topic]]
-        starts = [one.start_ns for one in each if one.start_ns is not None]
-        stops = [one.stop_ns for one in each if one.stop_ns is not None]
-        return Extent(sum(one.rows for one in each), min(starts, default=None), max(stops, default=None))
+        return Extent.together([self._extent(topic, i) for i in self._order[topic]])
 
     def _extent(self, topic: str, part: int) -> Extent:
         key = (topic, part)

@@ -97,6 +97,15 @@ class Tables:
         """From the times."""
         return extent_of(self.blocks(topic, []))
 
+    def _at(self, t_ns: np.ndarray, assumed: Sequence[str]) -> Table:
+        """The table of series at these times, a new one where there is none; the first has no name."""
+        for table in self._tables:
+            if np.array_equal(table.t_ns, t_ns):
+                return table
+        number = len(self._tables) + 1
+        self._tables.append(Table("" if number == 1 else f"times{number}", t_ns, assumed=list(assumed)))
+        return self._tables[-1]
+
     def _structure(self, path: str, content: Mapping[str, Any], units: Any, around: Table | None) -> None:
         """The members of a structure (path "": the variables of the file) into the table of its time, or `around`."""
         key = _time_of(content, self._told)

@@ -15,7 +15,7 @@ import numpy as np
 from fmucorrect.errors import MissingExtra, RecordError
 from fmucorrect.records import naming, seconds
 from fmucorrect.records.child import ChildSource
-from fmucorrect.records.structures import Table, Tables
+from fmucorrect.records.structures import Tables
 from fmucorrect.signals import AS_IT_IS, Reading
 
 _TIME, _UNKNOWN = 17, 0
@@ -86,11 +86,7 @@ class UffSource(Tables):
         values = np.asarray(one["data"], np.float64)
         if len(t_ns) != len(values):
             raise RecordError(f"{name!r} has {len(values)} values and {len(t_ns)} times", where=self.path)
-        table = next((table for table in self._tables if np.array_equal(table.t_ns, t_ns)), None)
-        if table is None:
-            number = len(self._tables) + 1
-            table = Table("" if number == 1 else f"times{number}", t_ns, assumed=[told] if told else [])
-            self._tables.append(table)
+        table = self._at(t_ns, [told] if told else [])
         label = str(one.get("ordinate_axis_units_lab") or "").strip()
         table.series[name] = values
         table.units[name] = "1" if label in ("", "NONE") else label

@@ -153,7 +153,8 @@ def _covered(study: Study, condition: Condition) -> Iterator[Finding]:
     early, late = max(begins - gap, 0.0), max(length - ends - gap, 0.0)
     if early + late <= 0.0:
         return
-    series = records.read(condition.inputs, driving(study, condition), reading=condition.reading)
+    driven = [variable.name for variable in driving(study, condition)]
+    series = records.read(condition.inputs, driven, reading=condition.reading)
     size = np.abs(series.values).max(axis=0)
     rests = [bool((np.abs(series.values[i]) <= STILL * size).all()) for i in (0, -1)]
     missing = min(early * (not rests[0]) + late * (not rests[1]), length)

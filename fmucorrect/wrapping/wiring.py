@@ -178,7 +178,7 @@ def _parameters(fmu: FmuDescription, info: Info, mapping: MappingFile) -> Mappin
 
 
 def _factor(variable: Variable, unit: str, where: str) -> float:
-    """What a value of the solver is multiplied by to be in `unit`; 1 where either side says no unit."""
+    """What a value of the solver is multiplied by to be in `unit`. Raises WrapError where only the solver says no unit."""
     if not variable.unit and unit not in ("", "1"):
         raise WrapError(
             f"{where}: variable {variable.name!r} has no unit in the FMU",

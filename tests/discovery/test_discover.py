@@ -204,15 +204,22 @@ def test_the_evaluation_condition_decides_nothing_before_the_end(tmp_path, found
     assert "pictures" not in found[1]["where"]
 
 
+RELABELLED = {"m": ("mm", 1e-3), "m/s": ("mm/s", 1e-3), "m/s2": ("mm/s2", 1e-3), "N": ("kN", 1e3)}
+
+
 def relabelled(path):
     """The oscillator with the same numbers as mm and kN: a heavier one, in units as many a multibody program has them."""
     with zipfile.ZipFile(FMU) as source, zipfile.ZipFile(path, "w") as out:
         for item in source.infolist():
             data = source.read(item)
             if item.filename == "modelDescription.xml":
-                for unit, other in {"m": "mm", "m/s": "mm/s", "m/s2": "mm/s2", "N": "kN"}.items():
+                for unit, (other, factor) in RELABELLED.items():
                     data = data.replace(f'unit="{unit}"'.encode(), f'unit="{other}"'.encode())
-                    data = data.replace(f'Unit name="{unit}"'.encode(), f'Unit name="{other}"'.encode())
+                    declared = rf'Unit name="{unit}">(\s*)<BaseUnit '
+                    data, n = re.subn(
+                        declared.encode(), rf'Unit name="{other}">\1<BaseUnit factor="{factor}" '.encode(), data
+                    )
+                    assert n == 1
             out.writestr(item, data)
     return path
 

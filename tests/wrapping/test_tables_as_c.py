@@ -240,10 +240,14 @@ def test_a_mapping_file_says_otherwise(tmp_path):
         '[channels]\nfront = "plain"\n[conditions]\nspeed = 90.0\namplitude = "y"\nfrequency = 1.5\nstart = -2.0\n'
         "[parameters]\nf = 6.0\n"
     )
+    with pytest.raises(WrapError, match=r"variable 'plain' has no unit in the FMU, .*\[units\] \"plain\" = "):
+        wire(fmu(), info(parameters={"steps": 2.0}), read_mapping(path))
+    path.write_text(path.read_text() + '[units]\nplain = "m"\n')
     mapping = read_mapping(path)
     assert mapping.path == path
-    by = wire(fmu(), info(parameters={"steps": 2.0}), mapping)
-    assert [(s.variable.name, s.factor) for s in by.channels] == [("plain", 1.0), ("y", pytest.approx(180.0 / np.pi))]
+    trained = info(parameters={"steps": 2.0})
+    by = wire(mapping.known(fmu(), trained), trained, mapping)
+    assert [(s.variable.name, s.factor) for s in by.channels] == [("plain", 1e3), ("y", pytest.approx(180.0 / np.pi))]
     assert by.conditions["amplitude"].factor == pytest.approx(180.0 / np.pi)
     assert by.tunables == {"speed": 90.0, "frequency": 1.5, "start": -2.0}
     assert {v.name: value for v, value in by.parameters.items()} == {"f": 6.0}
