@@ -64,7 +64,7 @@ def inspect(paths: Sequence[Path], reading: Reading = AS_IT_IS) -> Inspection:
     fits, misfits, warnings, seen = [], [], [], []
     for study in (thing for thing in things if isinstance(thing, Study)):
         problems = study_problems(study)
-        seen += _losses(study)
+        seen += _left_out(study)
         found = _screened(study, problems, seen)
         warnings += [finding for finding in found if finding.level == "warning"]
         problems += [finding.text for finding in found if finding.level == "error"]
@@ -83,16 +83,14 @@ def inspect(paths: Sequence[Path], reading: Reading = AS_IT_IS) -> Inspection:
     )
 
 
-def _losses(study: Study) -> Iterator[str]:
-    """What the records of a study lost, and what they hold that is no column."""
+def _left_out(study: Study) -> Iterator[str]:
+    """What the records of a study hold that is no column."""
     files = {path: c.reading for c in study.conditions for path in (c.measurement, c.simulated, c.inputs) if path}
     for path, reading in files.items():
         try:
             contents = records.describe(path, reading)
         except FmucorrectError:  # study_problems has said why
             continue
-        if contents.damage:
-            yield f"{path.name}: {contents.damage}"
         yield from (f"{path.name}: left out: {text}" for text in contents.left_out)
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmucorrect.errors import StudyError
+from fmucorrect.errors import RecordError, StudyError
 from fmucorrect.experiment import Pair, pair
 from fmucorrect.records import writer
 from fmucorrect.registration import resample
@@ -109,6 +109,17 @@ def test_nothing_is_found_where_nothing_is_wrong(tmp_path: Path) -> None:
     checked = screen(make(tmp_path))
     assert checked.warnings == ()
     assert [item.condition.name for item in checked.pairs] == ["one", "two"]
+
+
+def test_what_a_record_lost_stands_among_the_warnings_once_it_is_allowed(tmp_path: Path) -> None:
+    study = make(tmp_path)
+    cut = tmp_path / "meas_held.csv"
+    cut.write_bytes(cut.read_bytes()[:-5])
+    with pytest.raises(RecordError, match=r"meas_held\.csv.*--allow-damaged"):
+        screen(study)
+    (warning,) = screen(replace(study, allow_damaged=True)).warnings
+    assert (warning.kind, warning.where) == ("damaged record", "condition 'held'")
+    assert "meas_held.csv" in warning.seen
 
 
 def changed(**columns: Callable[[Table], np.ndarray]) -> Fault:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from fmucorrect.cli.group import ALLOW_DAMAGED, OVERWRITE, PATH, STEP_TIMEOUT, open_study, say
+from fmucorrect.cli.group import ALLOW_DAMAGED, OVERWRITE, PATH, STEP_TIMEOUT, say
 
 
 @click.command()
@@ -44,7 +44,6 @@ def discover(
 
     from fmucorrect.discovery import discover as run
 
-    open_study(study, allow_damaged)  # tells what its records have lost
     with tqdm(
         total=1, desc="discover", disable=None, leave=False, bar_format="{desc}: {n_fmt}/{total_fmt} {elapsed}"
     ) as bar:

@@ -153,22 +153,10 @@ def main() -> None:
 
 
 def open_study(path: Path, allow_damaged: bool) -> Study:
-    """The study; with `allow_damaged` what its records have lost is told on standard error."""
-    from fmucorrect import sources
+    """The study, with what the command line allows."""
     from fmucorrect.study import load_study
 
-    study = load_study(path)
-    if not allow_damaged:
-        return study
-    for condition in study.conditions:
-        for file, damage in sources.damages(condition).items():
-            tell_damage(file, damage)
-    return replace(study, allow_damaged=True)
-
-
-def tell_damage(file: Path, damage: str) -> None:
-    """On standard error, in one line."""
-    say(f"{file}: damaged, {damage}", err=True)
+    return replace(load_study(path), allow_damaged=allow_damaged)
 
 
 @contextmanager

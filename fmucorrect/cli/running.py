@@ -20,7 +20,6 @@ from fmucorrect.cli.group import (
     reading_of,
     reading_options,
     say,
-    tell_damage,
 )
 
 if TYPE_CHECKING:
@@ -171,8 +170,6 @@ def replay(
             also_read=also_read,
             progress=advance,
         )
-    if summary.damage:
-        tell_damage(log, summary.damage)
     _print_summary(summary, as_json)
 
 
@@ -245,6 +242,8 @@ def _condition(
 
 
 def _print_summary(summary: Summary, as_json: bool) -> None:
+    if summary.damage:
+        say(f"damaged: {summary.damage}", err=True)
     if as_json:
         say(json.dumps(summary.to_json(), indent=1))
         return

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float64
 from threadpoolctl import threadpool_limits
 
-from fmucorrect import experiment, outputs, sources
+from fmucorrect import experiment, outputs
 from fmucorrect.discovery import output
 from fmucorrect.discovery.augmented import Found, found_of, write_model
 from fmucorrect.discovery.confirm import Gap, carries_over, gaps, sensor_errors
@@ -103,10 +103,6 @@ def discover(
         written, notes = write_model(study, found, folder)
     report["warnings"] = checked.told()
     report["notes"] += notes
-    if allow_damaged:
-        for condition in study.conditions:
-            for file, damage in sources.damages(condition).items():
-                report["notes"].append(f"condition {condition.name}: {file.name} is damaged: {damage}")
     report["files"] = ["report.json", "report.html", *written]
     lap("write")
     report["stages"] = {stage: round(value, 3) for stage, value in seconds.items()}

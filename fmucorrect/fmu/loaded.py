@@ -13,7 +13,7 @@ from fmucorrect.fmu.fmi2 import Instance2
 from fmucorrect.fmu.fmi3 import Instance3
 from fmucorrect.fmu.instance import Instance
 from fmucorrect.fmu.solverlog import SolverLog
-from fmucorrect.fmu.workfolder import WorkFolder
+from fmucorrect.workfolder import WorkFolder
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from typing import IO, Any, cast, final
 from fmucorrect.errors import FmuError, SolverDied
 from fmucorrect.fmu import archive
 from fmucorrect.fmu.description import FmuDescription
-from fmucorrect.fmu.workfolder import WorkFolder
+from fmucorrect.workfolder import WorkFolder
 
 _BEGIN_TIMEOUT = 120.0
 """s for the process itself to begin, which is all our own doing: below one, unless the machine is busy."""

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,6 +17,7 @@ from fmucorrect.errors import FmuError
 from fmucorrect.fmu.description import open_fmu
 from fmucorrect.fmu.stepper import FmuStepper
 from fmucorrect.signals import NANOSECONDS, Channel, Condition
+from fmucorrect.workfolder import WorkFolder
 
 BEFORE, AFTER = 60, 30
 """Steps before and after the state is copied: a window fills, and the state differs from the initial one."""
@@ -40,8 +40,8 @@ def works(path: Path, step_ns: int) -> StateCheck:
     able = open_fmu(path).capabilities
     if "get and set state" not in able:
         return StateCheck(False, False, "")
-    with tempfile.TemporaryDirectory(prefix="fmucorrect-", ignore_cleanup_errors=True) as folder:
-        file = Path(folder) / "state"
+    with WorkFolder() as folder:
+        file = folder.path / "state"
         why = _child("copy", path, step_ns, file)
         if why:
             return StateCheck(False, False, f"the state was not copied faithfully: {why}")

@@ -15,7 +15,6 @@ import os
 import struct
 import subprocess
 import sys
-import tempfile
 import threading
 from collections.abc import Iterator, Sequence
 from importlib import import_module
@@ -30,6 +29,7 @@ from fmucorrect.records.contents import Column, Extent, Topic
 from fmucorrect.records.guarded import Guarded
 from fmucorrect.records.source import Block
 from fmucorrect.signals import AS_IT_IS, Reading
+from fmucorrect.workfolder import WorkFolder
 
 START_S = 120.0
 """Seconds for Python and the library to start: ten times what a slow disk needs."""
@@ -62,8 +62,8 @@ class ChildSource:
         environment = os.environ | dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
         environment["ARROW_DEFAULT_MEMORY_POOL"] = "system"
         # libraries unpack to temporary files, and a child that is killed removes none
-        self._temporary = tempfile.TemporaryDirectory(prefix="fmucorrect-reader-", ignore_cleanup_errors=True)
-        environment |= dict.fromkeys(("TMPDIR", "TEMP", "TMP"), self._temporary.name)
+        self._temporary = WorkFolder()
+        environment |= dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(self._temporary.path))
         # -I: no module of the working directory or the user's can take the place of an installed one
         self._process = subprocess.Popen(
             [sys.executable, "-I", "-c", _START, places, opened, str(Path(path).resolve()), path, told_reading],
@@ -115,7 +115,7 @@ class ChildSource:
             if pipe is not None:
                 with contextlib.suppress(OSError):
                     pipe.close()
-        self._temporary.cleanup()
+        self._temporary.close()
 
     def _ask(self, request: dict[str, Any]) -> tuple[dict[str, Any], bytearray]:
         assert self._process.stdin is not None

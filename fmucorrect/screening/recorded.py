@@ -16,7 +16,7 @@ from fmucorrect.experiment import read_samples
 from fmucorrect.screening.finding import Finding
 from fmucorrect.screening.same import COPIED, overlap
 from fmucorrect.signals import NANOSECONDS, Condition, Reading, Record
-from fmucorrect.sources import driving
+from fmucorrect.sources import damages, driving
 from fmucorrect.study import Study
 
 OFF = 0.05
@@ -38,11 +38,25 @@ def of_records(study: Study) -> tuple[Finding, ...]:
     measured = {condition.name: read_samples(study, condition) for condition in study.conditions}
     found: list[Finding] = [*_held_out(study, measured)]
     for condition in study.conditions:
+        found += _damaged(condition)
         found += _channels(study, condition, measured[condition.name])
         found += _covered(study, condition)
         if condition.role == "development":
             found += _said(study, condition, measured[condition.name])
     return (*found, *_angles(study), *_parameters(study))
+
+
+def _damaged(condition: Condition) -> Iterator[Finding]:
+    """What the study's user has allowed to be missing."""
+    for file, damage in damages(condition).items():
+        yield Finding(
+            "damaged record",
+            "warning",
+            f"condition {condition.name!r}",
+            f"{file.name} is damaged: {damage}",
+            "What it lost is neither fitted nor scored",
+            "Take the file from its logger again if there is another copy.",
+        )
 
 
 def _held_out(study: Study, measured: Mapping[str, Record]) -> Iterator[Finding]:

@@ -35,6 +35,7 @@ def card(trained: Trained, bundle: Bundle, evaluations: Sequence[Comparison], co
         f"Corrects {', '.join(names)} ({unit}) of a simulation sampled every {info.step_ns / 1e6:g} ms, from "
         f"the last {info.rows} samples and the operating condition. Made by `{_code(command)}`.",
         "",
+        *_seen(trained),
         "## How good it is",
         "",
         "Scores over all measured samples after warm-up; R2, NRMSE and NMAE as in the paper (range and mean of the "
@@ -110,6 +111,13 @@ def card(trained: Trained, bundle: Bundle, evaluations: Sequence[Comparison], co
         "",
     ]
     return "\n".join(lines)
+
+
+def _seen(trained: Trained) -> list[str]:
+    """What the gate warned of."""
+    if not trained.warnings:
+        return []
+    return ["## To be looked at first", "", *(f"- {_plain(finding.text)}" for finding in trained.warnings), ""]
 
 
 def _search(trained: Trained) -> list[str]:

@@ -10,12 +10,12 @@ import importlib.resources
 import importlib.util
 import re
 import shutil
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fmucorrect.errors import MissingExtra, WrapError
+from fmucorrect.workfolder import WorkFolder
 from fmucorrect.wrapping.compiler import Sources
 
 if TYPE_CHECKING:
@@ -80,8 +80,8 @@ def _generate(model: onnx.ModelProto, where: str) -> tuple[str, str]:
     from emx_onnx_cgen.compiler import Compiler, CompilerOptions
     from emx_onnx_cgen.errors import CompilerError
 
-    with tempfile.TemporaryDirectory() as folder:
-        templates = Path(folder) / "templates"
+    with WorkFolder() as folder:
+        templates = folder.path / "templates"
         with importlib.resources.as_file(importlib.resources.files("emx_onnx_cgen") / "templates") as original:
             shutil.copytree(original, templates)
         (templates / "gemm_op.c.j2").rename(templates / "emx_gemm_op.c.j2")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -17,6 +16,7 @@ from fmucorrect.effects import Effects
 from fmucorrect.errors import FmuError, WrapError
 from fmucorrect.fmu import FmuDescription, open_fmu, state_check
 from fmucorrect.fmu.state_check import StateCheck
+from fmucorrect.workfolder import WorkFolder
 from fmucorrect.wrapping import alone, compiler, ctext, description_xml, generated, laws, network, places, proof, solver
 from fmucorrect.wrapping.added import Added
 from fmucorrect.wrapping.description import Capabilities, Description, Outer, describe
@@ -120,8 +120,8 @@ def wrap(
     read = [(what, None if path is None else Path(path)) for what, path in named.items()]
     outputs.check_file(out, read, made_by, overwrite)
     parts = _read(fmu, corrector, effects_file, mapping, fmi, platforms)
-    with tempfile.TemporaryDirectory(prefix="fmucorrect-", ignore_cleanup_errors=True) as folder:
-        work = Path(folder)
+    with WorkFolder() as folder:
+        work = folder.path
         progress("generate")
         net = network.sources(parts.model.path) if parts.model else None
         sources, outer, first, untried = _generate(parts, net.files if net else {})

@@ -18,13 +18,13 @@ import pytest
 from hostile_fmu import hostile
 from trouble_fmu import MODE
 
+from fmucorrect import workfolder as folders
 from fmucorrect.errors import FmuError, SignalError, SolverDied
 from fmucorrect.fmu import FmuStepper, IsolatedStepper, Limits
-from fmucorrect.fmu import workfolder as folders
 from fmucorrect.fmu.feedthrough import feedthrough
-from fmucorrect.fmu.workfolder import WorkFolder
 from fmucorrect.signals import Channel, Condition, Record
 from fmucorrect.stepper import grid, run
+from fmucorrect.workfolder import WorkFolder
 
 MS = 1_000_000
 Y = (Channel("y", "mm", simulation="y"),)
@@ -314,7 +314,7 @@ def test_other_commands(study: Path, name: str, order: str):
     assert process.returncode == 2
     assert "Traceback" not in complaint
     assert complaint.count("hostile.fmu") == 1
-    assert not list((study.parent / "temporary").glob("fmucorrect-fmu-*"))
+    assert not list((study.parent / "temporary").glob("fmucorrect-work-*"))
 
 
 @pytest.mark.parametrize("order", ["CONSTRUCTOR CRASH", "DO_STEP EXIT"])
@@ -354,7 +354,7 @@ def test_an_ended_command_leaves_nothing(study: Path, number: signal.Signals):
 
 def test_folders_of_the_dead_are_swept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    code = "import os; from fmucorrect.fmu.workfolder import WorkFolder; WorkFolder(); os._exit(1)"
+    code = "import os; from fmucorrect.workfolder import WorkFolder; WorkFolder(); os._exit(1)"
     subprocess.run([sys.executable, "-c", code], env=os.environ | {"TMPDIR": str(tmp_path), "TEMP": str(tmp_path)})
     (left,) = tmp_path.iterdir()
     held = WorkFolder()  # the dead one's is too young to be told from one that is being made

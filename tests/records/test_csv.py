@@ -166,3 +166,14 @@ def test_a_packed_file_that_is_cut_off(tmp_path: Path) -> None:
     path.write_bytes(b"time,x\n0,1\n")
     with pytest.raises(RecordError, match="cannot be unpacked"):
         records.read(path)
+
+
+def test_a_packed_file_may_not_fill_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    place = tmp_path / "temporary"
+    place.mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(place))
+    path = tmp_path / "run.csv.gz"
+    path.write_bytes(gzip.compress(b"time,x\n", 1) + 16 * gzip.compress(bytes(2**24)))
+    with pytest.raises(RecordError, match=r"run\.csv\.gz: the file unpacks to more than is read, .*500 times its size"):
+        records.read(path)
+    assert not [*place.iterdir()]

@@ -2,6 +2,7 @@
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -9,8 +10,11 @@ from click.testing import CliRunner
 from closed_form import BRIEF, make_study
 
 from fmucorrect import bundle, cli
+from fmucorrect.screening import Finding
 from fmucorrect.study import Study
+from fmucorrect.training.card import card as make_card
 from fmucorrect.training.protocol import Trained
+from fmucorrect.training.results import figures as figures_of
 from fmucorrect.training.results import lines, train_into
 from fmucorrect.training.tasks import Workshop
 
@@ -30,7 +34,13 @@ def test_the_three_files_agree(study: Study, briefly: Trained, tmp_path: Path) -
     assert f"| {last.after.mean_nrmse:.2f} | {last.after.mean_nmae:.2f} |" in card
     assert "the test" in card
     assert f"{last.after.mean_nrmse:.2f} %" in lines(done.evaluations).splitlines()[-1]
-    assert bundle.load(tmp_path / "corrector.onnx").info.study_hash == study.hash
+    model = bundle.load(tmp_path / "corrector.onnx")
+    assert model.info.study_hash == study.hash
+    seen = Finding("damaged record", "warning", "condition 385", "it is cut off", "The end is lost", "Take it again.")
+    warned = replace(done.trained, warnings=(seen,))
+    assert "cut off" not in card
+    assert "it is cut off" in make_card(warned, model, done.evaluations, "the test")
+    assert figures_of(done.evaluations, warned)["warnings"] == [seen.to_json()]
 
 
 def test_the_command_refuses_a_study_with_nothing_to_hold_out(tmp_path: Path) -> None:

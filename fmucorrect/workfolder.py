@@ -1,4 +1,5 @@
-"""Folders for unpacked FMUs: each is held by the process that made it, and those of processes that died are removed.
+"""Folders for what is temporary, as an unpacked FMU or log: each is held by the process that made it, and those of processes
+that died are removed.
 
 The hold is the system's own (a lock on the folder), which goes when its process does, however that ends; a process number
 would be given to another one some day. Where folders cannot be locked (Windows), the open library inside holds it.
@@ -13,14 +14,14 @@ import tempfile
 import time
 from functools import cache
 from pathlib import Path
-from typing import final
+from typing import Self, final
 
 try:
     import fcntl
 except ImportError:  # Windows
     fcntl = None
 
-PREFIX = "fmucorrect-fmu-"
+PREFIX = "fmucorrect-work-"
 _NEW = 60.0
 """s; a younger folder may not be held yet by the process that is making it."""
 
@@ -28,12 +29,18 @@ _NEW = 60.0
 @final
 class WorkFolder:
     """A new folder in the system's place for what is temporary, removed by close(); the first one of a process sweeps what
-    processes of this user left there when they were killed."""
+    processes of this user left there when they were killed. Closed at the end of a with statement, too."""
 
     def __init__(self) -> None:
         _sweep(tempfile.gettempdir())
         self.path = Path(tempfile.mkdtemp(prefix=PREFIX))
         self._held: int | None = _hold(self.path)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
     def close(self) -> None:
         """Remove it with all that is in it. May be called twice."""
