@@ -12,14 +12,13 @@ import csv
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from itertools import repeat
 from pathlib import Path
 from typing import IO
 
 import numpy as np
 
 from fmucorrect.errors import RecordError
-from fmucorrect.records import naming, seconds
+from fmucorrect.records import csv_bulk, naming, seconds
 from fmucorrect.records.contents import Extent, Topic
 from fmucorrect.records.csv_layout import layout, missing, number, split
 from fmucorrect.records.source import NO_TIME, Block, extent_of
@@ -75,8 +74,8 @@ class CsvSource:
         names = [column.name for column in found.columns]
         used = [found.time, *(names.index(column) for column in columns)]
         days, last = 0, NO_TIME
-        for first, lines in self._lines():
-            block = self._block(lines, first, used)
+        for first, text in self._lines():
+            block = self._block(text, first, used)
             if found.stamps == "midnight":
                 block, days, last = _behind_midnight(block, days, last)
             if len(block.t_ns):
@@ -86,26 +85,24 @@ class CsvSource:
         """By reading the times."""
         return extent_of(self.blocks(topic, []))
 
-    def _lines(self) -> Iterator[tuple[int, list[str]]]:
-        """The rows as lines without their ends, by the megabyte, each time with the number of the first line."""
+    def _lines(self) -> Iterator[tuple[int, str]]:
+        """The rows as whole lines, by the megabyte, each time with the number of the first line."""
         stream = opened(self._file.place, self._layout.encoding)
         self._streams.append(stream)
-        held, number, skipped = "", 1, self._layout.first_line - 1
+        held, number, skip = "", 1, self._layout.first_line - 1
         while text := stream.read(MOST_CHARACTERS):
-            lines = (held + text).split("\n")
-            held = lines.pop()
-            first, number = number, number + len(lines)
+            text, ended, held = (held + text).rpartition("\n")
+            first, number = number, number + text.count("\n") + len(ended)
             if len(held) > MOST_CHARACTERS:
                 raise RecordError(
                     f"line {number} is too long", where=self.path, expected=f"at most {MOST_CHARACTERS} characters"
                 )
-            if first <= skipped:
-                lines = lines[skipped + 1 - first :]
-                first = skipped + 1
-            if lines:
-                yield first, lines
-        if held and not self._unended and number > skipped:
-            yield number, [held]
+            if first <= skip:
+                text, first = "" if number <= skip + 1 else text.split("\n", skip + 1 - first)[-1], skip + 1
+            if text.strip("\n "):
+                yield first, text
+        if held and not self._unended and number > skip:
+            yield number, held
 
     def _end(self) -> str:
         """What is wrong with the end of the file, in words.
@@ -137,41 +134,17 @@ class CsvSource:
             return split(line, self._layout.delimiter)
         return []
 
-    def _block(self, lines: list[str], first: int, used: list[int]) -> Block:
+    def _block(self, text: str, first: int, used: list[int]) -> Block:
         found = self._layout
-        numbers: np.ndarray | None = None
-        if not found.stamps and self._regular(lines):
-            with suppress(ValueError):  # an empty cell, a quote, a word: cell by cell below
-                delimiter = None if found.delimiter == " " else found.delimiter
-                numbers = np.loadtxt(self._plain(lines), delimiter=delimiter, usecols=used, ndmin=2, comments=None)
+        numbers = None if found.stamps else csv_bulk.numbers(text, found, used)
         if numbers is None:
-            return self._slow(lines, first, used)
+            return self._slow(text.split("\n"), first, used)
         t_ns = seconds.to_ns(np.ascontiguousarray(numbers[:, 0]), found.per)
         if len(t_ns) and np.abs(t_ns.astype(np.float64)).max() >= seconds.EXACT_SECONDS * NANOSECONDS:
-            times = [
-                (split(line, found.delimiter)[found.time], n) for n, line in enumerate(lines, first) if line.strip()
-            ]
+            lines = enumerate(text.split("\n"), first)
+            times = [(split(line, found.delimiter)[found.time], n) for n, line in lines if line.strip()]
             t_ns = np.array([self._time(cell, n) for cell, n in times], np.int64)
         return Block(t_ns, np.ascontiguousarray(numbers[:, 1:]))
-
-    def _regular(self, lines: list[str]) -> bool:
-        """Whether all lines have as many cells as the header, as far as delimiters tell."""
-        found = self._layout
-        if found.delimiter == " ":
-            return set(map(len, map(str.split, lines))) == {len(found.columns)}
-        return set(map(str.count, lines, repeat(found.delimiter))) == {len(found.columns) - 1}
-
-    def _plain(self, lines: list[str]) -> list[str]:
-        """The lines with decimal points. Raises ValueError where that cannot be done for all of them at once."""
-        found = self._layout
-        if found.unnamed_last and not all(line.endswith(found.delimiter * found.unnamed_last) for line in lines):
-            raise ValueError
-        if found.mark != ",":
-            return lines
-        text = "\n".join(lines)
-        if "." in text:
-            raise ValueError
-        return text.replace(",", ".").split("\n")
 
     def _slow(self, lines: list[str], first: int, used: list[int]) -> Block:
         found = self._layout

@@ -31,7 +31,9 @@ _SAMPLE = 200
 _BETWEEN = 3
 """Lines of words between the header and the first row: a description, units, a kind."""
 
-_MISSING = frozenset(["", "na", "n/a", "#n/a", "#na", "nan", "null", "none", "nil", "-", "--", "missing"])
+MISSING = frozenset(["", "na", "n/a", "#n/a", "#na", "nan", "-nan", "null", "none", "nil", "-", "--", "missing"])
+"""What a cell without a value says, in small letters."""
+
 _TRUTH = {"true": 1.0, "false": 0.0}
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,5})?", re.ASCII)
 _DIGITS = re.compile(r"[+-]?\d[\d.,'’ \u00a0\u202f]*(?:[eE][+-]?\d+)?", re.ASCII)
@@ -76,7 +78,7 @@ class _Header:
 
 def missing(cell: str) -> bool:
     """Whether the cell says that there is no value: empty, `n/a`, `NaN`, `-` and their like."""
-    return cell.strip().lower() in _MISSING
+    return cell.strip().lower() in MISSING
 
 
 def number(cell: str, mark: str) -> float | None:

@@ -10,6 +10,8 @@ import pytest
 
 from fmucorrect import records
 from fmucorrect.errors import RecordError
+from fmucorrect.records import csv_bulk
+from fmucorrect.records.csv import CsvSource
 from fmucorrect.signals import Channel, Reading, Record
 
 
@@ -177,3 +179,35 @@ def test_a_packed_file_may_not_fill_the_disk(tmp_path: Path, monkeypatch: pytest
     with pytest.raises(RecordError, match=r"run\.csv\.gz: the file unpacks to more than is read, .*500 times its size"):
         records.read(path)
     assert not [*place.iterdir()]
+
+
+SPELT = [
+    *("1e5", " 1.5 ", "+2", "-.5", "5.", "0.1", "1e400", "1e-400", "9007199254740993", "0.30000000000000004", "-0.0"),
+    *("2.2250738585072011e-308", "1.7976931348623157e308", "5e-324", "123456789.123456789123456789"),
+    *("nan", "NaN", "NAN", "-nan", "inf", "-Inf", "Infinity", "1.#QNAN", "NA", "n/a", "N/a", "null", "", " ", "-", "missing"),
+    *("true", "False", "1_0", "0x10", "1d5", "1e", "one", "1 2", "1.2.3", "\u0661", "--1", "\u22121", "1,5", "1\u00a0000"),
+    '"3"',
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("delimiter", [",", ";", "\t"])
+def test_by_the_megabyte_and_cell_by_cell_a_number_is_the_same(
+    delimiter: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def outcome(path: Path) -> list[str] | str:
+        try:
+            return [repr(x) for block in CsvSource(str(path)).blocks("", ["a"]) for x in block.values[:, 0].tolist()]
+        except RecordError as error:
+            return str(error)
+
+    for spelt in SPELT:
+        lines = [f"{i / 100:.2f}{delimiter}{i / 7!r}{delimiter}x" for i in range(300)]
+        lines[-7] = delimiter.join(["2.93", spelt, "x"])
+        path = write(tmp_path, "\n".join([delimiter.join(("time", "a", "b")), *lines, ""]))
+        found = []
+        for worth in (0, 10**9):  # pyarrow's reader, numpy's
+            monkeypatch.setattr(csv_bulk, "_WORTH", worth)
+            found.append(outcome(path))
+        monkeypatch.setattr(csv_bulk, "numbers", lambda *_: None)
+        assert found == [outcome(path)] * 2, spelt
+        monkeypatch.undo()
