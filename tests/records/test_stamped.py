@@ -1,0 +1,72 @@
+"""A stamp in the message in the place of the time at which it was logged; files by the mcap project's own writer."""
+
+from __future__ import annotations
+
+import json
+import struct
+from pathlib import Path
+
+import pytest
+from mcap.writer import Writer
+
+from fmucorrect import records
+from fmucorrect.errors import RecordError
+from fmucorrect.signals import NANOSECONDS, Reading
+
+EPOCH = 1_700_000_000 * NANOSECONDS
+STAMPS = [EPOCH + 1_000_000 * i + i % 3 for i in range(500)]  # ms, and some ns
+LATE = [stamp + 7_000_000 + (i * 7919) % 900_000 for i, stamp in enumerate(STAMPS)]  # logged later, and unevenly
+OWN = Reading(time="header.stamp")
+ROS = b"""Header header
+float64 x
+================================================================================
+MSG: std_msgs/Header
+uint32 seq
+time stamp
+string frame_id
+"""
+
+
+def write(path: Path, encoding: str, schema: tuple[str, bytes] | None, payloads: list[bytes]) -> Path:
+    with path.open("wb") as stream:
+        file = Writer(stream, chunk_size=4096)
+        file.start()
+        told = file.register_schema("rig/State", *schema) if schema else 0
+        channel = file.register_channel("/rig", encoding, told)
+        other = file.register_channel("/other", "json", 0)
+        for late, payload in zip(LATE, payloads, strict=True):
+            file.add_message(channel, late, payload, late)
+            file.add_message(other, late, b'{"y": 1.5}', late)
+        file.finish()
+    return path
+
+
+@pytest.mark.parametrize("names", [("sec", "nanosec"), ("secs", "nsecs"), ("seconds", "nanos"), ("sec", "nsec")])
+def test_seconds_and_nanoseconds_are_exact(names: tuple[str, str], tmp_path: Path) -> None:
+    told = [dict(zip(names, divmod(stamp, NANOSECONDS), strict=True)) for stamp in STAMPS]
+    rows = [json.dumps({"header": {"stamp": stamp}, "x": i}).encode() for i, stamp in enumerate(told)]
+    path = write(tmp_path / "run.mcap", "json", None, rows)
+    assert records.read(path, ["x"]).t_ns.tolist() == LATE
+    record = records.read(path, ["x"], reading=OWN)
+    assert record.t_ns.tolist() == STAMPS
+    assert record["x"].tolist() == list(range(500))
+    assert records.read(path, ["y"], reading=OWN).t_ns.tolist() == LATE  # nothing in it but a number
+    extents = {item.topic.name: item.extent for item in records.describe(path, OWN).topics}
+    assert (extents["/rig"].start_ns, extents["/rig"].stop_ns) == (STAMPS[0], STAMPS[-1])
+
+
+def test_the_stamp_of_a_ros_message(tmp_path: Path) -> None:
+    heads = [struct.pack("<III", i, *divmod(stamp, NANOSECONDS)) for i, stamp in enumerate(STAMPS)]
+    rows = [head + struct.pack("<I4sd", 4, b"base", i) for i, head in enumerate(heads)]
+    path = write(tmp_path / "run.mcap", "ros1", ("ros1msg", ROS), rows)
+    record = records.read(path, ["x"], reading=OWN)
+    assert record["x"].tolist() == list(range(500))
+    assert max(abs(a - b) for a, b in zip(record.t_ns.tolist(), STAMPS, strict=True)) <= 120  # half a step of a double
+
+
+def test_a_message_without_its_stamp_is_told(tmp_path: Path) -> None:
+    rows = [json.dumps({"t": None if i == 40 else i / 100, "x": i}).encode() for i in range(500)]
+    path = write(tmp_path / "run.mcap", "json", None, rows)
+    with pytest.raises(RecordError, match="time is not a number at row 40"):
+        records.read(path, ["x"], reading=Reading(time="t"))
+    assert len(records.read(path, ["x"], reading=Reading(time="t"), repair="drop")) == 499
