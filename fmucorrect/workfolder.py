@@ -14,7 +14,7 @@ import tempfile
 import time
 from functools import cache
 from pathlib import Path
-from typing import Self, final
+from typing import final
 
 try:
     import fcntl
@@ -36,7 +36,7 @@ class WorkFolder:
         self.path = Path(tempfile.mkdtemp(prefix=PREFIX))
         self._held: int | None = _hold(self.path)
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> WorkFolder:
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -66,20 +66,7 @@ def discover(
     if as_json:
         say((out / "report.json").read_text(encoding="utf-8"))
         return
-    say(f"{report['verdict']}: {report['sentence']}")
-    for row in report["effects"]:
-        values = ", ".join(
-            f"{name} = {entry['value']:.4g} +- {entry['std']:.2g} {entry['unit']}"
-            for name, entry in row["parameters"].items()
-            if entry["std"] > 0.0
-        )
-        say(f"  {row['effect']} at {row['joint']} ({100 * row['probability']:.0f} %): {row['equation']}; {values}")
-    for row in report["gap"]:
-        held = ", held out" if row["role"] == "evaluation" else ""
-        say(
-            f"  {row['condition']}{held}: {row['nrmse_before']:.3g} -> {row['nrmse_after']:.3g} %"
-            f" (noise {row['noise_floor']:.2g} %)"
-        )
+    say("\n".join(report.lines()))
     say(f"{out / 'report.html'}")
 
 

@@ -31,6 +31,7 @@ from fmucorrect.discovery.nexttest import next_test
 from fmucorrect.discovery.outputmap import output_maps
 from fmucorrect.discovery.pictures import free_picture, picture
 from fmucorrect.discovery.problem import Problem, load
+from fmucorrect.discovery.report import Report
 from fmucorrect.discovery.sets import Progress
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, SignalTerm
 from fmucorrect.discovery.where import Residual, where
@@ -54,7 +55,7 @@ def discover(
     step_timeout: float | None = None,
     allow_damaged: bool = False,
     overwrite: bool = True,
-) -> dict[str, Any]:
+) -> Report:
     """Everything of `fmucorrect discover`: returns the report, which is also OUT/report.json, with report.html beside it and,
     where something was found that an FMU can take, effects.toml, augmented.fmu and study.toml.
 
@@ -62,7 +63,7 @@ def discover(
     is written: a run that was broken off goes on where it stopped, as far as nothing has changed since. executor: simulates
     large batches of candidates, on other machines perhaps; None for this machine alone. step_timeout: s
     that the solver may take for one step, None for the study's own. allow_damaged: whether records that
-    lost something are taken for what is there; the report's notes say what they lost. Raises StudyError, RecordError,
+    lost something are taken for what is there; the report's warnings say what they lost. Raises StudyError, RecordError,
     SignalError, FmuError.
     """
     study = replace(load_study(study_file).with_step_timeout(step_timeout), allow_damaged=allow_damaged)
@@ -109,7 +110,7 @@ def discover(
     report = _plain(report)
     write(folder, report)
     kept.clear()
-    return report
+    return Report(report)
 
 
 def write(folder: Path, report: dict[str, Any]) -> None:

@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from fmucorrect import sketch
 from fmucorrect.errors import FmuError, SolverDied, StudyError
 from fmucorrect.fmu import IsolatedStepper, Limits, open_fmu
 from fmucorrect.railway.assessment import SECTIONS, Assessment, check_assessment
@@ -48,6 +49,13 @@ class Findings:
     def passed(self) -> bool:
         """Whether everything that was assessed is in order."""
         return all(item.passed for item in (self.preload, self.critical_speed, self.safety) if item is not None)
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: which sections are in order."""
+        found = {name: getattr(self, name) for name in SECTIONS}
+        words = {None: "not assessed", True: "in order", False: "not in order"}
+        rows = [[name.replace("_", " "), words[item and item.passed]] for name, item in found.items()]
+        return sketch.table(["section", "verdict"], rows, f"{self.assessment.name}. {NOTICE}")
 
     def to_json(self) -> dict[str, Any]:
         """For programs: null for what was not assessed."""

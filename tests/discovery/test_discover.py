@@ -126,6 +126,7 @@ def test_a_cubic_spring_is_named_with_its_value_and_proved(found):
     assert gap["nrmse_after"] < 1.15 * gap["noise_floor"]
     assert report == json.loads((folder / "out" / "report.json").read_text())
     assert "cubic stiffness" in (folder / "out" / "report.html").read_text()
+    assert f"<td>{effect['equation']}</td>" in report._repr_html_()
 
 
 def test_the_rivals_stand_behind_what_was_found(found):

@@ -205,7 +205,11 @@ def test_progress_counts_every_sample_of_the_settling_run() -> None:
 
 
 def test_the_roller_rig_stands_as_its_independent_equilibrium_says() -> None:
-    found = assess(load_assessment(ROOT / "fmus" / "roller_rig" / "assess.toml"), ("preload",)).preload
+    findings = assess(load_assessment(ROOT / "fmus" / "roller_rig" / "assess.toml"), ("preload",))
+    shown = findings._repr_html_()
+    assert "<td>preload</td><td>in order</td>" in shown
+    assert "<td>critical speed</td><td>not assessed</td>" in shown
+    found = findings.preload
     assert found is not None
     assert found.passed
     assert found.residual < 1e-6

@@ -1,0 +1,59 @@
+"""What a discovery returns: its report, as report.json holds it, in words for a terminal and in tables for a notebook."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fmucorrect import sketch
+
+
+class Report(dict[str, Any]):
+    """The content of report.json."""
+
+    def lines(self) -> list[str]:
+        """The verdict, one line for each effect and each condition."""
+        lines = [f"{self['verdict']}: {self['sentence']}"]
+        for effect, joint, share, equation, values in self._effects():
+            lines.append(f"  {effect} at {joint} ({share}): {equation}; {values}")
+        for condition, role, before, after, noise in self._gaps():
+            held = ", held out" if role == "evaluation" else ""
+            lines.append(f"  {condition}{held}: {before} -> {after} % (noise {noise} %)")
+        return lines
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows."""
+        effects = sketch.table(
+            ["effect", "at", "probability", "equation", "parameters"],
+            self._effects(),
+            f"{self['verdict']}: {self['sentence']}",
+        )
+        gaps = sketch.table(["condition", "role", "NRMSE before [%]", "after [%]", "noise [%]"], self._gaps())
+        return effects + gaps
+
+    def _effects(self) -> list[tuple[str, str, str, str, str]]:
+        return [
+            (
+                row["effect"],
+                row["joint"],
+                f"{100 * row['probability']:.0f} %",
+                row["equation"],
+                ", ".join(
+                    f"{name} = {entry['value']:.4g} +- {entry['std']:.2g} {entry['unit']}"
+                    for name, entry in row["parameters"].items()
+                    if entry["std"] > 0.0
+                ),
+            )
+            for row in self["effects"]
+        ]
+
+    def _gaps(self) -> list[tuple[str, str, str, str, str]]:
+        return [
+            (
+                row["condition"],
+                row["role"],
+                f"{row['nrmse_before']:.3g}",
+                f"{row['nrmse_after']:.3g}",
+                f"{row['noise_floor']:.2g}",
+            )
+            for row in self["gap"]
+        ]
