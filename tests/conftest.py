@@ -58,6 +58,7 @@ def pytest_runtest_setup() -> None:
         seen[0] = 0
 
 
+@pytest.hookimpl(tryfirst=True)  # before pytest-xdist looks for groups, or there are none
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         folder = item.path.parent.name
