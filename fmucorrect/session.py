@@ -17,7 +17,9 @@ import numpy as np
 
 from fmucorrect import __version__, outputs, records, sources
 from fmucorrect.bundle import Bundle
+from fmucorrect.clocks import begins
 from fmucorrect.errors import FmucorrectError, RecordError
+from fmucorrect.records.timebase import seconds_text
 from fmucorrect.records.writing import Writer
 from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Condition, Reading, Record
 from fmucorrect.stepper import (
@@ -99,6 +101,7 @@ def run_study(
     outputs.check_file(out, [*study.files(), ("the corrector", _path(corrector))], "run", overwrite)
     lost = sources.damages(condition) if study.allow_damaged else {}
     told = {"damage": "; ".join(f"{file.name}: {damage}" for file, damage in lost.items())}
+    condition = replace(condition, begins_ns=begins(study, condition))
     plant = sources.plant(study, condition)
     inputs = sources.inputs(study, condition, duration)
     return _write("run", plant, corrector, condition, inputs, out, progress, told, made(corrector, study))
@@ -176,8 +179,10 @@ def _stated(log: Path, data: Mapping[str, str], key: str) -> float:
 
 
 def metadata(condition: Condition) -> dict[str, str]:
-    """What a record says of its condition; `logged_condition` reads it again."""
-    return {
+    """What a record says of its condition; `logged_condition` reads it again, but for `begins`: the stamp (s) of the inputs,
+    and of what was measured with them, at which the record's own time is 0."""
+    zero = {"begins": seconds_text(condition.begins_ns)} if condition.begins_ns else {}
+    return zero | {
         "condition": condition.name,
         "role": condition.role,
         "speed": repr(condition.speed),

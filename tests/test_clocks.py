@@ -11,7 +11,8 @@ import pytest
 from fmucorrect.errors import RecordError, StudyError
 from fmucorrect.experiment import Pair, pair
 from fmucorrect.fmu import FmuStepper
-from fmucorrect.records import writer
+from fmucorrect.records import describe, writer
+from fmucorrect.session import run_study
 from fmucorrect.signals import Channel, Condition, Record
 from fmucorrect.stepper import run
 from fmucorrect.study import load_study
@@ -165,3 +166,15 @@ def test_inputs_that_begin_late_in_the_run(tmp_path: Path):
     item = paired(tmp_path, inputs, measurement, excitation=EXCITATION)
     assert item.offset is not None
     assert item.offset.offset == pytest.approx(1.0, abs=1e-4)
+
+
+@pytest.mark.parametrize("begins", [0.0, 2.0, EPOCH])
+def test_what_a_run_writes_says_where_its_time_begins(tmp_path: Path, begins: float):
+    t, base, x = driven()
+    name = log(tmp_path / "log.mcap", t, begins, base__d=base, x=x)
+    paired(tmp_path, name, name)
+    study = load_study(tmp_path / "study.toml")
+    run_study(study, study.condition("one"), tmp_path / "run.mcap", duration=0.1)
+    (found,) = describe(tmp_path / "run.mcap").topics
+    assert found.extent.start_ns == 0
+    assert float(found.topic.metadata.get("begins", "0")) == begins

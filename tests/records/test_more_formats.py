@@ -112,6 +112,22 @@ def test_universal_files(tmp_path: Path) -> None:
         records.read(named)
 
 
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize(("kind", "number"), [(2, "f4"), (4, "f8")])
+def test_universal_files_in_binary(order: str, kind: int, number: str, tmp_path: Path) -> None:
+    """Data set 58b: the lines of the text one, then the numbers as they are."""
+    path = tmp_path / "run.uff"
+    pyuff.UFF(str(path)).write_sets([universal()], "overwrite")
+    head = path.read_text().split("\n")[2:13]
+    head[6] = f"{kind:10d}{head[6][10:]}"
+    data = (np.arange(5) * 1.5).astype(order + number).tobytes()
+    first = f"{58:6d}b{1 + (order == '>'):6d}{2:6d}{11:12d}{len(data):12d}{0:6d}{0:6d}{0:12d}{0:12d}"
+    path.write_bytes("\n".join(["    -1", first, *head, ""]).encode() + data + b"\n    -1\n")
+    record = records.read(path)
+    assert record.t_ns.tolist() == GRID
+    assert record.values[:, 0].tolist() == [1.5 * i for i in range(5)]
+
+
 TDM = """<?xml version="1.0"?><usi:tdm xmlns:usi="http://www.ni.com/Schemas/USI/1_0" version="1.0"><usi:include>
 <file byteOrder="littleEndian" url="{url}"><block byteOffset="0" id="inc0" length="3" valueType="eFloat64Usi"/>
 <block byteOffset="24" id="inc1" length="3" valueType="eInt16Usi"/></file></usi:include><usi:data>
