@@ -124,12 +124,25 @@ bool file_exists(const char *path)
 
 #else
 
+/* Deep binding keeps a solver that calls its own functions by their names from those of another FMU that the host shows to
+   all. Without need it does harm: a solver and a host that share a C++ library would have each a half of its streams, and the
+   sanitizers refuse it. */
+#if defined(RTLD_DEEPBIND) && !defined(SANITIZED)
+static int binding(void)
+{
+    void *shown = dlopen(NULL, RTLD_LAZY); /* RTLD_DEFAULT would find this library's own, shown or not */
+    const bool crowded = shown && (dlsym(shown, "fmi2DoStep") || dlsym(shown, "fmi3DoStep"));
+    if (shown)
+        dlclose(shown);
+    return crowded ? RTLD_DEEPBIND : 0;
+}
+#else
+static int binding(void) { return 0; }
+#endif
+
 void *library_open(const char *path, char *error, size_t size)
 {
-    int flags = RTLD_NOW | RTLD_LOCAL;
-#if defined(RTLD_DEEPBIND) && !defined(SANITIZED)
-    flags |= RTLD_DEEPBIND;
-#endif
+    int flags = RTLD_NOW | RTLD_LOCAL | binding();
 #if defined(__APPLE__)
     flags |= RTLD_FIRST;
 #endif
