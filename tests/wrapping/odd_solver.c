@@ -20,7 +20,7 @@ enum { OK, WARNING, DISCARD, ERROR };
 enum {
     F, A, NAN_FROM, NAN_TO, STOP_AT, END_AT, V, TALK, GRID, HUGE_AT,
     U = 10, FLAG_IN, GEAR_IN, SMALL_IN, TABLE_IN,
-    X = 20, Y, Z, STEPS, SHORTEST, LONGEST, CROSSED, FLAG, GEAR, SMALL, TABLE, TIME,
+    X = 20, Y, Z, STEPS, SHORTEST, LONGEST, CROSSED, FLAG, GEAR, SMALL, TABLE, PROMISED, TIME,
     COUNT
 };
 
@@ -171,7 +171,11 @@ EXPORT int fmi2EnterInitializationMode(INSTANCE) { return OK; }
 EXPORT int fmi2ExitInitializationMode(INSTANCE) { return OK; }
 EXPORT int fmi2Terminate(INSTANCE) { return OK; }
 EXPORT int fmi2Reset(INSTANCE) { return reset(self); }
-EXPORT int fmi2DoStep(INSTANCE, double t, double h, int no_set_state) { return step(self, t, h, &self->terminated); }
+EXPORT int fmi2DoStep(INSTANCE, double t, double h, int no_set_state)
+{
+    self->state.value[PROMISED] = no_set_state;
+    return step(self, t, h, &self->terminated);
+}
 EXPORT int fmi2GetRealStatus(INSTANCE, int kind, double *value) { return *value = self->last, OK; }
 EXPORT int fmi2GetBooleanStatus(INSTANCE, int kind, int *value) { return *value = self->terminated, OK; }
 #define TYPE2(name, type)                                                                                                \
@@ -225,6 +229,7 @@ EXPORT int fmi3Reset(INSTANCE) { return reset(self); }
 EXPORT int fmi3DoStep(INSTANCE, double t, double h, bool no_set_state, bool *event, bool *terminate, bool *early, double *last)
 {
     const double stop = self->state.value[STOP_AT];
+    self->state.value[PROMISED] = no_set_state;
     *event = *terminate = *early = false;
     if (!self->early && stop >= 0.0 && stop < t + h && stop > self->state.stopped) { /* not allowed to return: it refuses, where it is */
         self->state.stopped = stop;

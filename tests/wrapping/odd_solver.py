@@ -41,6 +41,7 @@ OUTPUTS = {  # from 20
     "gear": ("Enumeration", 'declaredType="Gear"'),
     "small": ("Int8", ""),
     "table": ("Real", ""),
+    "promised": ("Real", ""),
 }
 _UNITS = {"Hz": 's="-1"', "mm": 'm="1" factor="0.001"', "m": 'm="1"', "s": 's="1"', "m/s": 'm="1" s="-1"'}
 
@@ -73,7 +74,7 @@ def description(fmi: int, words: str = "", flags: str = "", extra: str = "") -> 
         structure = "".join(f'<{tag} valueReference="{i}"/>' for tag in ("Output", "InitialUnknown") for i in places)
         types = f'<EnumerationType name="Gear">{items}</EnumerationType>'
         variables.append(
-            '<Float64 name="time" valueReference="31" causality="independent" variability="continuous" unit="s"/>'
+            '<Float64 name="time" valueReference="32" causality="independent" variability="continuous" unit="s"/>'
         )
     token = f'{"guid" if fmi == 2 else "instantiationToken"}="{{{words}}}"'
     return f"""<?xml version="1.0" encoding="UTF-8"?>

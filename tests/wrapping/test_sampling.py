@@ -12,6 +12,7 @@ pytest.importorskip("emx_onnx_cgen")
 from odd import ALL, COMBINATIONS, CORRECTED, MS, ROWS, Host, messages, plain, reference, solver, walk, wrapped
 
 from fmucorrect.errors import FmuError
+from fmucorrect.signals import Channel
 
 COUNT = 61  # samples of a run
 US = 1_000
@@ -244,3 +245,17 @@ def test_the_solver_hears_the_same_steps_as_alone(fmi, caplog):
     assert [m for m in messages(caplog.records) if "[odd] step" in m] == [
         f"[odd] step: {k} of 0.001 s" for k in (1, 2, 3)
     ]
+
+
+@pytest.mark.parametrize(("inner", "outer"), COMBINATIONS)
+def test_the_solver_hears_what_the_host_promises(inner, outer):
+    """noSetFMUStatePriorToCurrentPoint, which tells a solver that it may forget, or must rewind."""
+    path = wrapped(inner, outer).path
+    with Host(path) as host:
+        for k, promised in enumerate((True, False, True)):
+            host.fmu.doStep(k * 1e-3, 1e-3, promised)
+            assert host.get("promised") == promised
+    promise = (Channel("promised", "", simulation="promised"),)
+    both = [walk(plain(fmu, promise), range(0, 5 * MS, MS)) for fmu in (solver(inner), path)]
+    np.testing.assert_array_equal(both[0], both[1])
+    assert both[0][-1] == 1.0

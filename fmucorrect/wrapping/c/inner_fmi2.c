@@ -89,7 +89,7 @@ Status inner_debug_logging(Wrapper *self, bool on, size_t n, const char *const c
 
 Status inner_step(Wrapper *self, double time, double size, Outcome *outcome)
 {
-    const Status status = (Status)I.DoStep(I.component, time, size, fmi2False);
+    const Status status = (Status)I.DoStep(I.component, time, size, self->no_rollback ? fmi2True : fmi2False);
     outcome->last = time + size;
     if (status == STATUS_DISCARD) { /* a part of the step was done */
         fmi2Real last = time;

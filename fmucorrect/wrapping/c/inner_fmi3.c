@@ -96,7 +96,7 @@ Status inner_step(Wrapper *self, double time, double size, Outcome *outcome)
 {
     fmi3Boolean event = false, terminate = false, early = false;
     fmi3Float64 last = time;
-    const Status status = (Status)I.DoStep(I.component, time, size, false, &event, &terminate, &early, &last);
+    const Status status = (Status)I.DoStep(I.component, time, size, self->no_rollback, &event, &terminate, &early, &last);
     if (status > STATUS_WARNING) /* what was answered is undefined then (FMI 3.0.2, 2.2.3) */
         event = terminate = early = false;
     outcome->event = event;

@@ -145,6 +145,7 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real size, fmi2Boolean
     REFUSE_WITHOUT_INSTANCE;
     W;
     Outcome outcome;
+    self->no_rollback = no_rollback != fmi2False;
     Status status = sampling_step(self, time, size, false, &outcome);
     self->last_time = outcome.last;
     self->terminated = outcome.terminate;

@@ -99,6 +99,7 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 time, fmi3Float64 size,
 {
     REFUSE_WITHOUT_INSTANCE;
     Outcome outcome;
+    self->no_rollback = no_rollback;
     Status status = sampling_step(self, time, size, self->early_return, &outcome);
     /* After fmi3Discard the FMU is where it was before (FMI 3.0.2, 2.2.3): if it has moved, the step has ended early. */
     if (status == STATUS_DISCARD && (outcome.terminate || (outcome.last > time && self->early_return))) {

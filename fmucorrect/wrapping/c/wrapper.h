@@ -166,6 +166,7 @@ struct Wrapper {
     State state;
     Inner inner;
     char *name;
+    bool no_rollback; /* what the host promises of this step: no state of before it will be set again */
 #if OUTER_FMI == 2
     const fmi2CallbackFunctions *callbacks;
     double last_time;
