@@ -12,6 +12,7 @@ import os
 import shutil
 import tempfile
 import time
+import weakref
 from functools import cache
 from pathlib import Path
 from typing import final
@@ -34,7 +35,8 @@ class WorkFolder:
     def __init__(self) -> None:
         _sweep(tempfile.gettempdir())
         self.path = Path(tempfile.mkdtemp(prefix=PREFIX))
-        self._held: int | None = _hold(self.path)
+        # at the interpreter's end, too: a generator that an error left half way closes nothing
+        self._remove = weakref.finalize(self, _remove, self.path, _hold(self.path), os.getpid())
 
     def __enter__(self) -> WorkFolder:
         return self
@@ -44,10 +46,15 @@ class WorkFolder:
 
     def close(self) -> None:
         """Remove it with all that is in it. May be called twice."""
-        held, self._held = self._held, None
-        shutil.rmtree(self.path, ignore_errors=True)
-        if held is not None:
-            os.close(held)
+        self._remove()
+
+
+def _remove(folder: Path, held: int | None, maker: int) -> None:
+    """maker: the process whose folder it is; what it forked leaves it alone."""
+    if os.getpid() == maker:
+        shutil.rmtree(folder, ignore_errors=True)
+    if held is not None:
+        os.close(held)
 
 
 def _hold(folder: Path) -> int | None:

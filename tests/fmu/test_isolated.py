@@ -352,9 +352,21 @@ def test_an_ended_command_leaves_nothing(study: Path, number: signal.Signals):
     assert not [child for child in found if Path(f"/proc/{child}").exists()]
 
 
+def test_a_folder_that_nobody_closes_goes_with_its_process(tmp_path: Path):
+    """As when an error leaves a stream half way, and the process that reads for it."""
+    code = "import sys; from fmucorrect.workfolder import WorkFolder; sys.kept = WorkFolder(); raise ValueError"
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env=os.environ | {"TMPDIR": str(tmp_path), "TEMP": str(tmp_path)},
+        capture_output=True,
+    )
+    assert b"ValueError" in done.stderr
+    assert not [*tmp_path.iterdir()]
+
+
 def test_folders_of_the_dead_are_swept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    code = "import os; from fmucorrect.workfolder import WorkFolder; WorkFolder(); os._exit(1)"
+    code = "import os; from fmucorrect.workfolder import WorkFolder; kept = WorkFolder(); os._exit(1)"
     subprocess.run([sys.executable, "-c", code], env=os.environ | {"TMPDIR": str(tmp_path), "TEMP": str(tmp_path)})
     (left,) = tmp_path.iterdir()
     held = WorkFolder()  # the dead one's is too young to be told from one that is being made
