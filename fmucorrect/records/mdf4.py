@@ -144,9 +144,14 @@ class Mdf4Source:
         return seconds.shifted(t_ns, _origin(group))
 
     def _unlinked(self) -> Iterator[str]:
-        """What stands in an MDF 4 file and no link leads to, as after damage to a link: there is no count to tell by."""
+        """What stands in the file and no link leads to, as after damage to a link."""
         if not self._is_v4():
+            groups = [(len(g.channels), int(g.channel_group.ch_nr), "channels") for g in self._file.groups]
+            for found, stated, what in [*groups, (len(self._file.groups), int(self._file.header.dg_nr), "data groups")]:
+                if found < stated:
+                    yield f"{stated - found} of {stated} {what} that the file states: no link leads to them, it may be damaged"
             return
+        # there is no count of channels in MDF 4
         blocks = np.memmap(self.path, "<u4", mode="r", shape=(Path(self.path).stat().st_size // 8, 2))[:, 0]
         found = int(np.count_nonzero(blocks == int.from_bytes(_CHANNEL, "little")))
         read = sum(len(group.channels) for group in self._file.groups)

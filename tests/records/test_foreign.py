@@ -179,6 +179,23 @@ def test_mdf4_rows_and_channels_that_a_damaged_link_loses_are_told(tmp_path: Pat
         records.read(path)
 
 
+def test_mdf3_groups_and_channels_that_a_damaged_link_loses_are_told(tmp_path: Path) -> None:
+    path = tmp_path / "run.mdf"
+    with asammdf.MDF(version="3.30") as file:
+        for _ in range(2):
+            file.append([asammdf.Signal(np.arange(50.0) + i, np.arange(50) / 100, name=f"c{i}") for i in range(3)])
+        file.save(path, overwrite=True)
+    assert not records.describe(path).left_out
+    with asammdf.MDF(path) as file:
+        channel, group = file.groups[0].channels[2].address + 4, file.groups[0].data_group.address + 4
+    whole = path.read_bytes()
+    for link, told in ((channel, "1 of 4 channels"), (group, "1 of 2 data groups")):
+        data = bytearray(whole)
+        data[link : link + 4] = bytes(4)
+        path.write_bytes(data)
+        assert f"{told} that the file states" in " ".join(records.describe(path).left_out)
+
+
 @pytest.mark.parametrize("key", ["NI_Number_Of_Scales", "NI_Scale[2000000000]_Scale_Type"])
 def test_tdms_scales_without_number_are_refused(key: str, tmp_path: Path) -> None:
     with nptdms.TdmsWriter(str(tmp_path / "run.tdms")) as file:
