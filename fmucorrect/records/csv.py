@@ -20,7 +20,7 @@ import numpy as np
 from fmucorrect.errors import RecordError
 from fmucorrect.records import csv_bulk, naming, seconds
 from fmucorrect.records.contents import Extent, Topic
-from fmucorrect.records.csv_layout import layout, missing, number, split
+from fmucorrect.records.csv_layout import TRUTH, layout, missing, number, split
 from fmucorrect.records.source import NO_TIME, Block, extent_of
 from fmucorrect.records.text import MOST_CHARACTERS, Unpacked, opened, tail
 from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Reading, Record
@@ -203,7 +203,9 @@ class CsvSource:
 
     def _number(self, cell: str, line: int, column: int) -> float:
         value = np.nan if missing(cell) else number(cell, self._layout.mark)
-        if value is None:
+        if value is None or (
+            column not in self._layout.truths and cell.lower() in TRUTH
+        ):  # among numbers a word is none
             name = self._layout.columns[column].name
             raise RecordError(f"line {line}, column {name!r} is no number", where=self.path, got=repr(cell[:60]))
         return value

@@ -34,7 +34,7 @@ _BETWEEN = 3
 MISSING = frozenset(["", "na", "n/a", "#n/a", "#na", "nan", "-nan", "null", "none", "nil", "-", "--", "missing"])
 """What a cell without a value says, in small letters."""
 
-_TRUTH = {"true": 1.0, "false": 0.0}
+TRUTH = {"true": 1.0, "false": 0.0}
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,5})?", re.ASCII)
 _DIGITS = re.compile(r"[+-]?\d[\d.,'’ \u00a0\u202f]*(?:[eE][+-]?\d+)?", re.ASCII)
 _WORD = re.compile(r"\"[^\"]*\"|\S+")
@@ -45,6 +45,7 @@ _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+", re.ASCII)
 @dataclass(frozen=True)
 class Layout:
     """columns: all, in file order, by place; "" names one without a name. time: its place. numeric: places of numbers.
+    truths: those of them that begin with true or false.
 
     date: the place of dates, where the time has only clock times. delimiter: " " for any number of blanks.
     first_line: the number of the line with the first row. per: ns in a unit of the time. stamps: "", or what dates and
@@ -59,6 +60,7 @@ class Layout:
     time: int
     date: int | None
     numeric: tuple[int, ...]
+    truths: frozenset[int]
     first_line: int
     per: int
     stamps: str
@@ -92,7 +94,7 @@ def number(cell: str, mark: str) -> float | None:
         return None
     if _NUMBER.fullmatch(cell):
         return float(cell)
-    truth = _TRUTH.get(cell.lower())
+    truth = TRUTH.get(cell.lower())
     return _special(cell) if truth is None else truth
 
 
@@ -243,9 +245,9 @@ def _columns(
         assumed.append(f"the time is column {time + 1}, {columns[time].name!r}")
     mark = told_mark or _mark(path, header, rows)
     per, stamps = _clock(path, header, date, columns[time], rows, mark, assumed)
-    numeric, left_out = _kinds(header, columns, rows, mark, date)
+    numeric, truths, left_out = _kinds(header, columns, rows, mark, date)
     return Layout(
-        encoding, header.delimiter, mark, tuple(columns), time, date, tuple(numeric), first_row + 1, per, stamps,
+        encoding, header.delimiter, mark, tuple(columns), time, date, tuple(numeric), truths, first_row + 1, per, stamps,
         _unnamed_last(columns), "\n".join(preamble)[:2000], tuple(assumed), tuple(left_out),
     )  # fmt: skip
 
@@ -372,9 +374,11 @@ def _clock(
 
 def _kinds(
     header: _Header, columns: Sequence[Column], rows: Sequence[tuple[int, list[str]]], mark: str, date: int | None
-) -> tuple[list[int], list[str]]:
-    """The places of numbers, by their first cell that is not missing, and what is no column for which reason."""
+) -> tuple[list[int], frozenset[int], list[str]]:
+    """The places of numbers, by their first cell that is not missing, those of truth values among them, and what is no column
+    for which reason."""
     numeric: list[int] = []
+    truths: set[int] = set()
     left_out: list[str] = []
     for c, column in enumerate(columns):
         if c in (header.time, date):
@@ -387,7 +391,9 @@ def _kinds(
             left_out.append(f"column {column.name!r}: text ({cell[:40]!r} in line {line})")
         else:
             numeric.append(c)
-    return numeric, left_out
+            if cell.lower() in TRUTH:
+                truths.add(c)
+    return numeric, frozenset(truths), left_out
 
 
 def _unnamed_last(columns: Sequence[Column]) -> int:

@@ -181,6 +181,15 @@ def test_a_packed_file_may_not_fill_the_disk(tmp_path: Path, monkeypatch: pytest
     assert not [*place.iterdir()]
 
 
+def test_truth_values_are_numbers_in_a_column_of_their_own_alone(tmp_path: Path) -> None:
+    path = write(tmp_path, "time,on,x\n0,true,1.5\n1,FALSE,2.5\n2,n/a,3.5\n3,True,4.5\n")
+    values = records.read(path, ["on", "x"], repair="drop").values
+    assert values.tolist() == [[1.0, 1.5], [0.0, 2.5], [1.0, 4.5]]
+    path = write(tmp_path, "time,on,x\n0,true,1.5\n1,false,true\n")
+    with pytest.raises(RecordError, match=r"line 3, column 'x' is no number, got 'true'"):
+        records.read(path)
+
+
 SPELT = [
     *("1e5", " 1.5 ", "+2", "-.5", "5.", "0.1", "1e400", "1e-400", "9007199254740993", "0.30000000000000004", "-0.0"),
     *("2.2250738585072011e-308", "1.7976931348623157e308", "5e-324", "123456789.123456789123456789"),
