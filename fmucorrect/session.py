@@ -17,7 +17,7 @@ import numpy as np
 
 from fmucorrect import __version__, outputs, records, sources
 from fmucorrect.bundle import Bundle
-from fmucorrect.clocks import begins
+from fmucorrect.clocks import begins, clock
 from fmucorrect.errors import FmucorrectError, RecordError
 from fmucorrect.records.timebase import seconds_text
 from fmucorrect.records.writing import Writer
@@ -101,9 +101,10 @@ def run_study(
     outputs.check_file(out, [*study.files(), ("the corrector", _path(corrector))], "run", overwrite)
     lost = sources.damages(condition) if study.allow_damaged else {}
     told = {"damage": "; ".join(f"{file.name}: {damage}" for file, damage in lost.items())}
-    condition = replace(condition, begins_ns=begins(study, condition))
+    known = clock(study, condition) if duration is None and condition.simulated is None and study.fmu else None
+    condition = replace(condition, begins_ns=begins(study, condition) if known is None else known.origin_ns)
     plant = sources.plant(study, condition)
-    inputs = sources.inputs(study, condition, duration)
+    inputs = sources.inputs(study, condition, duration, known)
     return _write("run", plant, corrector, condition, inputs, out, progress, told, made(corrector, study))
 
 

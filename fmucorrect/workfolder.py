@@ -2,7 +2,7 @@
 that died are removed.
 
 The hold is the system's own (a lock on the folder), which goes when its process does, however that ends; a process number
-would be given to another one some day. Where folders cannot be locked (Windows), the open library inside holds it.
+would be given to another one some day. Where folders cannot be locked (Windows), an open file inside holds it.
 """
 
 from __future__ import annotations
@@ -49,18 +49,18 @@ class WorkFolder:
         self._remove()
 
 
-def _remove(folder: Path, held: int | None, maker: int) -> None:
+def _remove(folder: Path, held: int, maker: int) -> None:
     """maker: the process whose folder it is; what it forked leaves it alone."""
+    os.close(held)
     if os.getpid() == maker:
         shutil.rmtree(folder, ignore_errors=True)
-    if held is not None:
-        os.close(held)
 
 
-def _hold(folder: Path) -> int | None:
+def _hold(folder: Path) -> int:
     """A descriptor that holds the folder as long as it is open. Raises OSError when another process holds it."""
-    if fcntl is None:
-        return None
+    if fcntl is None:  # a folder with an open file in it cannot be renamed
+        entry = folder.rename(folder.with_name(f"{folder.name}-held")).rename(folder)
+        return os.open(entry / ".held", os.O_CREAT | os.O_RDWR)
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -80,9 +80,4 @@ def _sweep(place: str) -> None:
             mine = entry.is_dir() and not entry.is_symlink() and (user is None or about.st_uid == user)
             if not mine or time.time() - about.st_mtime < _NEW:
                 continue
-            held = _hold(entry)
-            if held is None:  # a folder with an open file in it cannot be renamed on Windows
-                entry = entry.rename(entry.with_name(f"{entry.name}-left"))
-            shutil.rmtree(entry, ignore_errors=True)
-            if held is not None:
-                os.close(held)
+            _remove(entry, _hold(entry), os.getpid())

@@ -191,9 +191,9 @@ def _source(path: str | PathLike[str], reading: Reading) -> Guarded:
         raise RecordError("there is no such file", where=name)
     if suffix == ".mcap":
         from fmucorrect.records.mcap import McapSource
-        from fmucorrect.records.stamped import Stamped
+        from fmucorrect.records.stamped import StampedMcap
 
-        return Guarded(name, lambda path: Stamped(McapSource(path), reading.time) if reading.time else McapSource(path))
+        return Guarded(name, lambda path: StampedMcap(path, reading.time) if reading.time else McapSource(path))
     if suffix == ".csv" or suffix in TEXT:
         from fmucorrect.records.csv import CsvSource as Opened
     elif suffix == ".parquet":

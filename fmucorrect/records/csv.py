@@ -203,9 +203,8 @@ class CsvSource:
 
     def _number(self, cell: str, line: int, column: int) -> float:
         value = np.nan if missing(cell) else number(cell, self._layout.mark)
-        if value is None or (
-            column not in self._layout.truths and cell.lower() in TRUTH
-        ):  # among numbers a word is none
+        word = cell.lower() in TRUTH and column not in self._layout.truths  # which is no number among numbers
+        if value is None or word:
             name = self._layout.columns[column].name
             raise RecordError(f"line {line}, column {name!r} is no number", where=self.path, got=repr(cell[:60]))
         return value

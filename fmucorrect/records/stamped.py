@@ -8,65 +8,43 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from fmucorrect.records import seconds
-from fmucorrect.records.contents import Extent, Topic
-from fmucorrect.records.source import NO_TIME, Block, Source, extent_of
+from fmucorrect.records.contents import Extent
+from fmucorrect.records.mcap import McapSource
+from fmucorrect.records.source import NO_TIME, Block, extent_of
 from fmucorrect.signals import NANOSECONDS
 
 _PARTS = (("sec", "nanosec"), ("secs", "nsecs"), ("seconds", "nanos"), ("sec", "nsec"))
 """What whole seconds and the nanoseconds above them are called: ROS 2, ROS 1, protobuf, Foxglove's JSON."""
 
 
-class Stamped:
-    """A source whose rows of a topic have the time that a column says, or two columns `time`.sec and `time`.nanosec.
+class StampedMcap(McapSource):
+    """An MCAP file whose rows of a topic have the time that a column says, or two columns `time`.sec and `time`.nanosec.
 
     A topic without such a column is read as it is. Seconds since 1970 in one column (ROS, protobuf) are as exact as a double
     is, 0.1 us.
     """
 
-    def __init__(self, source: Source, time: str) -> None:
-        self.path, self.format = source.path, source.format
-        self._source, self._time = source, time
-
-    @property
-    def truncated(self) -> bool:
-        """Whether the file was cut off."""
-        return self._source.truncated
-
-    @property
-    def damage(self) -> str:
-        """What is lost, in words."""
-        return self._source.damage
-
-    @property
-    def left_out(self) -> tuple[str, ...]:
-        """What is not offered as a column."""
-        return self._source.left_out
-
-    def topics(self) -> tuple[Topic, ...]:
-        """The topics in file order."""
-        return self._source.topics()
+    def __init__(self, path: str, time: str) -> None:
+        super().__init__(path)
+        self._time = time
 
     def blocks(self, topic: str, columns: Sequence[str]) -> Iterator[Block]:
         """All rows of a topic in file order; without a time where a row has none."""
-        told = self._told(topic)
+        told = self._columns_of_time(topic)
         if not told:
-            yield from self._source.blocks(topic, columns)
+            yield from super().blocks(topic, columns)
             return
         names, per = told
-        for block in self._source.blocks(topic, [*names, *columns]):
+        for block in super().blocks(topic, [*names, *columns]):
             yield Block(_time(block.values[:, : len(names)], per), block.values[:, len(names) :])
 
     def extent(self, topic: str) -> Extent:
         """Rows and time range of a topic."""
-        return extent_of(self.blocks(topic, [])) if self._told(topic) else self._source.extent(topic)
+        return extent_of(self.blocks(topic, [])) if self._columns_of_time(topic) else super().extent(topic)
 
-    def close(self) -> None:
-        """Release the file."""
-        self._source.close()
-
-    def _told(self, topic: str) -> tuple[tuple[str, ...], int] | None:
+    def _columns_of_time(self, topic: str) -> tuple[tuple[str, ...], int] | None:
         """The columns that are the time, and ns in a unit of the first."""
-        there = {c.name: c.unit for found in self._source.topics() if found.name == topic for c in found.columns}
+        there = {c.name: c.unit for found in self.topics() if found.name == topic for c in found.columns}
         if self._time in there:
             return (self._time,), seconds.unit_ns(there[self._time]) or NANOSECONDS
         for whole, rest in _PARTS:

@@ -38,7 +38,7 @@ def of_records(study: Study) -> tuple[Finding, ...]:
     measured = {condition.name: read_samples(study, condition) for condition in study.conditions}
     found: list[Finding] = [*_held_out(study, measured)]
     for condition in study.conditions:
-        found += _damaged(condition)
+        found += _damaged(condition) if study.allow_damaged else ()  # else none is read
         found += _channels(study, condition, measured[condition.name])
         found += _covered(study, condition)
         if condition.role == "development":
