@@ -313,6 +313,8 @@ def explained(seed: seeds.Seed, damaged: Damaged, whole: Any, got: Any) -> str:
         return "cut between two segments, which the format does not count" if segment else ""
     if damaged.touched and len(damaged.data) < len(seed.data) and damaged.touched[0][0] in seed.ends:
         return "cut between two segments, which the format does not count"
+    if seed.suffix == ".tdms" and _more_segments(seed, damaged.data):
+        return "whole segments follow, which the format does not count"
     if not damaged.in_place or got.names != whole.names or len(got.t_ns) != len(whole.t_ns):
         return ""
     cells = seed.touched(damaged.touched)
@@ -330,6 +332,12 @@ def explained(seed: seeds.Seed, damaged: Damaged, whole: Any, got: Any) -> str:
     if all(_affine(a, b) for a, b, column in series if any(c == column for _, c in rest)):
         return "a field of a header, under no checksum"
     return ""
+
+
+def _more_segments(seed: seeds.Seed, data: bytes) -> bool:
+    """Whether the seed stands there untouched, and what was appended is it, or whole segments of it, once more."""
+    more = data[len(seed.data) :]
+    return data.startswith(seed.data) and len(more) in {len(seed.data), *seed.ends} and seed.data.startswith(more)
 
 
 def difference(whole: Any, got: Any) -> str:
