@@ -12,6 +12,9 @@ from fmucorrect.study_places import Location, missing_file, nearest
 Found = Iterator[tuple[Location, str]]
 """Where something stands, and what is wrong with it."""
 
+MOST_SPEEDS = 10_000
+"""Speeds that a curve over the speed may have, at each of which the model runs or is linearised anew: 0.05 km/h apart over
+500 km/h, which no assessment asks for."""
 ROWS = (
     *(("preload", key) for key in ("bodies", "supports", "loads", "rod_bushes")),
     ("critical_speed", "published"),
@@ -151,6 +154,13 @@ def _critical_speed(document: Mapping[str, Any]) -> Found:
             ):
                 if not section.get(needed):
                     yield ("critical_speed", needed), f"is missing: [critical_speed.{key}] needs to know {what}"
+    match section.get("bifurcation"):
+        case {"speeds": [int() | float() as low, int() | float() as high], "step": int() | float() as step} if step > 0:
+            if high - low > MOST_SPEEDS * step:
+                yield (
+                    ("critical_speed", "bifurcation", "step"),
+                    f"makes more than {MOST_SPEEDS} speeds of {low} to {high} km/h",
+                )
 
 
 def _those(name: str, known: Iterable[str]) -> str:

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, ValidationError
 
-from fmucorrect.railway.assessment_checks import misfits, row_places
+from fmucorrect.railway.assessment_checks import MOST_SPEEDS, misfits, row_places
 from fmucorrect.railway.constants import CONTACT_SPACING, GRAVITY
 from fmucorrect.railway.preload_mapping import CONVERGENCE, RESIDUAL_ACCELERATION, TOLERANCE
 from fmucorrect.railway.supports import GROUND
@@ -137,7 +137,7 @@ class BifurcationTable(Table):
     step: Positive = Field(description="km/h from one speed to the next")
     tolerance: Positive = Field(description="km/h, of the speed where the limit cycle ends")
     small: Positive = 0.01
-    thresholds: Annotated[int, Field(ge=0)] = 0
+    thresholds: Annotated[int, Field(ge=0, le=MOST_SPEEDS)] = 0
 
 
 class PublishedRow(Table):
@@ -159,7 +159,7 @@ class CriticalSpeedTable(Table):
     speed_unit: str = ""
     parameters: dict[str, Number] = {}
     range: Rising = Field(description="[lowest, highest] in km/h, where the eigenvalues are looked at")
-    points: Annotated[int, Field(ge=2)] = 41
+    points: Annotated[int, Field(ge=2, le=MOST_SPEEDS)] = 41
     method: Literal["directional derivatives", "step map", "ring-down"] | None = None
     settle: NotNegative = 0.0
     states: list[Text] = []

@@ -107,6 +107,13 @@ class ParquetSource:
                     values[:, c] = self._floats(self._array(batch, place))
                 yield Block(self._stamps(self._array(batch, self._time), row), values)
                 row += batch.num_rows
+        if row != self._file.metadata.num_rows:  # past a wrong page header the library may end without a word
+            raise RecordError(
+                "pages of rows are missing, or damaged",
+                where=self.path,
+                expected=f"{self._file.metadata.num_rows} rows, as the file says of itself",
+                got=row,
+            )
 
     def extent(self, topic: str) -> Extent:
         """By reading the times."""

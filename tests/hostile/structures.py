@@ -513,7 +513,7 @@ def parquet(rng: random.Random) -> Made:
     columns: dict[str, pa.Array] = {name: pa.array(VALUES[:n, i]) for i, name in enumerate(NAMES)}
     options: dict[str, object] = {}
     if kind == 0:
-        unit, value = rng.choice((("s", 2**33), ("s", 2**62), ("ms", -(2**62)), ("us", 2**62), ("ns", -(2**63) + 1)))
+        unit, value = rng.choice((("s", 2**33), ("s", 2**52), ("ms", -(2**62)), ("us", 2**62), ("ns", -(2**63) + 1)))
         time = pa.array([value + i for i in range(n)], pa.timestamp(unit))
     elif kind == 1:
         time = rng.choice((

@@ -167,6 +167,12 @@ WRONG = {
     "nothing to start hunting": ('disturbance = { "frame.y" = 0.001 }\n', "", "needs to know what starts the hunting"),
     "a window beyond the run": ("window = 1.0", "window = 9.0", "must be shorter than duration = 5 s"),
     "a vehicle that falls over": ('outputs = ["wheel_load_FL"', 'outputs = [""', "must be a name, not empty"),
+    "more speeds than can be looked at": ("points = 10", "points = 0x7fffffffffffffff", "must be less than or equal to 10000"),
+    "steps that never end": (
+        "[safety]\n",
+        "[critical_speed.bifurcation]\nspeeds = [200.0, 400.0]\nstep = 1e-300\ntolerance = 1.0\n\n[safety]\n",
+        "key bifurcation.step: makes more than 10000 speeds of 200.0 to 400.0 km/h",
+    ),
     "no format": ("format = 1\n", "", "write format = 1"),
 }  # fmt: skip
 

@@ -653,3 +653,18 @@ def test_the_child_ends_and_says_why(what: str, message: str, tmp_path: Path, mo
     with pytest.raises(RecordError, match=message) as caught:
         ChildSource(str(path), "test_cases:Stuck")
     assert str(path) in str(caught.value)
+
+
+def test_parquet_without_some_bytes_says_every_row_or_is_refused(tmp_path: Path) -> None:
+    """Past a page header that is none the library may end the rows without a word."""
+    stamps, values = np.arange(96) / 1e3, np.random.default_rng(3).normal(size=96)
+    whole, path = tmp_path / "whole.parquet", tmp_path / "run.parquet"
+    pq.write_table(pa.table({"time": stamps, "x": values}), whole, row_group_size=32, use_dictionary=False)
+    data, refused = whole.read_bytes(), 0
+    for at in range(4, len(data) - 8, 61):
+        path.write_bytes(data[:at] + data[at + 2 :])
+        try:
+            assert records.describe(path).topics[0].extent.rows == 96
+        except RecordError:
+            refused += 1
+    assert refused
