@@ -370,11 +370,12 @@ _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
 
 
 def _strict_csv(data: bytes, got: Any) -> bool:
-    """Whether the numbers (or their count) are those of the text: lines that all end, cells as many as names, plain numbers."""
+    """Whether the numbers (or their count) are those of the text: lines that all end, cells as many as names, and plain
+    numbers in the columns that were read (of a count: in the time)."""
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:
-        return False
+        text = data.decode("latin-1")
     if not text.endswith(("\n", "\r")):
         return False
     head, *rows = text.replace("\r\n", "\n").rstrip("\r\n").split("\n")
@@ -383,17 +384,19 @@ def _strict_csv(data: bytes, got: Any) -> bool:
     cells = [[cell.strip().strip('"') for cell in row.split(delimiter)] for row in rows if row.strip()]
     if delimiter == ";":
         cells = [[cell.replace(",", ".") for cell in row] for row in cells]
-    if any(len(row) != len(names) or not all(map(_NUMBER.fullmatch, row)) for row in cells):
+    wanted = got.names if isinstance(got, Table) else ()
+    if any(len(row) != len(names) for row in cells) or not set(wanted) <= set(names):
+        return False
+    places = [0, *(names.index(name) for name in wanted)]
+    if not all(_NUMBER.fullmatch(row[i]) for row in cells for i in places):
         return False
     if not isinstance(got, Table):
         return got == (len(cells), len(names) - 1)
-    values = np.array(cells, float)
-    if len(values) != len(got.t_ns) or not set(got.names) <= set(names):
+    values = np.array([[row[i] for i in places] for row in cells], float)
+    if len(values) != len(got.t_ns):
         return False
     stamps = np.round(values[:, 0] * 1e9).astype(np.int64)
-    return bool(np.abs(stamps - got.t_ns).max() <= 1) and np.array_equal(
-        values[:, [names.index(name) for name in got.names]], got.values
-    )
+    return bool(np.abs(stamps - got.t_ns).max() <= 1) and np.array_equal(values[:, 1:], got.values)
 
 
 def _hashes(folder: Path) -> dict[str, str]:

@@ -643,7 +643,9 @@ def mf4(rng: random.Random) -> Made:
             )
             what = "text or arrays"
         elif kind == 5:
-            signals = [signal(rng.choice(("FW", "", "x" * 5000, "\x1b[31m", "a.b", "time", "FW\\a"))) for _ in range(4)]
+            signals = [
+                signal(rng.choice(("FW", "\0", "x" * 5000, "\x1b[31m", "a.b", "time", "FW\\a"))) for _ in range(4)
+            ]
             what = "odd names"
         elif kind == 6:
             for i in range(rng.choice((20, 200))):
