@@ -20,7 +20,7 @@ from types import TracebackType
 import numpy as np
 from jaxtyping import Float64
 
-from fmucorrect import records, sources
+from fmucorrect import records
 from fmucorrect.discovery.content import digest
 from fmucorrect.discovery.kept import Kept, code
 from fmucorrect.discovery.model import Model, Runner, runner, simulate, start_value, tolerance_of
@@ -28,8 +28,6 @@ from fmucorrect.discovery.trials import Trial, read
 from fmucorrect.errors import FmuError, StudyError
 from fmucorrect.experiment import Pair
 from fmucorrect.fmu import FmuDescription, open_fmu
-from fmucorrect.signals import Condition
-from fmucorrect.stepper import run
 from fmucorrect.study import Adjustable, Study
 
 LARGEST = 1e8
@@ -219,16 +217,6 @@ class Problem:
             yield None if any(row is None for row in rows) else np.concatenate(rows)  # type: ignore[arg-type]
 
 
-def try_out(study: Study, condition: Condition) -> None:
-    """Run the solver through a condition in a process of its own. Raises FmuError where it does not come through."""
-    plant = sources.plant(study, condition)
-    try:
-        if study.fmu is not None and condition.simulated is None:
-            run(plant, condition, sources.inputs(study, condition), lambda _: None)
-    finally:
-        plant.close()
-
-
 def load(
     study: Study,
     library: Path | None,
@@ -237,15 +225,12 @@ def load(
     executor: Executor | None = None,
     pairs: Sequence[Pair] = (),
 ) -> Problem:
-    """The development conditions of a study, its solver tried out on each; the evaluation conditions are not read. pairs:
-    conditions that were simulated already. Raises StudyError, RecordError, FmuError."""
+    """The development conditions of a study, its solver tried out on each as their pairs are simulated; the evaluation
+    conditions are not read. pairs: those that were simulated already. Raises StudyError, RecordError, FmuError."""
     if not study.development:
         raise StudyError(str(study.path), ["discovery needs at least one development condition"])
     known = {pair.condition.name: pair for pair in pairs}
     trials = tuple(read(study, condition, pair=known.get(condition.name)) for condition in study.development)
-    for trial in trials:
-        if trial.condition.name not in known:
-            try_out(study, trial.condition)
     fmu = None if study.fmu is None else open_fmu(study.fmu).known(study.simulation.units, study.simulation.tolerance)
     tolerated = tuple(a for a in study.adjustable if a.tolerated) if fmu else ()
     return Problem(study, fmu, library, trials, tolerated, workers or min(os.cpu_count() or 1, 8), 1, kept, executor)

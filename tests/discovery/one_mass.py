@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 
-from fmucorrect import experiment
 from fmucorrect.catalogue import find
 from fmucorrect.discovery.candidates import places
 from fmucorrect.discovery.fit import fit
@@ -79,7 +78,7 @@ def problem_of(folder: Path, library: Path, adjustable: str = APART, **truth: fl
     )
     (folder / "study.toml").write_text(HEAD + adjustable, encoding="utf-8")
     true = load_study(folder / "true.toml")
-    y = experiment.simulate(true, true.conditions[0]).values[:, 0]
+    y = shown(true, true.conditions[0], library, Model(()), len(T))[:, 0]
     write(folder / "measured.csv", "x1 [mm]", y + NOISE * np.random.default_rng(2).normal(size=len(y)))
     return load(load_study(folder / "study.toml"), library, 2)
 

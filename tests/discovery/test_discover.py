@@ -3,6 +3,7 @@
 import json
 import re
 import zipfile
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -44,6 +45,7 @@ def push(name, t):
     return size * np.sin(2.0 * np.pi * SECONDS * (low * s + 0.5 * (high - low) * s**2)) * np.minimum(1.0, 10.0 * s)
 
 
+@cache  # the same law is measured in several tests
 def truth(name, law):
     """Displacements (T, 2) of both masses in mm. law: force in both joints from their (d, v), opposing them."""
     t = np.arange(round(SECONDS / STEP) + 1) * STEP
