@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Sequence
 from typing import Any, Protocol, cast, runtime_checkable
 
 import numpy as np
@@ -52,10 +52,12 @@ class JsonDecoder:
 
     def leaves(self, payload: bytes) -> dict[str, float]:
         """Every number by its path."""
+        found: dict[str, float] = {}
         try:
-            return dict(_numbers("", json.loads(payload), DEEPEST))
+            _numbers(found, "", json.loads(payload), DEEPEST)
         except RecursionError:
             raise ValueError("the JSON is nested too deep") from None
+        return found
 
     def layout(self, payload: bytes) -> Layout | None:
         """None: text has no fixed places."""
@@ -66,20 +68,21 @@ class JsonDecoder:
         return False
 
 
-def _numbers(path: str, value: Any, deeper: int) -> Iterator[tuple[str, float]]:
+def _numbers(found: dict[str, float], path: str, value: Any, deeper: int) -> None:
+    """Into `found`: a generator in generators would hand each number up through all of them."""
     if not deeper:
         raise ValueError(f"the JSON is nested more than {DEEPEST} deep")
     if isinstance(value, dict):
         for key, inner in cast(dict[str, Any], value).items():
-            yield from _numbers(f"{path}.{key}" if path else key, inner, deeper - 1)
+            _numbers(found, f"{path}.{key}" if path else key, inner, deeper - 1)
     elif isinstance(value, list):
         entries = cast(list[Any], value)
         if len(entries) <= LONGEST:
             for i, inner in enumerate(entries):
-                yield from _numbers(f"{path}[{i}]", inner, deeper - 1)
+                _numbers(found, f"{path}[{i}]", inner, deeper - 1)
     elif isinstance(value, (bool, int, float)):
         try:
-            yield path or "value", float(value)
+            found[path or "value"] = float(value)
         except OverflowError:
             raise ValueError(f"the integer at {path or 'value'!r} is larger than any double") from None
 
