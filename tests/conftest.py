@@ -51,6 +51,8 @@ TOGETHER = ("training", "wrapping")
 """Folders whose tests share what takes long to make: under pytest-xdist they stay in one process, others file by file."""
 WITH = {"test_elsewhere": "test_discover", "test_resuming": "test_discover"}
 """Files that share it with one other."""
+FIRST = ("training", "wrapping", "test_discover")
+"""Groups that take longest, in the order in which they are begun: what begins last keeps one process busy alone."""
 
 
 def pytest_runtest_setup() -> None:
@@ -60,7 +62,11 @@ def pytest_runtest_setup() -> None:
 
 @pytest.hookimpl(tryfirst=True)  # before pytest-xdist looks for groups, or there are none
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    groups: dict[str, list[pytest.Item]] = {name: [] for name in FIRST}
     for item in items:
         folder = item.path.parent.name
         file = item.path.stem
-        item.add_marker(pytest.mark.xdist_group(folder if folder in TOGETHER else WITH.get(file, file)))
+        group = folder if folder in TOGETHER else WITH.get(file, file)
+        item.add_marker(pytest.mark.xdist_group(group))
+        groups.setdefault(group, []).append(item)
+    items[:] = [item for group in groups.values() for item in group]
