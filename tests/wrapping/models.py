@@ -25,7 +25,7 @@ COMBINATIONS = [(2, 2), (3, 3), (2, 3), (3, 2)]
 RIG = "roller_rig"
 OSCILLATOR = "oscillator"
 MODELS = (RIG, OSCILLATOR)
-LONG = 30.0
+LONG = 13.0
 """s; the roller rig's excitation begins at 10 s."""
 _FOLDER = tempfile.TemporaryDirectory(prefix="models-", ignore_cleanup_errors=True)
 
