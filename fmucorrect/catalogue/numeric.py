@@ -18,19 +18,21 @@ Values = Mapping[str, Any]
 Batch = Float64[np.ndarray, "..."]
 States = Float64[np.ndarray, "... S"]
 
+Given = tuple[list[np.ndarray], list[np.ndarray]]
+"""What does not change within a step: a law's inputs and its parameters, in its order."""
+
 
 def force(law: Law, inputs: Values, states: States, parameters: Values) -> Batch:
     """The law's force, N or N.m. inputs: by the names of INPUTS, SI. parameters: all of them, see Law.complete.
 
     states: (..., S), S = len(law.states). Raises WrapError that names an input or parameter that the law lacks.
     """
-    arguments = _arguments(law, inputs, states, parameters)
-    return np.array(np.broadcast_to(_force(law)(*arguments), _shape(states, arguments)), dtype=np.float64)
+    return _forces(law, _given(law, inputs, parameters), states)
 
 
 def rates(law: Law, inputs: Values, states: States, parameters: Values) -> States:
     """dz/dt of the states (..., S), in their units a second; arguments as in `force`."""
-    return _rows(_rates(law), law, inputs, states, parameters)
+    return _rows(_rates(law), law, _given(law, inputs, parameters), states)
 
 
 def step(law: Law, inputs: Values, states: States, parameters: Values, size: float) -> tuple[Batch, States]:
@@ -39,19 +41,25 @@ def step(law: Law, inputs: Values, states: States, parameters: Values, size: flo
     Two half steps of the exponential Rosenbrock-Euler method (Hochbruck, Ostermann, Exponential integrators, 2010):
     exact where a rate is linear in its state, of second order elsewhere, stable however stiff. size may be 0.
     """
-    middle = _advance(law, inputs, states, parameters, size / 2)
-    return force(law, inputs, middle, parameters), _advance(law, inputs, middle, parameters, size / 2)
+    given = _given(law, inputs, parameters)
+    middle = _advance(law, given, states, size / 2)
+    return _forces(law, given, middle), _advance(law, given, middle, size / 2)
 
 
-def _advance(law: Law, inputs: Values, states: States, parameters: Values, size: float) -> States:
+def _forces(law: Law, given: Given, states: States) -> Batch:
+    arguments = _arguments(law, given, states)
+    return np.array(np.broadcast_to(_force(law)(*arguments), _shape(states, arguments)), dtype=np.float64)
+
+
+def _advance(law: Law, given: Given, states: States, size: float) -> States:
     if not law.states:
         return states
-    slopes = _rows(_slopes(law), law, inputs, states, parameters)
-    after = states + size * _phi1(size * slopes) * rates(law, inputs, states, parameters)
+    slopes = _rows(_slopes(law), law, given, states)
+    after = states + size * _phi1(size * slopes) * _rows(_rates(law), law, given, states)
     if not law.formula.bounds:
         return after
     with np.errstate(divide="ignore"):
-        bounds = np.maximum(np.abs(states), _rows(_bounds(law), law, inputs, states, parameters))
+        bounds = np.maximum(np.abs(states), _rows(_bounds(law), law, given, states))
     return np.clip(after, -bounds, bounds)
 
 
@@ -61,9 +69,9 @@ def _phi1(x: States) -> States:
     return np.where(small, 1.0 + 0.5 * x, np.expm1(x) / np.where(small, 1.0, x))
 
 
-def _rows(function: Callable[..., Any], law: Law, inputs: Values, states: States, parameters: Values) -> States:
+def _rows(function: Callable[..., Any], law: Law, given: Given, states: States) -> States:
     """One value a state, in the last axis."""
-    arguments = _arguments(law, inputs, states, parameters)
+    arguments = _arguments(law, given, states)
     out = np.empty((*_shape(states, arguments), len(law.states)))
     for i, row in enumerate(function(*arguments)):
         out[..., i] = row
@@ -74,18 +82,22 @@ def _shape(states: States, arguments: list[Any]) -> tuple[int, ...]:
     return np.broadcast_shapes(states.shape[:-1], *(np.shape(argument) for argument in arguments))
 
 
-def _arguments(law: Law, inputs: Values, states: States, parameters: Values) -> list[Any]:
+def _given(law: Law, inputs: Values, parameters: Values) -> Given:
     missing = [f"input {name!r}" for name in law.inputs if name not in inputs]
     missing += [f"parameter {p.name!r}" for p in law.parameters if p.name not in parameters]
     if missing:
         raise WrapError(f"lacks {', '.join(missing)}", where=law.name)
+    return (
+        [np.asarray(inputs[name], np.float64) for name in law.inputs],
+        [np.asarray(parameters[p.name], np.float64) for p in law.parameters],
+    )
+
+
+def _arguments(law: Law, given: Given, states: States) -> list[Any]:
     if states.shape[-1:] != (len(law.states),):
         raise WrapError("states do not fit", where=law.name, expected=f"(..., {len(law.states)})", got=states.shape)
-    return [
-        *(np.asarray(inputs[name], np.float64) for name in law.inputs),
-        *(states[..., i] for i in range(len(law.states))),
-        *(np.asarray(parameters[p.name], np.float64) for p in law.parameters),
-    ]
+    inputs, parameters = given
+    return [*inputs, *(states[..., i] for i in range(len(law.states))), *parameters]
 
 
 @cache
