@@ -26,7 +26,7 @@ SMALL = Training(
         widths=(16, 16),
         members=2,
         epochs=(30, 60),
-        batch=512,
+        batch=2048,
         stride=2,
     ),
 )

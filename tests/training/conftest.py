@@ -1,9 +1,12 @@
 """The closed-form study, and a corrector trained on it once."""
 
+from collections.abc import Iterator
+
 import pytest
 from closed_form import BRIEF, SMALL, make_study
 
 from fmucorrect.study import Study, load_study
+from fmucorrect.training import tasks
 from fmucorrect.training.protocol import Trained, train
 
 
@@ -20,3 +23,12 @@ def trained(study: Study) -> Trained:
 @pytest.fixture(scope="session")
 def briefly(study: Study) -> Trained:
     return train(study, BRIEF)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def in_this_process() -> Iterator[None]:
+    """Fits of a command that runs in this process are done here: that processes give the same is a law of test_tasks, and each
+    would take longer to import torch than to fit."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tasks, "CORES", 1)
+        yield

@@ -49,7 +49,7 @@ history = 4
 widths = [8, 8]
 members = 2
 epochs = [25]
-batch = 512
+batch = 2048
 stride = 4
 """
 

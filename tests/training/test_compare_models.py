@@ -29,7 +29,7 @@ history = 4
 widths = [16, 16]
 members = 2
 epochs = [60]
-batch = 512
+batch = 2048
 stride = 4
 """
 
