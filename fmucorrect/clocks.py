@@ -54,7 +54,6 @@ def clock(study: Study, condition: Condition) -> Clock:
     # inputs whose stamps may be the run's own time are that, unless the same recorder began both at once
     counted = condition.simulated is None and 0 <= theirs[0] < measured[1] - measured[0]
     first = 0 if counted and abs(theirs[0] - measured[0]) > study.simulation.step_ns else theirs[0]
-    overlapping = max(theirs[0], measured[0]) < min(theirs[1], measured[1])
     said = condition.clock
     if isinstance(said, float):
         told = f"as the study says, the measurement begins at {said:+.9g} s of the run"
@@ -63,7 +62,7 @@ def clock(study: Study, condition: Condition) -> Clock:
     if said == "excitation" or (said is None and study.excitation is not None and not one_file):
         end = max(theirs[1], first + measured[1] - measured[0])  # it may lie anywhere in the inputs
         return Clock(first, (end - first) / NANOSECONDS, False, None, "")
-    if said is None and not overlapping:
+    if said is None and not overlapping(theirs, measured):
         raise RecordError(
             f"nothing tells where the measurement lies against {what if given else 'the run'}: the stamps do not overlap, and "
             "the study has no [excitation]",
@@ -78,6 +77,11 @@ def clock(study: Study, condition: Condition) -> Clock:
     why = "one file has one clock" if one_file else "the study says so" if said else "the stamps overlap"
     told = f"one clock ({why}): the run begins at stamp {seconds_text(origin)} s, the measurement at {_span(measured)}"
     return Clock(origin, max((measured[1] - origin) / NANOSECONDS, 0.0), True, None, told)
+
+
+def overlapping(one: tuple[int, int], other: tuple[int, int]) -> bool:
+    """Whether two spans of stamps, each first and last, have some time in common: then they are believed."""
+    return max(one[0], other[0]) < min(one[1], other[1])
 
 
 def begins(study: Study, condition: Condition) -> int:

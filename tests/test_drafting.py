@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from fmucorrect.fmu import IsolatedStepper
 from fmucorrect.inspection import study_problems
 from fmucorrect.records import writer
 from fmucorrect.signals import Channel, Condition, Record
-from fmucorrect.stepper import run
+from fmucorrect.stepper import grid, run
 from fmucorrect.study import load_study
 
 OSCILLATOR = Path(__file__).resolve().parent.parent / "fmus" / "oscillator" / "oscillator.fmu"
@@ -112,25 +113,104 @@ def test_a_quarter_car_whose_exporter_writes_no_units(car: Path, logs: list[Path
     item = pair(study, study.conditions[0])
     assert np.abs(item.measured - item.response).max() < 0.01 * np.abs(item.measured).max()
     text = path.read_text(encoding="utf-8")
-    assert "# column Oil is used for nothing" in text
+    assert "# used for nothing: column Oil" in text
     assert text.count("# guess:") > 10
 
 
 def test_a_sensor_for_which_no_name_speaks(car: Path, logs: list[Path], tmp_path: Path):
     """Found by what it shows."""
-    from fmucorrect.records import read
-
-    record = read(logs[0])
-    names = {"Susp.travel": "AI03", "Body acc": "AI01"}
-    channels = tuple(Channel(names.get(c.name, c.name), c.unit) for c in record.channels)
-    path = tmp_path / "log.csv"
-    with writer(path) as file:
-        file.write("/log", Record(record.t_ns, record.values, channels))
+    path = relabelled(logs[0], {"Susp.travel": "AI03", "Body acc": "AI01"}, {}, tmp_path / "log.csv")
     found = draft(car, [path])
     assert {(guess.output, guess.column, guess.sign) for guess in found.channels} == {
         ("travel", "AI03", -1),
         ("acc_body", "AI01", 1),
     }
+
+
+def relabelled(log: Path, names: dict[str, str], units: dict[str, str], path: Path) -> Path:
+    """The same log as CSV, by another name and unit of its columns, and their values as they are."""
+    from fmucorrect.records import read
+
+    record = read(log)
+    channels = tuple(Channel(names.get(c.name, c.name), units.get(c.name, c.unit)) for c in record.channels)
+    with writer(path) as file:
+        file.write("/log", replace(record, channels=channels))
+    return path
+
+
+def test_an_input_for_which_no_name_speaks(car: Path, logs: list[Path], tmp_path: Path):
+    """The road is the column with which the travel comes out that was measured."""
+    log = relabelled(logs[0], {"Road_zr": "AI07", "Susp.travel": "AI03", "Body acc": "AI01"}, {}, tmp_path / "log.csv")
+    found = draft(car, [log])
+    assert [(guess.variable, guess.column) for guess in found.driving.inputs] == [("zr", "AI07")]
+    assert "no name tells" in found.driving.inputs[0].why
+    assert {(guess.output, guess.column) for guess in found.channels} == {("travel", "AI03"), ("acc_body", "AI01")}
+    (tmp_path / "study.toml").write_text(found.text(tmp_path / "study.toml"), encoding="utf-8")
+    study = load_study(tmp_path / "study.toml")
+    assert study_problems(study) == []
+    item = pair(study, study.conditions[0])
+    assert np.abs(item.measured - item.response).max() < 0.01 * np.abs(item.measured).max()
+
+
+def test_a_force_at_a_joint_is_no_input_once_the_road_drives(car: Path, logs: list[Path], tmp_path: Path):
+    """Whatever says no unit might push; what is missing is not to be driven by what was measured of it."""
+    log = relabelled(logs[0], {"Oil": "AI05"}, {"Oil": "1", "Susp.travel": "1"}, tmp_path / "log.csv")
+    assert [guess.variable for guess in draft(car, [log]).driving.inputs] == ["zr"]
+
+
+def test_the_unit_of_an_input_that_nobody_says_is_told_by_sizes(tmp_path: Path):
+    """Base of the shipped oscillator, in mm without a word of it; the mass in m."""
+    t = np.arange(3000) * 1e-3
+    base = np.sin(2.0 * np.pi * 3.0 * t)
+    given = Record(np.arange(3000) * 1_000_000, 1e-3 * base[:, None], (Channel("base.d", "m"),))
+    with IsolatedStepper(OSCILLATOR, (Channel("x", "m", simulation="mass1.x"),), inputs=("base.d",)) as stepper:
+        result = run(stepper, Condition("a"), [given])
+    assert result is not None
+    path = tmp_path / "log.mcap"
+    with writer(path) as file:
+        columns = (Channel("Base d", "1"), Channel("Mass1.x", "m"))
+        file.write("/log", Record(given.t_ns, np.column_stack([base, result.values]), columns))
+    (guess,) = draft(OSCILLATOR, [path]).driving.inputs
+    assert (guess.variable, guess.column, guess.column_unit) == ("base.d", "Base d", "mm")
+
+
+FREE = """
+from pythonfmu import Fmi2Causality, Fmi2Slave, Real
+
+
+class Free(Fmi2Slave):
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        self.x, self.v = 0.1, 0.0
+        self.register_variable(Real("x", causality=Fmi2Causality.output))
+
+    def do_step(self, time, step):
+        self.v -= step * (400.0 * self.x + 2.0 * self.v)
+        self.x += step * self.v
+        return True
+"""
+
+
+@pytest.mark.parametrize(("begins", "clock"), [(0.0, "common"), (0.25, "common"), (1.7e9, 0.0)])
+def test_the_clock_of_a_run_that_nothing_drives(begins: float, clock: str | float, tmp_path: Path):
+    """Released at 0: a logger that was started 0.25 s later counts from there, one that counts since 1970 says nothing."""
+    (tmp_path / "free.py").write_text(FREE)
+    command = [sys.executable, "-m", "pythonfmu", "build", "-f", str(tmp_path / "free.py"), "-d", str(tmp_path)]
+    subprocess.run(command, check=True, capture_output=True)
+    with IsolatedStepper(tmp_path / "Free.fmu", (Channel("x", ""),)) as stepper:
+        result = run(stepper, Condition("a"), grid(4.0, 2_000_000))
+    assert result is not None
+    late = begins if begins < 1.0 else 0.0
+    kept = result.t_ns >= late * 1e9
+    stamps = result.t_ns[kept] - round(late * 1e9) + round(begins * 1e9)
+    path = tmp_path / "free.csv"
+    with writer(path) as file:
+        file.write("/log", Record(stamps, 1e3 * result.values[kept], (Channel("Disp x", "mm"),)))
+    (tmp_path / "study.toml").write_text(draft(tmp_path / "Free.fmu", [path]).text(tmp_path / "study.toml"))
+    study = load_study(tmp_path / "study.toml")
+    assert study.conditions[0].clock == clock
+    item = pair(study, study.conditions[0])
+    assert np.abs(item.measured - item.response).max() < 1e-3 * np.abs(item.measured).max()
 
 
 def test_the_sign_of_a_joint_is_found_by_pushing(tmp_path: Path):

@@ -19,7 +19,8 @@ def new(model: Path, runs: tuple[Path, ...], references: tuple[Path, ...], out: 
     """Draft a study from MODEL, an FMU, and RUNS, logs of what drove the machine and of what was measured.
 
     Columns are paired with inputs and outputs by name, unit, size and correlation; joints, parameters, roles and a quiet
-    interval are proposed. Every guess is marked as one in the file, with its reason. The model runs once, over the first run.
+    interval are proposed. Every guess is marked as one in the file, with its reason. The model runs over the first run, once
+    for each column that may drive it where no name tells.
 
     Example: fmucorrect new quarter_car.fmu run1.mf4 run2.mf4 -o study.toml
     """

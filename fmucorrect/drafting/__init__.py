@@ -3,9 +3,10 @@
     found = draft("quarter_car.fmu", ["run1.mf4", "run2.mf4"])
     print(found.text(Path("study.toml")))
 
-Columns that are named as inputs of the FMU drive it. Then the model runs once with them, and measured columns are paired
-with outputs by name, unit and what they show, sign included (`pairing`). Joints are inputs that push and outputs that give
-way; the sign is found by pushing (`joints`). `parameters` are those of stiffness, damping and inertia, `written` is the text.
+Columns that are named as inputs of the FMU drive it, and where no name tells, those with which the model does what was
+measured (`driving`). Measured columns are paired with outputs by name, unit and what they show, sign included (`pairing`).
+Joints are inputs that push and outputs that give way; the sign is found by pushing (`joints`). `parameters` are those of
+stiffness, damping and inertia, `written` is the text.
 """
 
 from __future__ import annotations
@@ -14,12 +15,15 @@ from collections.abc import Callable, Sequence
 from os import PathLike
 from pathlib import Path
 
+from fmucorrect.clocks import overlapping
+from fmucorrect.drafting.driving import find_driving
 from fmucorrect.drafting.joints import find_joints, joint_units
-from fmucorrect.drafting.pairing import find_channels, find_inputs, input_units, quiet, read_run, step_of, try_out
+from fmucorrect.drafting.pairing import Run, beside, find_channels, input_units, quiet, read_run, step_of
 from fmucorrect.drafting.parameters import find_parameters
 from fmucorrect.drafting.written import Draft, DraftedRun
 from fmucorrect.errors import FmuError, RecordError, few
 from fmucorrect.fmu import open_fmu
+from fmucorrect.records.timebase import seconds_text
 
 __all__ = ["STEPS", "Draft", "draft"]
 
@@ -34,8 +38,8 @@ def draft(
     progress: Callable[[str], object] = lambda step: None,
 ) -> Draft:
     """What a study of these runs would say. references: simulated records, one a run, which replace running the FMU for it.
-    The model runs once, over the first run. Raises FmuError and RecordError for files that cannot be used, and where no
-    column shows any output.
+    The model runs over the first run, once for each column that is tried as an input. Raises FmuError and RecordError for
+    files that cannot be used, and where no column shows any output.
     """
     if not runs:
         raise RecordError("there is no run to draft from", remedy="Name one log or more.")
@@ -48,10 +52,12 @@ def draft(
     if not [v for v in model.of("output") if v.number]:
         raise FmuError("it has no outputs that could be compared", where=str(fmu))
     logs = [read_run(Path(run)) for run in runs]
+    if len(logs) > 1:
+        logs[0] = beside(logs[0], logs[1])
     step_ns, why = step_of(model, logs[0])
-    inputs = find_inputs(model, logs[0])
     progress(STEPS[1])
-    trial = try_out(model, logs[0], inputs, step_ns)
+    driving = find_driving(model, logs[0], step_ns)
+    inputs, trial = {guess.variable: guess.column for guess in driving.inputs}, driving.trial
     channels = find_channels(model, logs[0], trial)
     if not channels:
         raise RecordError(
@@ -62,7 +68,8 @@ def draft(
             remedy="Write the study by hand (fmucorrect/README.md), or give the columns the names of the outputs.",
         )
     progress(STEPS[2])
-    joints = find_joints(model, tuple(inputs))
+    # what is missing may add to an input that is driven, where the model has no other place for it
+    joints = find_joints(model, tuple(inputs)) or find_joints(model, ())
     units = joint_units(model, joints) | input_units(model, logs[0], inputs)
     units |= {guess.output: guess.variable_unit for guess in channels if guess.variable_unit}
     held_out = len(logs) - 1 if len(logs) > 1 else None
@@ -72,6 +79,7 @@ def draft(
             Path(references[i]) if references else None,
             "evaluation" if i == held_out else "development",
             tuple(column for column in (*(g.column for g in channels), *inputs.values()) if column not in log.columns),
+            _clock(log, Path(references[i]) if references else None, bool(inputs)),
         )
         for i, log in enumerate(logs)
     ]
@@ -79,13 +87,31 @@ def draft(
         model=model,
         step_ns=step_ns,
         why_step=why,
-        inputs=inputs,
+        driving=driving,
         channels=channels,
         joints=joints,
         parameters=find_parameters(model),
         runs=tuple(drafted),
         quiet=quiet(trial),
         units=units,
-        unpaired=tuple(c for c in trial.columns if c not in {guess.column for guess in channels}),
+        unpaired=tuple(
+            f"{c}{', the same in two runs to the last digit: a command' if c in logs[0].repeated else ''}"
+            for c in trial.columns
+            if c not in {guess.column for guess in channels}
+        ),
         left_out=logs[0].left_out,
     )
+
+
+def _clock(log: Run, reference: Path | None, driven: bool) -> str:
+    """The value of `clock` in the records of a run, and why; "" where one file has it all."""
+    begins = f"its stamps begin at {seconds_text(log.stamps[0])} s"
+    if reference is not None:
+        if overlapping(read_run(reference).stamps, log.stamps):
+            return f'"common"  # guess: {begins}, within those of the simulated record: they are believed'
+        return f"0.0  # guess: {begins}, not within those of the simulated record: both are taken to begin at once"
+    if driven:
+        return ""
+    if log.believed:
+        return f'"common"  # guess: nothing drives the run, which begins at 0; {begins}: they are believed'
+    return f"0.0  # guess: nothing drives the run; {begins}, far from its 0: both are taken to begin at once"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from difflib import SequenceMatcher
 
 from fmucorrect import units
@@ -23,14 +24,15 @@ WITHIN = 0.9
 """Likeness of `zr` and `road_zr`."""
 
 
-def quantity(unit: str) -> str | None:
-    """What a channel in this unit is; None where a study has no such quantity, or the unit is not known."""
+def quantity(unit: str, defined: Mapping[str, units.Unit] = units.NONE) -> str | None:
+    """What a channel in this unit is, which `defined` explains first; None where a study has no such quantity, or the unit is
+    not known."""
     if unit in ("", "1", "-"):
         return None
     if unit == "g":  # of a sensor: no channel of a machine's motion is a mass
         return "acceleration"
     try:
-        dimension = units.parse(unit).dimension
+        dimension = units.explained(unit, "", defined).dimension
     except SignalError:
         return None
     known = {units.parse(text).dimension: name for name, text in KINDS.items()}

@@ -13,6 +13,8 @@ from fmucorrect.units import parse
 
 PUSH_NS = 20_000_000
 """For how long an input is pushed: long enough to be seen in a displacement, short against any period."""
+SI = {"displacement": "m", "velocity": "m/s", "force": "N", "acceleration": "m/s2"}
+"""Units of what has none, by its kind."""
 _WORDS = {
     "force": frozenset(["f", "fx", "fy", "fz", "force", "torque", "moment", "mx", "my", "mz"]),
     "velocity": frozenset(["v", "vel", "velocity", "rate", "omega", "speed"]),
@@ -72,9 +74,8 @@ def find_joints(fmu: FmuDescription, driven: Sequence[str]) -> tuple[JointGuess,
 
 def joint_units(fmu: FmuDescription, joints: Sequence[JointGuess]) -> dict[str, str]:
     """The units of their variables that the FMU leaves without one: SI."""
-    units = {"displacement": "m", "velocity": "m/s", "force": "N", "acceleration": "m/s2"}
     return {
-        name: units[kind(fmu.variables[name])]
+        name: SI[kind(fmu.variables[name])]
         for joint in joints
         for name in (joint.force, joint.displacement, joint.velocity, joint.nominal_force, joint.acceleration)
         if name and not fmu.variables[name].unit

@@ -1,5 +1,4 @@
-"""Which columns of a log are inputs of the FMU, and which are measurements of which output: by name and unit, and by what
-they show when the model has run once."""
+"""Which columns of a log are measurements of which output: by name and unit, and by what they show when the model has run."""
 
 from __future__ import annotations
 
@@ -11,15 +10,18 @@ import numpy as np
 from jaxtyping import Float64
 
 from fmucorrect import records, units
+from fmucorrect.clocks import overlapping
 from fmucorrect.drafting.guess import likeness, quantity, si
-from fmucorrect.errors import RecordError, SignalError
+from fmucorrect.drafting.joints import SI, kind
+from fmucorrect.errors import RecordError
 from fmucorrect.fmu import FmuDescription, IsolatedStepper, Variable, input_record
 from fmucorrect.registration import resample
 from fmucorrect.signals import NANOSECONDS, Channel, Condition, Record
 from fmucorrect.stepper import grid, run
+from fmucorrect.study_places import like
 
 NAMED = 0.8
-"""Likeness of names from which a column is an input by its name alone."""
+"""Likeness of names from which a column is what it is named as."""
 LOOKED = 60.0
 """s of a run that are simulated to compare; enough for the slowest motion of a vehicle."""
 ROWS = 200_000
@@ -32,23 +34,38 @@ SHOWS = 0.5
 """Correlation from which a column shows an output, whatever it is called."""
 HINTS = 0.2
 """Correlation that a column needs whose name says it already: a model that lacks something may be far off."""
+TIED = 0.05
+"""Correlation and likeness together, by which another column may stand behind the best and still be the one."""
 OUTPUTS = 500
 """Outputs of an FMU that are looked at."""
 
 Series = Float64[np.ndarray, " T"]
-_UNITLESS = ("", "1", "-")
+UNITLESS = ("", "1", "-")
 
 
 @dataclass(frozen=True)
 class Run:
-    """A log. columns: unit by the name that selects it, of the numeric columns that share the most rows. interval_ns: between
-    samples, on average."""
+    """A log. columns: unit by the name that selects it, of the numeric columns that share the most rows. stamps: first and
+    last, ns. interval_ns: between samples, on average. repeated: columns that are the same in another run to the last digit:
+    commands, no measurements."""
 
     path: Path
     columns: Mapping[str, str]
     topic: str
+    stamps: tuple[int, int]
     interval_ns: int
     left_out: tuple[str, ...]
+    repeated: frozenset[str] = frozenset()
+
+    @property
+    def believed(self) -> bool:
+        """Whether its stamps may count from the begin of a run that nothing drives (clocks)."""
+        return overlapping((0, self.stamps[1] - self.stamps[0]), self.stamps)
+
+    @property
+    def begins(self) -> int:
+        """The stamp at which a run begins that nothing drives."""
+        return 0 if self.believed else self.stamps[0]
 
     def read(self, names: Sequence[str]) -> Record:
         """These columns. Raises RecordError."""
@@ -59,7 +76,8 @@ class Run:
 class ChannelGuess:
     """A measured column and the output that it shows. unit: of the column, or of the output where it says none. sign: -1
     where the sensor's positive direction is the other way. shown: their correlation. variable_unit: of an output that the
-    FMU leaves without, "" where it says one. column_unit: of a column that the file leaves without, "" where it says one."""
+    FMU leaves without, "" where it says one. column_unit: of a column that the file leaves without, "" where it says one.
+    rivals: columns that show it as well."""
 
     column: str
     output: str
@@ -70,6 +88,7 @@ class ChannelGuess:
     alike: float
     variable_unit: str = ""
     column_unit: str = ""
+    rivals: tuple[str, ...] = ()
 
 
 def read_run(path: Path) -> Run:
@@ -82,37 +101,46 @@ def read_run(path: Path) -> Run:
         raise RecordError("there are no numeric columns with rows", where=str(path))
     chosen = max(filled, key=lambda item: (len(item.topic.columns), item.extent.rows))
     others = tuple(f"topic {item.topic.name}" for item in filled if item is not chosen)
-    extent = chosen.extent
-    interval = round(((extent.stop_ns or 0) - (extent.start_ns or 0)) / (extent.rows - 1))
+    stamps = chosen.extent.start_ns or 0, chosen.extent.stop_ns or 0
+    interval = round((stamps[1] - stamps[0]) / (chosen.extent.rows - 1))
     columns = {column.name: column.unit for column in chosen.topic.columns}
-    return Run(path, columns, chosen.topic.name, interval, (*contents.left_out, *others))
+    return _readable(Run(path, columns, chosen.topic.name, stamps, interval, (*contents.left_out, *others)))
 
 
-def find_inputs(fmu: FmuDescription, run: Run) -> dict[str, str]:
-    """The column of each input of the FMU that the run has one for, by the input's name."""
-    found: dict[str, str] = {}
-    scores = [
-        (likeness(variable.name, column), variable.name, column)
-        for variable in fmu.of("input")
-        if variable.number
-        for column, unit in run.columns.items()
-        if _may_be(variable.unit, unit)
-    ]
-    for score, name, column in sorted(scores, key=lambda item: -item[0]):
-        if score >= NAMED and name not in found and column not in found.values():
-            found[name] = column
-    return found
-
-
-def _may_be(one: str, other: str) -> bool:
-    """Whether values in these units can be the same thing; a unit that nobody says may be any."""
-    if one in _UNITLESS or other in _UNITLESS:
-        return True
-    one, other = ("m/s2" if unit == "g" else unit for unit in (one, other))
+def _readable(run: Run) -> Run:
+    """Without the columns that have no value at some row, which the others are as good without. Raises RecordError where that
+    is every one."""
     try:
-        return units.parse(one).dimension[:5] == units.parse(other).dimension[:5]
-    except SignalError:
-        return False
+        run.read(list(run.columns))
+    except RecordError as error:
+        wrong: dict[str, str] = {}
+        for column in run.columns:
+            try:
+                run.read([column])
+            except RecordError as own:
+                wrong[column] = str(own)
+        if len(wrong) == len(run.columns):
+            raise error
+        columns = {column: unit for column, unit in run.columns.items() if column not in wrong}
+        return replace(run, columns=columns, left_out=(*run.left_out, *wrong.values()))
+    return run
+
+
+def beside(log: Run, other: Run) -> Run:
+    """The log, with what is repeated in the other one. Raises RecordError."""
+    shared = [column for column in log.columns if column in other.columns]
+    if not shared:
+        return log
+    rows = min(len(record := log.read(shared)), len(again := other.read(shared)))
+    a, b = record.values[:rows], again.values[:rows]
+    same = (a == b).all(axis=0) & (np.ptp(a, axis=0) > 0.0)
+    return replace(log, repeated=frozenset(name for name, one in zip(shared, same, strict=True) if one))
+
+
+def may_be(one: str, other: str, known: Mapping[str, units.Unit] = units.NONE) -> bool:
+    """Whether values in these units, which `known` explains first, can be of one thing; a unit that nobody says may be any."""
+    one, other = ("m/s2" if unit == "g" else unit for unit in (one, other))
+    return one in UNITLESS or other in UNITLESS or like(one, other, known)
 
 
 @dataclass(frozen=True)
@@ -128,15 +156,29 @@ class Trial:
     measured: Float64[np.ndarray, "T C"]
     driven: Record | None
 
+    def only(self, columns: Sequence[str]) -> Trial:
+        """The same with those of these columns that it has."""
+        kept = [i for i, name in enumerate(self.columns) if name in columns]
+        return replace(self, columns=tuple(self.columns[i] for i in kept), measured=self.measured[:, kept])
+
+    def ratio(self, column: str, output: str) -> float:
+        """How many times as large as the output the column is, numbers alone."""
+        outputs = [variable.name for variable in self.outputs]
+        simulated = self.simulated[:, outputs.index(output)].std()
+        measured = self.measured[:, self.columns.index(column)].std()
+        return float(measured / max(simulated, np.finfo(float).tiny))
+
 
 def try_out(fmu: FmuDescription, log: Run, inputs: Mapping[str, str], step_ns: int) -> Trial:
-    """Raises RecordError, FmuError and SignalError: of reading, and of the model."""
+    """Inputs and measurements of one log have one clock; a run that nothing drives begins at `log.begins`. Raises RecordError,
+    FmuError and SignalError: of reading, and of the model."""
     outputs = [v for v in fmu.of("output") if v.number and not v.discrete][:OUTPUTS]
     columns = tuple(column for column in log.columns if column not in inputs.values())
     logged = log.read((*columns, *inputs.values()))
     record = logged.select(columns)
-    length = min((int(record.t_ns[-1]) - int(record.t_ns[0])) / NANOSECONDS, LOOKED, ROWS * step_ns / NANOSECONDS)
     first = int(record.t_ns[0])
+    late = 0 if inputs else first - log.begins
+    length = (min(int(record.t_ns[-1]) - first, LOOKED * NANOSECONDS, ROWS * step_ns) + late) / NANOSECONDS
     channels = tuple(Channel(variable.name, "", simulation=variable.name) for variable in outputs)
     driven = None
     if inputs:
@@ -150,17 +192,16 @@ def try_out(fmu: FmuDescription, log: Run, inputs: Mapping[str, str], step_ns: i
         simulated = run(stepper, Condition("draft"), chunks)
     assert simulated is not None
     measured = resample(record, step_ns) if len(record) > 1 else record
-    rows = min(len(simulated), len(measured))
-    return Trial(tuple(outputs), simulated.values[:rows], columns, measured.values[:rows], driven)
+    shown = simulated.values[round(late / step_ns) :]
+    rows = min(len(shown), len(measured))
+    return Trial(tuple(outputs), shown[:rows], columns, measured.values[:rows], driven)
 
 
 def input_units(fmu: FmuDescription, log: Run, inputs: Mapping[str, str]) -> dict[str, str]:
     """The units of inputs that the FMU leaves without one although their columns have one: SI."""
     found = {name: log.columns[column] for name, column in inputs.items()}
     return {
-        name: si(unit)
-        for name, unit in found.items()
-        if unit not in _UNITLESS and fmu.variables[name].unit in _UNITLESS
+        name: si(unit) for name, unit in found.items() if unit not in UNITLESS and fmu.variables[name].unit in UNITLESS
     }
 
 
@@ -170,50 +211,63 @@ def find_channels(fmu: FmuDescription, log: Run, trial: Trial) -> tuple[ChannelG
 
     shown = correlations(trial.measured, trial.simulated)
     alike = np.array([[likeness(c, o.name) for o in trial.outputs] for c in trial.columns]).reshape(shown.shape)
-    fits = np.array([[_may_be(log.columns[c], o.unit) for o in trial.outputs] for c in trial.columns]).reshape(
-        shown.shape
-    )
-    score = np.where(fits, np.abs(shown) + alike, -1.0)
+    fits = [
+        [c not in log.repeated and may_be(log.columns[c], o.unit, fmu.defined) for o in trial.outputs]
+        for c in trial.columns
+    ]
+    score = np.where(np.reshape(fits, shown.shape), np.abs(shown) + alike, -1.0)
+    pairs = list(zip(*linear_sum_assignment(-score), strict=True))
+    free = sorted(set(range(len(trial.columns))) - {c for c, _ in pairs})
     found: list[ChannelGuess] = []
-    for c, o in zip(*linear_sum_assignment(-score), strict=True):
+    for c, o in pairs:
         r, name = float(shown[c, o]), float(alike[c, o])
-        if not fits[c, o] or not (abs(r) >= SHOWS or (name >= NAMED and abs(r) >= HINTS)):
+        if score[c, o] < 0.0 or not (abs(r) >= SHOWS or (name >= NAMED and abs(r) >= HINTS)):
             continue
         column, variable = trial.columns[c], trial.outputs[o]
-        theirs, own = log.columns[column], variable.unit
-        ratio = _size(trial.measured[:, c]) / max(_size(trial.simulated[:, o]), np.finfo(float).tiny)
-        unit, variable_unit, column_unit = _units(theirs, own, ratio)
-        kind = quantity(unit)
-        if kind is not None:
+        ratio = trial.ratio(column, variable.name)
+        unit, variable_unit, column_unit = _units(log.columns[column], variable, ratio)
+        what = quantity(unit, fmu.defined)
+        if what is not None:
             found.append(
                 ChannelGuess(
-                    column, variable.name, unit, kind, -1 if r < 0.0 else 1, r, name, variable_unit, column_unit
+                    column,
+                    variable.name,
+                    unit,
+                    what,
+                    -1 if r < 0.0 else 1,
+                    r,
+                    name,
+                    variable_unit,
+                    column_unit,
+                    tuple(trial.columns[i] for i in free if score[i, o] > score[c, o] - TIED),
                 )
             )
     return tuple(sorted(found, key=lambda guess: trial.columns.index(guess.column)))
 
 
-def _units(column: str, output: str, ratio: float) -> tuple[str, str, str]:
+def _units(column: str, variable: Variable, ratio: float) -> tuple[str, str, str]:
     """The unit of a channel, and those of output and column where they say none. ratio: measured over simulated, numbers
-    alone. A model without units computes in SI, unless that makes it smaller or larger than the measurement by far."""
-    if column not in _UNITLESS:
+    alone. Where neither says one, the output's name may tell what it is; else it is a displacement. A model without units
+    computes in SI, unless that makes it smaller or larger than the measurement by far."""
+    output = variable.unit
+    if column not in UNITLESS:
         unit = "gn" if column == "g" else column
-        return unit, "" if output not in _UNITLESS else _model_unit(unit, ratio), ""
-    unit = output if output not in _UNITLESS else "m"
-    told = min(_family(unit), key=lambda other: abs(np.log(max(ratio, 1e-300) * units.conversion(other, unit, ""))))
-    return told, "" if output not in _UNITLESS else "m", told
+        return unit, "" if output not in UNITLESS else _model_unit(unit, ratio), ""
+    unit = output if output not in UNITLESS else SI[kind(variable) or "displacement"]
+    told = min(family(unit), key=lambda other: abs(np.log(max(ratio, 1e-300) * units.conversion(other, unit, ""))))
+    return told, "" if output not in UNITLESS else unit, told
 
 
 def _model_unit(unit: str, ratio: float) -> str:
     """The unit of an output whose numbers are `ratio` times smaller than a measurement in `unit`."""
-    away = {other: abs(np.log10(max(ratio, 1e-300) * units.conversion(unit, other, ""))) for other in _family(unit)}
+    away = {other: abs(np.log10(max(ratio, 1e-300) * units.conversion(unit, other, ""))) for other in family(unit)}
     return si(unit) if away[si(unit)] < FAR else min(away, key=lambda other: away[other])
 
 
-def _family(unit: str) -> list[str]:
+def family(unit: str) -> list[str]:
     """Units of the same quantity, SI first."""
     return list(
-        dict.fromkeys([si(unit), unit, *(u for u in _FAMILIES.get(quantity(unit) or "", ()) if _may_be(u, unit))])
+        dict.fromkeys([si(unit), unit, *(u for u in _FAMILIES.get(quantity(unit) or "", ()) if may_be(u, unit))])
     )
 
 
@@ -226,10 +280,6 @@ _FAMILIES = {
 }
 FAR = 1.5
 """Powers of ten by which a model may be off in its own SI units: half of a factor of 1000."""
-
-
-def _size(values: Series) -> float:
-    return float(np.std(values))
 
 
 def correlations(

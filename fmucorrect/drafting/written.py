@@ -7,35 +7,37 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from fmucorrect.drafting.driving import Driving
 from fmucorrect.drafting.joints import JointGuess
 from fmucorrect.drafting.pairing import ChannelGuess
 from fmucorrect.drafting.parameters import TOLERANCE, ParameterGuess
 from fmucorrect.effects import toml
-from fmucorrect.errors import one_line
+from fmucorrect.errors import few, one_line
 from fmucorrect.fmu import FmuDescription
 from fmucorrect.signals import NANOSECONDS
 
 
 @dataclass(frozen=True)
 class DraftedRun:
-    """A log, the simulated record that belongs to it, its role, and what the others have and it has not."""
+    """A log, the simulated record that belongs to it, its role, what the others have and it has not, and its clock in the study
+    with the reason, "" for none."""
 
     path: Path
     simulated: Path | None
     role: str
     missing: tuple[str, ...]
+    clock: str
 
 
 @dataclass(frozen=True)
 class Draft:
-    """inputs: column by the name of the FMU's input. units: of variables that the FMU leaves without one. quiet: s at the
-    beginning of the first run in which nothing moves. unpaired: columns that show no output. left_out: what a log holds that
-    is no column, in words."""
+    """units: of variables that the FMU leaves without one. quiet: s at the beginning of the first run in which nothing moves.
+    unpaired: columns that show no output, in words. left_out: what a log holds that is no column, in words."""
 
     model: FmuDescription
     step_ns: int
     why_step: str
-    inputs: Mapping[str, str]
+    driving: Driving
     channels: tuple[ChannelGuess, ...]
     joints: tuple[JointGuess, ...]
     parameters: tuple[ParameterGuess, ...]
@@ -59,17 +61,7 @@ class Draft:
         yield f"step_size = {self.step_ns / NANOSECONDS!r}  # guess: {self.why_step}"
         if self.units:
             yield f"units = {toml(self.units)}  # guess: the FMU says none; SI, unless sizes say otherwise"
-        renamed = {name: column for name, column in self.inputs.items() if name != column}
-        unsaid = {guess.column: guess.column_unit for guess in self.channels if guess.column_unit}
-        if renamed or unsaid or not self.inputs:
-            yield ""
-            yield "[records]"
-        if not self.inputs:
-            yield "clock = 0.0  # guess: run and log begin at once; an [excitation] that both recorded would tell"
-        if renamed:
-            yield f"columns = {toml(renamed)}  # guess: inputs of the FMU, by alike names and units"
-        if unsaid:
-            yield f"units = {toml(unsaid)}  # guess: the logs say none; what makes simulated and measured of one size"
+        yield from self._records()
         for guess in self.channels:
             yield from self._channel(guess)
         for joint in self.joints:
@@ -84,8 +76,26 @@ class Draft:
         yield from self._conditions(folder)
         if self.unpaired:
             yield ""
-            yield from (f"# column {one_line(name)} is used for nothing" for name in self.unpaired[:50])
+            yield from (f"# used for nothing: column {one_line(text)}" for text in self.unpaired[:50])
         yield from (f"# left out: {one_line(text)}" for text in self.left_out)
+
+    def _records(self) -> Iterator[str]:
+        guesses = (*self.driving.inputs, *self.channels)
+        unsaid = {guess.column: guess.column_unit for guess in guesses if guess.column_unit}
+        renamed = [guess for guess in self.driving.inputs if guess.variable != guess.column]
+        if unsaid:
+            yield ""
+            yield "[records]"
+            yield f"units = {toml(unsaid)}  # guess: the logs say none; what makes simulated and measured of one size"
+        if renamed:
+            yield ""
+            yield "[records.columns]"
+        for guess in renamed:
+            yield f"{toml(guess.variable)} = {toml(guess.column)}  # guess: {one_line(guess.why)}"
+        if self.driving.inputs and all(guess.sign < 0 for guess in self.channels):
+            yield "# every channel has measurement_sign = -1: it may as well be what drives the model that counts the other way"
+        if self.driving.untried:
+            yield f"# {self.driving.untried} further pairs of a column and an input were not tried: too many"
 
     def _channel(self, guess: ChannelGuess) -> Iterator[str]:
         named = f"alike names ({guess.alike:.2f})" if guess.alike > 0.5 else "no likeness of the names"
@@ -93,7 +103,8 @@ class Draft:
         yield "[[channels]]"
         yield f"name = {toml(guess.output)}"
         yield f"simulation = {toml(guess.output)}"
-        yield f"measurement = {toml(guess.column)}  # guess: {named}, correlation {guess.shown:+.2f}"
+        rivals = f"; as likely: {one_line(few(guess.rivals))}" if guess.rivals else ""
+        yield f"measurement = {toml(guess.column)}  # guess: {named}, correlation {guess.shown:+.2f}{rivals}"
         yield f'quantity = "{guess.quantity}"'
         said = "  # guess: nobody says one" if guess.column_unit and guess.variable_unit else ""
         yield f"unit = {toml(guess.unit)}{said}"
@@ -126,11 +137,14 @@ class Draft:
             yield f"name = {toml(run.path.stem + (f' {number}' if number > 1 else ''))}"
             held = "  # guess: the last run is held out, so that something proves what is found"
             yield f'role = "{run.role}"{held if run.role == "evaluation" else ""}'
-            if self.inputs:
+            if self.driving.inputs:
                 yield f"inputs = {toml(_relative(run.path, folder))}"
             yield f"measurement = {toml(_relative(run.path, folder))}"
             if run.simulated is not None:
                 yield f"simulated = {toml(_relative(run.simulated, folder))}"
+            if run.clock:
+                value, _, reason = run.clock.partition("  #")
+                yield f"records = {{ clock = {value} }}  #{reason}"
             if run is self.runs[0] and self.quiet:
                 yield f"quiet = [0.0, {self.quiet:.3f}]  # guess: nothing moves there"
             if run.missing:

@@ -1,0 +1,182 @@
+"""Which columns of a log drive which inputs of the FMU: by name and unit, and where no name tells by what they do. The model
+then runs with a column as that input, and what comes out is held against what was measured beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fmucorrect import units
+from fmucorrect.drafting.guess import likeness, quantity
+from fmucorrect.drafting.joints import find_joints, kind
+from fmucorrect.drafting.pairing import (
+    NAMED,
+    SHOWS,
+    UNITLESS,
+    ChannelGuess,
+    Run,
+    Trial,
+    correlations,
+    family,
+    find_channels,
+    may_be,
+    try_out,
+)
+from fmucorrect.errors import FmuError, SignalError
+from fmucorrect.fmu import FmuDescription, Variable
+
+TRIED = 40
+"""Runs of the model that one input is looked for in, the likeliest names first."""
+LESS = 0.5
+"""Share of what the responses do not explain that a further input may leave: what a model lacks, a measured force beside it
+explains a little of by chance."""
+CHANCE = 4.0
+"""Standard deviations of the correlation of two noises: few rows show nothing."""
+COPY, NEARLY = 0.9999, 0.98
+"""Correlation from which a series is another one once more, and no response to it; NEARLY (filtered, another sensor) counts
+once something drives the model: before, what a spring shows that is moved slowly is as much alike."""
+SAME_SIZE = 0.5
+"""Powers of ten within which a unit makes simulated and measured of one size: half of those between two units."""
+
+
+@dataclass(frozen=True)
+class InputGuess:
+    """A column that drives an input. column_unit: of a column that the file leaves without, where the variable's own is not
+    it; else ""."""
+
+    variable: str
+    column: str
+    why: str
+    column_unit: str = ""
+
+
+@dataclass(frozen=True)
+class Driving:
+    """trial: the run with these inputs. untried: columns and inputs that were not tried out together, as there are too many."""
+
+    inputs: tuple[InputGuess, ...]
+    trial: Trial
+    untried: int = 0
+
+
+def named(fmu: FmuDescription, log: Run) -> tuple[InputGuess, ...]:
+    """The inputs for which the log has a column by its name."""
+    found: dict[str, InputGuess] = {}
+    scores = [
+        (likeness(variable.name, column), variable.name, column)
+        for variable in fmu.of("input")
+        if variable.number
+        for column, unit in log.columns.items()
+        if may_be(variable.unit, unit, fmu.defined)
+    ]
+    for score, name, column in sorted(scores, key=lambda item: -item[0]):
+        if score >= NAMED and name not in found and column not in {guess.column for guess in found.values()}:
+            found[name] = InputGuess(name, column, f"alike names ({score:.2f})")
+    return tuple(found.values())
+
+
+def find_driving(fmu: FmuDescription, log: Run, step_ns: int) -> Driving:
+    """What drives the model. Raises RecordError, FmuError and SignalError: of reading, and of the model."""
+    inputs = named(fmu, log)
+    driving = Driving(inputs, try_out(fmu, log, {g.variable: g.column for g in inputs}, step_ns))
+    while (further := _further(fmu, log, driving, step_ns)) is not None:
+        driving = further
+    return _sized(fmu, log, driving, step_ns)
+
+
+def _further(fmu: FmuDescription, log: Run, known: Driving, step_ns: int) -> Driving | None:
+    """With one more input, which no name tells; None where no column shows that it is one."""
+    pairs = sorted(_possible(fmu, log, known), key=lambda pair: -likeness(pair[0].name, pair[1]))
+    best: tuple[float, Driving] | None = None
+    for variable, column in pairs[:TRIED]:
+        inputs = {guess.variable: guess.column for guess in known.inputs} | {variable.name: column}
+        try:
+            trial = try_out(fmu, log, inputs, step_ns)
+        except (FmuError, SignalError):  # the model does not bear this column: it is not its input
+            continue
+        found = _shown(fmu, log, known, trial, column)
+        if found is None:
+            continue
+        gain, shown = found
+        why = f"no name tells; with it, {shown.output} shows {shown.column} (correlation {shown.shown:+.2f})"
+        guess = InputGuess(variable.name, column, why)
+        score = gain + likeness(variable.name, column)
+        if best is None or score > best[0]:
+            best = score, Driving((*known.inputs, guess), trial, max(len(pairs) - TRIED, 0))
+    return None if best is None else best[1]
+
+
+def _possible(fmu: FmuDescription, log: Run, known: Driving) -> Iterator[tuple[Variable, str]]:
+    """Inputs without a column, and columns that move and may be of the same quantity. Once something drives the model, a
+    force at a joint is left to what the model lacks."""
+    driven = [guess.variable for guess in known.inputs]
+    moving = dict(zip(known.trial.columns, np.ptp(known.trial.measured, axis=0) > 0.0, strict=True))
+    free = [v for v in fmu.of("input") if v.number and not v.discrete and v.name not in driven]
+    pushing = {joint.force for joint in find_joints(fmu, driven)} if driven and free else ()
+    for variable in free:
+        for column, unit in log.columns.items():
+            theirs = "displacement" if quantity(unit) == "angle" else quantity(unit)
+            alike = not kind(variable) or theirs in (None, kind(variable))
+            fits = alike and may_be(variable.unit, unit, fmu.defined)
+            if fits and variable.name not in pushing and moving.get(column):
+                yield variable, column
+
+
+def _shown(
+    fmu: FmuDescription, log: Run, known: Driving, trial: Trial, column: str
+) -> tuple[float, ChannelGuess] | None:
+    """By how much the responses are explained better with this column as an input, and the response that shows it best; None
+    where that is not enough."""
+    driven = known.trial.measured[: len(trial.simulated), [known.trial.columns.index(column)]]
+    copied = np.abs(correlations(known.trial.measured[: len(driven)], driven))[:, 0]
+    others = [c for c, r in zip(known.trial.columns, copied, strict=True) if r < (NEARLY if known.inputs else COPY)]
+    # an output shows the input of the step before, where the model hands it through
+    echoes = [correlations(trial.simulated[late : len(driven)], driven[: len(driven) - late]) for late in (0, 1)]
+    echoed = np.abs(np.hstack(echoes)).max(axis=1) >= COPY
+    before = {guess.column: guess.shown for guess in find_channels(fmu, log, known.trial.only(others))}
+    after = find_channels(fmu, log, replace(trial.only(others), simulated=np.where(echoed, 0.0, trial.simulated)))
+    best = max(after, key=lambda guess: abs(guess.shown), default=None)
+    if best is None or abs(best.shown) < max(SHOWS, CHANCE / np.sqrt(len(trial.measured))):
+        return None
+    left = sum(1.0 - guess.shown**2 for guess in after)
+    was = sum(1.0 - before.get(guess.column, 0.0) ** 2 for guess in after)
+    if known.inputs and left > LESS * was:
+        return None
+    return was - left, best
+
+
+def _sized(fmu: FmuDescription, log: Run, driving: Driving, step_ns: int) -> Driving:
+    """With the unit of the one column that drives and says none, where the responses say that it is not the variable's own."""
+    unsaid = [g for g in driving.inputs if log.columns[g.column] in UNITLESS and g.column != g.variable]
+    ratio = _ratio(fmu, log, driving)
+    if len(unsaid) != 1 or ratio is None:
+        return driving
+    (guess,), own = unsaid, fmu.variables[unsaid[0].variable].unit
+    away = {unit: abs(np.log10(ratio / units.conversion(unit, own, ""))) for unit in family(own)}
+    unit = min(away, key=lambda other: away[other])
+    if away[own] <= SAME_SIZE:
+        return driving
+    if away[unit] > SAME_SIZE:
+        told = replace(guess, why=f"{guess.why}; what is measured is {ratio:.3g} times as large as what comes out")
+        return replace(driving, inputs=_with(driving.inputs, told))
+    inputs = _with(driving.inputs, replace(guess, column_unit=unit))
+    told = replace(log, columns={**log.columns, guess.column: unit})
+    return Driving(inputs, try_out(fmu, told, {g.variable: g.column for g in inputs}, step_ns), driving.untried)
+
+
+def _with(inputs: Sequence[InputGuess], told: InputGuess) -> tuple[InputGuess, ...]:
+    return tuple(told if guess.variable == told.variable else guess for guess in inputs)
+
+
+def _ratio(fmu: FmuDescription, log: Run, driving: Driving) -> float | None:
+    """How many times as large as simulated the responses are whose units both sides say; None where there are none."""
+    found: list[float] = []
+    for guess in find_channels(fmu, log, driving.trial):
+        output = fmu.variables[guess.output]
+        if log.columns[guess.column] in UNITLESS or output.unit in UNITLESS:
+            continue
+        factor = units.conversion(guess.unit, output.unit, guess.column, fmu.defined)
+        found.append(driving.trial.ratio(guess.column, guess.output) * factor)
+    return float(np.median(found)) if found else None
