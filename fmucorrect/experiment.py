@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float64, Int64
@@ -27,7 +28,7 @@ class Pair:
     recorded excitation says of the time; None where it was not asked. clock: how the time was found, in words. steady: rows
     of the steady forced segment, within `measured`. ratio: rows for one sample of the record, which was resampled where it
     is not 1. rate: ppm by which the measurement's clock runs fast, as it was placed: that of `offset` where it is sure, else
-    0.
+    0. defined: units of the FMU's own.
     """
 
     condition: Condition
@@ -41,6 +42,7 @@ class Pair:
     ratio: float = 1.0
     rate: float = 0.0
     clock: str = ""
+    defined: Mapping[str, units.Unit] = field(default_factory=lambda: units.NONE)
 
     @property
     def t_ns(self) -> Int64[np.ndarray, " N"]:
@@ -86,11 +88,12 @@ def read_samples(study: Study, condition: Condition) -> Record:
     raw = records.read(condition.measurement, names, reading=condition.reading, allow_damaged=study.allow_damaged)
     timebase.require_uniform(raw, where=str(condition.measurement))
     conversions: list[units.Conversion] = []
+    known = sources.defined(study)
     channels, signs = list[Channel](), list[int]()
     for have, want in zip(raw.channels, wanted, strict=True):
         unit = want.unit or have.unit
         where = f"{condition.measurement}, column {have.name}"
-        conversions.append(units.convert(have.unit, unit, where))
+        conversions.append(units.convert(have.unit, unit, where, known))
         signs.append(want.measurement_sign)
         channels.append(replace(want, unit=unit))
     scaling = units.Scaling.of(conversions)
@@ -117,7 +120,7 @@ def pair(
     start = known.place(int(measured.t_ns[0]))
     if start is None:
         assert study.excitation is not None
-        offset = _register(simulated, measured, study.excitation.simulation, step)
+        offset = _register(simulated, measured, study.excitation.simulation, step, sources.defined(study))
         rate = clock_rate(offset, len(measured) * step, step)
         start = at_rate(offset, rate)
         told = _registered(offset, rate)
@@ -141,6 +144,7 @@ def pair(
         ratio,
         rate,
         told,
+        sources.defined(study),
     )
 
 
@@ -153,9 +157,9 @@ def _registered(offset: Offset, rate: float) -> str:
     )
 
 
-def _register(simulated: Record, measured: Record, name: str, step: float) -> Offset:
+def _register(simulated: Record, measured: Record, name: str, step: float, defined: Mapping[str, units.Unit]) -> Offset:
     """Offset of the recorded excitation, both sides in the simulation's unit where both say theirs."""
     here, there = (record.channels[record.index(name)].unit for record in (simulated, measured))
     known = here not in ("", "1") and there not in ("", "1")
-    factor = units.conversion(there, here, f"excitation {name!r}") if known else 1.0
+    factor = units.conversion(there, here, f"excitation {name!r}", defined) if known else 1.0
     return find_offset(simulated[name], measured[name] * factor, step)

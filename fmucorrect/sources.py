@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -61,6 +61,11 @@ def fmu_of(study: Study) -> Path:
     if study.fmu is None:
         raise FmuError("the study names no FMU", where=str(study.path), remedy="Name it: [simulation] fmu.")
     return study.fmu
+
+
+def defined(study: Study) -> Mapping[str, units.Unit]:
+    """The units that the study's FMU declares itself."""
+    return units.NONE if study.fmu is None else open_fmu(study.fmu).defined
 
 
 def driving(study: Study, condition: Condition) -> tuple[Variable, ...]:

@@ -1,5 +1,7 @@
 """One condition from study to pair: FMU or log as the simulation, units, signs, sample rates and clocks of the measurement."""
 
+import re
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +13,7 @@ from fmucorrect.records import writer
 from fmucorrect.signals import Channel, Record
 from fmucorrect.sources import log_inputs
 from fmucorrect.study import load_study
+from fmucorrect.training.data import samples
 
 OSCILLATOR = Path(__file__).resolve().parent.parent / "fmus" / "oscillator" / "oscillator.fmu"
 STUDY = """format = 1
@@ -132,3 +135,31 @@ def test_what_is_missing_or_does_not_fit(tmp_path: Path) -> None:
     write(tmp_path / "log.mcap", t, 0, x=(wave(t), "1"))
     with pytest.raises(SignalError, match="has no unit"):
         list(log_inputs(tmp_path / "log.mcap", study.channels))
+
+
+def test_a_study_in_a_unit_of_the_fmus_own(tmp_path: Path) -> None:
+    """A plank is 2 m, as the FMU says: measured in mm, it is one of 500, and training knows it in m."""
+    with zipfile.ZipFile(OSCILLATOR) as there, zipfile.ZipFile(tmp_path / "plank.fmu", "w") as own:
+        for name in there.namelist():
+            data = there.read(name)
+            if name == "modelDescription.xml":
+                text = data.decode().replace(
+                    "<UnitDefinitions>", '<UnitDefinitions><Unit name="plank"><BaseUnit m="1" factor="2" /></Unit>'
+                )
+                text, changed = re.subn(r'(name="mass1\.x"[^<]*<Real[^>]*unit=)"m"', r'\1"plank"', text)
+                assert changed == 1
+                data = text.encode()
+            own.writestr(name, data)
+    t = np.arange(2000) * 1e-3
+    write(tmp_path / "measured.mcap", t, 0, probe=(500.0 * np.sin(t), "mm"), base__d=(np.sin(t), "mm"))
+    study = STUDY.format(fmu='fmu = "plank.fmu"', sign=1, simulated='inputs = "measured.mcap"')
+    study = (
+        re.sub(r"\[excitation\][^\[]*", "", study)
+        .replace('unit = "mm"', 'unit = "plank"')
+        .replace("frequency = 2.0", "")
+    )
+    (tmp_path / "study.toml").write_text(study, encoding="utf-8")
+    loaded = load_study(tmp_path / "study.toml")
+    item = pair(loaded, loaded.condition("one"))
+    np.testing.assert_allclose(item.measured[:, 0], 0.25 * np.sin(t), atol=1e-9)
+    assert samples(item, 4).metres == (2.0,)

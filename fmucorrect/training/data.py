@@ -70,7 +70,10 @@ def samples(pair: Pair, rows: int) -> Samples:
         acceleration=pair.acceleration[kept],
         equipped=pair.equipped,
         channels=tuple(channel.name for channel in pair.simulated.channels[:channels]),
-        metres=tuple(units.parse(channel.unit).factor for channel in pair.simulated.channels[:channels]),
+        metres=tuple(
+            units.explained(channel.unit, channel.name, pair.defined).factor
+            for channel in pair.simulated.channels[:channels]
+        ),
         step=float(t_ns[1] - t_ns[0]) / NANOSECONDS,
     )
 
