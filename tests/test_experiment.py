@@ -7,12 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fmucorrect.discovery.simulator import place_of
 from fmucorrect.errors import RecordError, SignalError
 from fmucorrect.experiment import pair, read_measurement, simulate
+from fmucorrect.fmu import open_fmu
 from fmucorrect.records import writer
 from fmucorrect.signals import Channel, Record
 from fmucorrect.sources import log_inputs
-from fmucorrect.study import load_study
+from fmucorrect.study import Joint, load_study
 from fmucorrect.training.data import samples
 
 OSCILLATOR = Path(__file__).resolve().parent.parent / "fmus" / "oscillator" / "oscillator.fmu"
@@ -137,19 +139,23 @@ def test_what_is_missing_or_does_not_fit(tmp_path: Path) -> None:
         list(log_inputs(tmp_path / "log.mcap", study.channels))
 
 
-def test_a_study_in_a_unit_of_the_fmus_own(tmp_path: Path) -> None:
-    """A plank is 2 m, as the FMU says: measured in mm, it is one of 500, and training knows it in m."""
-    with zipfile.ZipFile(OSCILLATOR) as there, zipfile.ZipFile(tmp_path / "plank.fmu", "w") as own:
+def with_planks(path: Path) -> None:
+    """The oscillator, whose lengths are in a unit of its own."""
+    with zipfile.ZipFile(OSCILLATOR) as there, zipfile.ZipFile(path, "w") as own:
         for name in there.namelist():
             data = there.read(name)
             if name == "modelDescription.xml":
-                text = data.decode().replace(
-                    "<UnitDefinitions>", '<UnitDefinitions><Unit name="plank"><BaseUnit m="1" factor="2" /></Unit>'
-                )
-                text, changed = re.subn(r'(name="mass1\.x"[^<]*<Real[^>]*unit=)"m"', r'\1"plank"', text)
-                assert changed == 1
+                unit = '<UnitDefinitions><Unit name="plank"><BaseUnit m="1" factor="2" /></Unit>'
+                text = data.decode().replace("<UnitDefinitions>", unit)
+                text, changed = re.subn(r'(name="(?:mass1\.x|joint1\.d)"[^<]*<Real[^>]*unit=)"m"', r'\1"plank"', text)
+                assert changed == 2
                 data = text.encode()
             own.writestr(name, data)
+
+
+def test_a_study_in_a_unit_of_the_fmus_own(tmp_path: Path) -> None:
+    """A plank is 2 m, as the FMU says: measured in mm, it is one of 500, and training knows it in m."""
+    with_planks(tmp_path / "plank.fmu")
     t = np.arange(2000) * 1e-3
     write(tmp_path / "measured.mcap", t, 0, probe=(500.0 * np.sin(t), "mm"), base__d=(np.sin(t), "mm"))
     study = STUDY.format(fmu='fmu = "plank.fmu"', sign=1, simulated='inputs = "measured.mcap"')
@@ -163,3 +169,11 @@ def test_a_study_in_a_unit_of_the_fmus_own(tmp_path: Path) -> None:
     item = pair(loaded, loaded.condition("one"))
     np.testing.assert_allclose(item.measured[:, 0], 0.25 * np.sin(t), atol=1e-9)
     assert samples(item, 4).metres == (2.0,)
+
+
+def test_a_joint_in_a_unit_of_the_fmus_own(tmp_path: Path) -> None:
+    """Laws compute in SI: what they see of a plank is 2 m."""
+    with_planks(tmp_path / "plank.fmu")
+    found = place_of(open_fmu(tmp_path / "plank.fmu"), Joint("spring", "joint1.f", "joint1.d"))
+    assert found.ports[0] is not None
+    assert found.ports[0].factor == 2.0

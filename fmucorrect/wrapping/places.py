@@ -70,7 +70,7 @@ def _source(fmu: FmuDescription, wire: Wire, kind: str, name: str, sign: int, pr
         return Source(variable, float(sign))
     for unit in UNITS[kind]:
         try:
-            return Source(variable, sign * conversion(variable.unit, unit, where))
+            return Source(variable, sign * conversion(variable.unit, unit, where, fmu.defined))
         except SignalError:
             continue
     problems.append(f"{where}: {name!r} is in {variable.unit!r}, expected a unit like {' or '.join(UNITS[kind])}")

@@ -117,7 +117,7 @@ def wire(fmu: FmuDescription, info: Info, mapping: MappingFile) -> Wiring:
         raise WrapError("; ".join(problems), where=str(fmu.path), remedy=remedy)
     channels: list[Source] = []
     for variable, channel in zip(found, info.channels, strict=True):
-        channels.append(Source(variable, _factor(variable, channel.unit, f"channel {channel.name!r}")))
+        channels.append(Source(variable, _factor(fmu, variable, channel.unit, f"channel {channel.name!r}")))
     conditions, tunables = _conditions(fmu, info, mapping)
     return Wiring(tuple(channels), conditions, tunables, _parameters(fmu, info, mapping))
 
@@ -135,7 +135,7 @@ def _conditions(fmu: FmuDescription, info: Info, mapping: MappingFile) -> tuple[
                     "; ".join(fmu.unknown([said], "variable")) or f"{said!r} is no single number",
                     where=f"{mapping.path}: conditions.{key}",
                 )
-            sources[key] = Source(variable, _factor(variable, unit, f"conditions.{key}"))
+            sources[key] = Source(variable, _factor(fmu, variable, unit, f"conditions.{key}"))
         elif said is not None:
             tunables[key] = float(said)
         elif (
@@ -158,7 +158,7 @@ def known_by_solver(
         if variable is None or not variable.number or not variable.unit:
             continue
         try:
-            factor = conversion(variable.unit, unit, name)
+            factor = conversion(variable.unit, unit, name, fmu.defined)
         except SignalError:
             continue
         if all(math.isclose(factor * row[name], value, rel_tol=1e-6) for row, value in zip(rows, values, strict=True)):
@@ -177,7 +177,7 @@ def _parameters(fmu: FmuDescription, info: Info, mapping: MappingFile) -> Mappin
         ) from error
 
 
-def _factor(variable: Variable, unit: str, where: str) -> float:
+def _factor(fmu: FmuDescription, variable: Variable, unit: str, where: str) -> float:
     """What a value of the solver is multiplied by to be in `unit`. Raises WrapError where only the solver says no unit."""
     if not variable.unit and unit not in ("", "1"):
         raise WrapError(
@@ -185,7 +185,7 @@ def _factor(variable: Variable, unit: str, where: str) -> float:
             expected=f"a unit like {unit!r}",
             remedy=f'Say in a mapping file which one the solver computes in: [units] "{variable.name}" = "{unit}".',
         )
-    return 1.0 if variable.unit in ("", "1") else conversion(variable.unit, unit, where)
+    return 1.0 if variable.unit in ("", "1") else conversion(variable.unit, unit, where, fmu.defined)
 
 
 def _real(variable: Variable) -> bool:
