@@ -34,6 +34,8 @@ SHOWS = 0.5
 """Correlation from which a column shows an output, whatever it is called."""
 HINTS = 0.2
 """Correlation that a column needs whose name says it already: a model that lacks something may be far off."""
+ROUNDED = 1e-12
+"""Share of a column's swing by which it differs from another one that is the same: what converting leaves, and no noise."""
 TIED = 0.05
 """Correlation and likeness together, by which another column may stand behind the best and still be the one."""
 OUTPUTS = 500
@@ -133,7 +135,8 @@ def beside(log: Run, other: Run) -> Run:
         return log
     rows = min(len(record := log.read(shared)), len(again := other.read(shared)))
     a, b = record.values[:rows], again.values[:rows]
-    same = (a == b).all(axis=0) & (np.ptp(a, axis=0) > 0.0)
+    swing = np.ptp(a, axis=0)
+    same = (np.abs(a - b).max(axis=0) <= ROUNDED * swing) & (swing > 0.0)
     return replace(log, repeated=frozenset(name for name, one in zip(shared, same, strict=True) if one))
 
 
@@ -216,13 +219,12 @@ def find_channels(fmu: FmuDescription, log: Run, trial: Trial) -> tuple[ChannelG
         for c in trial.columns
     ]
     score = np.where(np.reshape(fits, shown.shape), np.abs(shown) + alike, -1.0)
-    pairs = list(zip(*linear_sum_assignment(-score), strict=True))
+    sure = (score >= 0.0) & ((np.abs(shown) >= SHOWS) | ((alike >= NAMED) & (np.abs(shown) >= HINTS)))
+    pairs = [(c, o) for c, o in zip(*linear_sum_assignment(-score), strict=True) if sure[c, o]]
     free = sorted(set(range(len(trial.columns))) - {c for c, _ in pairs})
     found: list[ChannelGuess] = []
     for c, o in pairs:
         r, name = float(shown[c, o]), float(alike[c, o])
-        if score[c, o] < 0.0 or not (abs(r) >= SHOWS or (name >= NAMED and abs(r) >= HINTS)):
-            continue
         column, variable = trial.columns[c], trial.outputs[o]
         ratio = trial.ratio(column, variable.name)
         unit, variable_unit, column_unit = _units(log.columns[column], variable, ratio)
