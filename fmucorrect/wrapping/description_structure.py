@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 
 from fmucorrect.errors import WrapError
 from fmucorrect.wrapping.added import Added, AddedVariable, variables
@@ -128,6 +128,19 @@ def _dependencies(root: ET.Element, sources: Sequence[str], at_start: bool) -> s
         elif variable.get("causality") not in ("parameter", "structuralParameter"):
             return None
     return found if sources else None
+
+
+def fed_through(root: ET.Element, sources: Sequence[str], apart_from: Collection[str] = ()) -> bool:
+    """Whether one of the solver's variables `sources` may depend at once on an input, other than those `apart_from`: also
+    where the model description does not say (ModelStructure of both standards: on everything, then)."""
+    knowns = _dependencies(root, sources, False) if sources else set[int]()
+    if knowns is None:
+        return True
+    for i, variable in enumerate(section(root, "ModelVariables"), 1):
+        place = i if version(root) == 2 else int(variable.get("valueReference", "0"))
+        if place in knowns and variable.get("causality") == "input" and variable.get("name") not in apart_from:
+            return True
+    return False
 
 
 def _is_known(variable: ET.Element, at_start: bool, fmi: int) -> bool:

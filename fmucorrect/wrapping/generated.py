@@ -29,7 +29,9 @@ class Place:
 @dataclass(frozen=True)
 class Facts:
     """All that is generated. inner: None for the network alone. outer: FMI version, 2 or 3. base: first added value
-    reference. wired: the cross-version table, () in the same version. states: of all effects. coupling: sub-step, s."""
+    reference. wired: the cross-version table, () in the same version. states: of all effects. coupling: sub-step, s.
+    channels_fed: whether a channel may depend on an input at once; joints_fed: whether what a law sees may, on an input
+    that is no force of a law."""
 
     inner: FmuDescription | None
     outer: int
@@ -42,6 +44,8 @@ class Facts:
     variable_step: bool
     places: Sequence[Place] = ()
     coupling: float = 0.0
+    channels_fed: bool = True
+    joints_fed: bool = True
 
 
 def header(facts: Facts) -> str:
@@ -63,6 +67,8 @@ def header(facts: Facts) -> str:
         "WIRED_COUNT": len(facts.wired),
         "WIRED_LARGEST": max([1, *(row.size for row in facts.wired), *(size for _, size in _arrays(facts))]),
         "FORCES": len(_forces(facts)),
+        "CHANNELS_FED": int(facts.channels_fed),
+        "JOINTS_FED": int(facts.joints_fed),
         "ANSWERED": int(any(place.answers for place in facts.places)),
         "COUPLING": ctext.number(facts.coupling or facts.step_ns / 1e9, "the coupling step"),
     }

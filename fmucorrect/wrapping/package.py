@@ -20,6 +20,7 @@ from fmucorrect.workfolder import WorkFolder
 from fmucorrect.wrapping import alone, compiler, ctext, description_xml, generated, laws, network, places, proof, solver
 from fmucorrect.wrapping.added import Added
 from fmucorrect.wrapping.description import Capabilities, Description, Outer, describe
+from fmucorrect.wrapping.description_structure import fed_through
 from fmucorrect.wrapping.generated import Facts
 from fmucorrect.wrapping.proof import Proof
 from fmucorrect.wrapping.wiring import MappingFile, Wiring, read_mapping, wire
@@ -216,6 +217,7 @@ def _generate(parts: _Parts, net: Mapping[str, bytes]) -> tuple[dict[str, bytes]
         located = places.places(parts.inner, found.wiring)
         sub_ns = round(coupling * 1e9) or parts.step_ns
         located, untried = places.with_answers(parts.inner, located, sub_ns, parts.starts)
+    root = description_xml.read(parts.xml)
     facts = Facts(
         inner=parts.inner,
         outer=parts.fmi,
@@ -228,6 +230,12 @@ def _generate(parts: _Parts, net: Mapping[str, bytes]) -> tuple[dict[str, bytes]
         variable_step=parts.inner is not None and "variable step size" in parts.inner.capabilities,
         places=located,
         coupling=coupling,
+        channels_fed=fed_through(root, [source.variable.name for source in parts.wiring.channels]),
+        joints_fed=fed_through(
+            root,
+            [port.variable.name for place in located for port in place.ports if port],
+            {place.force.name for place in located},
+        ),
     )
     digest = hashlib.sha256(parts.inner.path.read_bytes() if parts.inner else b"")
     for name in sorted(sources):

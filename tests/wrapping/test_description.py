@@ -266,3 +266,22 @@ def test_channels_that_are_no_structured_names_make_the_names_flat() -> None:
         model = validated(description)
         assert model.variableNamingConvention == ("structured" if structured else "flat") or name == "'a b'.c"
         assert bool(description.left_out) == (model.variableNamingConvention == "flat")
+
+
+@pytest.mark.parametrize(
+    ("names", "apart_from", "fed"),
+    [
+        (["y"], (), True),
+        (["y_also"], ("u", "blob"), False),  # what is left are a parameter and time
+        (["y"], ("u",), True),
+        (["sampled"], (), True),  # a clock is an input, too
+        (["a[1]"], (), False),
+        (["gear"], (), True),  # it says nothing of it
+        (["x"], (), True),
+        (["a[1]", "gear"], (), True),
+        (["p"], (), False),
+        ([], (), False),
+    ],
+)
+def test_which_outputs_an_input_may_reach_at_once(names: list[str], apart_from: tuple[str, ...], fed: bool) -> None:
+    assert description_structure.fed_through(ET.fromstring(AWKWARD_3), names, apart_from) == fed

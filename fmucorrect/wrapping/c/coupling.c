@@ -1,13 +1,16 @@
 /* Effects in the loop: forces that the model lacks, fed back into the solver's force inputs.
  *
- * A piece of a step is divided into sub-steps of at most COUPLING s. Each begins by reading the joints; a law then sees
+ * A piece of a step is divided into sub-steps of at most COUPLING s. The joints are read where a sub-step ends, or, where
+ * they may depend at once on an input that is no force of a law (JOINTS_FED), where the next one begins; a law then sees
  * what they will show in the middle of the sub-step, and its force is held in the solver over it. The displacement is
  * moved on with the velocity (d + v h / 2), the other ports with their change since the last reading, which lies where
  * the sub-step before began (v + (v - v_last) h / (2 h_last)); without one, at the start and after an event, they stay
  * as read. Without a velocity the displacement is differentiated: (d - d_last) / h_last belongs to the middle of the
  * last sub-step, and two such differences lead to the beginning and to the middle of this one. Second order in the
  * sub-step. An acceleration answers to forces at once: what the forces that were held have to do with it is taken out of
- * what is read, and the new forces are solved together with it (together.h). discovery/c/march.c does the same. */
+ * what is read, and the new forces are solved together with it (together.h). discovery/c/march.c does the same.
+ *
+ * Switched off, nothing is read, set or divided; switched on again, it begins as at the start. */
 #include <math.h>
 #include <string.h>
 
@@ -27,21 +30,30 @@ static double answered(size_t i, const double forces[])
     return sum;
 }
 
-/* What law i sees, the acceleration as without all forces. gap: s since the last reading, 0 where there is none before `now`. */
-static Status read_joint(Wrapper *self, size_t i, double gap, double size, double port[4])
+static Status read_joints(Wrapper *self)
 {
     State *s = &self->state;
-    const Place *place = &PLACES[i];
-    const bool shown = place->ports[1].size != 0; /* the velocity */
-    double now[4] = {0.0}, *last = s->ports[i];
-    for (size_t p = 0; p < 4; p++) {
-        if (!place->ports[p].size)
-            continue;
-        const Status status = inner_numbers(self, &place->ports[p], 1, &now[p]);
-        if (status > STATUS_WARNING)
-            return status;
-        now[p] *= place->factors[p];
-    }
+    Status worst = STATUS_OK;
+    for (size_t i = 0; i < EFFECTS; i++)
+        for (size_t p = 0; p < 4; p++) {
+            if (!PLACES[i].ports[p].size)
+                continue;
+            const Status status = inner_numbers(self, &PLACES[i].ports[p], 1, &s->joints[i][p]);
+            worst = status > worst ? status : worst;
+            if (status > STATUS_WARNING)
+                return status;
+            s->joints[i][p] *= PLACES[i].factors[p];
+        }
+    s->joints_due = false;
+    return worst;
+}
+
+/* What law i sees, the acceleration as without all forces. gap: s since the last reading, 0 where there is none before. */
+static void look(State *s, size_t i, double gap, double size, double port[4])
+{
+    const bool shown = PLACES[i].ports[1].size != 0; /* the velocity */
+    double now[4], *last = s->ports[i];
+    memcpy(now, s->joints[i], sizeof now);
     now[2] -= answered(i, s->held);
     if (!shown)
         now[1] = gap > 0.0 ? (now[0] - last[0]) / gap : last[1];
@@ -55,7 +67,6 @@ static Status read_joint(Wrapper *self, size_t i, double gap, double size, doubl
         port[p] = begin + 0.5 * size * change;
     }
     memcpy(last, now, sizeof now);
-    return STATUS_OK;
 }
 
 /* The forces of all laws at a time, the middle of a sub-step of that size. */
@@ -86,21 +97,20 @@ static Status apply_forces(Wrapper *self, double time, double size)
     State *s = &self->state;
     double ports[EFFECTS][4] = {{0.0}}, forces[EFFECTS] = {0.0}, total[FORCES + 1] = {0.0};
     const double gap = s->moved && time > s->moved_at ? time - s->moved_at : 0.0;
+    const Status read = s->joints_due ? read_joints(self) : STATUS_OK;
+    if (read > STATUS_WARNING)
+        return read;
     for (size_t f = 0; f != FORCES && !s->moved; f++)
         s->held[f] = s->host_force[f]; /* since initialisation */
-    for (size_t i = 0; i < EFFECTS; i++) {
-        const Status status = read_joint(self, i, gap, size, ports[i]);
-        if (status > STATUS_WARNING)
-            return status;
-    }
+    for (size_t i = 0; i < EFFECTS; i++)
+        look(s, i, gap, size, ports[i]);
     if (!s->moved || gap > 0.0) { /* not a step that is tried again */
         s->readings += s->readings < 2;
         s->span = gap;
     }
     s->moved = true;
     s->moved_at = time;
-    if (s->effects_enabled)
-        solve(s, time + 0.5 * size, size, ports, forces);
+    solve(s, time + 0.5 * size, size, ports, forces);
     for (size_t i = 0; i < EFFECTS; i++)
         total[PLACES[i].force] += PLACES[i].factor * forces[i];
     for (size_t f = 0; f != FORCES; f++) {
@@ -113,18 +123,47 @@ static Status apply_forces(Wrapper *self, double time, double size)
     }
     return STATUS_OK;
 }
+
+/* The solver gets back what the host has given it. */
+static Status let_go(Wrapper *self)
+{
+    State *s = &self->state;
+    s->moved = false;
+    s->readings = 0;
+    s->joints_due = true;
+    for (size_t f = 0; f != FORCES; f++) {
+        if (s->force[f] == 0.0)
+            continue;
+        s->force[f] = 0.0;
+        const Value value = {NUMBER, s->host_force[f], 0, NULL};
+        const Status status = inner_set(self, &FORCE_INPUTS[f], &value);
+        if (status > STATUS_WARNING)
+            return status;
+    }
+    return STATUS_OK;
+}
 #endif
 
 Status coupling_advance(Wrapper *self, double begin, double size, Outcome *outcome)
 {
 #if EFFECTS
-    const double count = size > COUPLING ? ceil(size / COUPLING - 1e-6) : 1.0, part = size / count;
+    State *s = &self->state;
+    const bool whole = size <= COUPLING || (INNER_VARIABLE_STEP && !s->effects_enabled);
+    const double count = whole ? 1.0 : ceil(size / COUPLING - 1e-6), end = begin + size;
+    double time = begin;
     Status worst = STATUS_OK;
-    for (double i = 0.0; i < count; i++) {
-        const double time = begin + i * part;
-        Status status = apply_forces(self, time, part);
+    s->divided = s->divided || count > 1.0;
+    for (double i = 0.0; i < count; i++, time = outcome->last) {
+        const bool rest = INNER_VARIABLE_STEP && i > 0.0 && i + 1.0 == count; /* ends where the whole does */
+        const double part = rest ? end - time : size / count;
+        Status status = s->effects_enabled ? apply_forces(self, time, part) : let_go(self);
+        s->joints_due = true;
         if (status <= STATUS_WARNING)
             status = inner_step(self, time, part, outcome);
+        if (status <= STATUS_WARNING && s->effects_enabled && !JOINTS_FED && !outcome->event) {
+            const Status read = read_joints(self);
+            status = read > status ? read : status;
+        }
         if (status > worst)
             worst = status;
         if (status > STATUS_WARNING || outcome->early || outcome->terminate)

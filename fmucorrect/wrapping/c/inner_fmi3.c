@@ -112,7 +112,7 @@ Status inner_step(Wrapper *self, double time, double size, Outcome *outcome)
 /* Event mode in the middle of a host's step that may not end early (FMI 3.0.2, 4.2.1). */
 Status inner_events(Wrapper *self, Outcome *outcome)
 {
-    self->state.readings = 0;
+    variables_jumped(self);
     if (!I.event_mode || !I.EnterEventMode || !I.UpdateDiscreteStates || !I.EnterStepMode)
         return STATUS_OK;
     Status status = (Status)I.EnterEventMode(I.component);

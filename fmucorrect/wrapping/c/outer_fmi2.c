@@ -56,7 +56,7 @@ fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean tolerance_defined, f
 {
     REFUSE_WITHOUT_INSTANCE;
     W;
-    self->state.now = start;
+    self->state.host = start;
     return (fmi2Status)inner_setup(self, tolerance_defined != fmi2False, tolerance, start, stop_defined != fmi2False, stop);
 }
 
@@ -72,7 +72,7 @@ fmi2Status fmi2ExitInitializationMode(fmi2Component c)
     REFUSE_WITHOUT_INSTANCE;
     W;
     const Status status = inner_exit_initialisation(self);
-    return (fmi2Status)(status > STATUS_WARNING ? status : wrapper_started(self, self->state.now));
+    return (fmi2Status)(status > STATUS_WARNING ? status : wrapper_started(self, self->state.host));
 }
 
 fmi2Status fmi2Terminate(fmi2Component c)
@@ -90,17 +90,18 @@ fmi2Status fmi2Reset(fmi2Component c)
 }
 
 #if DIRECT
-#define RUN(function, CAST)                                                                                              \
+#define RUN(function, touched)                                                                                           \
     const size_t run = solver_run(vr + i, n - i);                                                                        \
     if (run) {                                                                                                           \
-        const Status status = self->inner.function ? (Status)self->inner.function(self->inner.component, vr + i, run, CAST(value + i)) \
+        touched;                                                                                                         \
+        const Status status = self->inner.function ? (Status)self->inner.function(self->inner.component, vr + i, run, value + i) \
                                                    : STATUS_ERROR;                                                       \
         worst = status > worst ? status : worst;                                                                         \
         i += run;                                                                                                        \
         continue;                                                                                                        \
     }
 #else
-#define RUN(function, CAST)
+#define RUN(function, touched)
 #endif
 
 #define ACCESS(Name, CLASS, member)                                                                                      \
@@ -110,7 +111,7 @@ fmi2Status fmi2Reset(fmi2Component c)
         W;                                                                                                               \
         Status worst = STATUS_OK;                                                                                        \
         for (size_t i = 0; i < n && worst <= STATUS_WARNING;) {                                                          \
-            RUN(Get##Name, )                                                                                             \
+            RUN(Get##Name, (void)0)                                                                                      \
             Value got = {CLASS, 0.0, 0, NULL};                                                                           \
             const Status one = variable_get(self, vr[i], CLASS, &got);                                                   \
             worst = one > worst ? one : worst;                                                                           \
@@ -123,10 +124,8 @@ fmi2Status fmi2Reset(fmi2Component c)
         REFUSE_WITHOUT_INSTANCE;                                                                                         \
         W;                                                                                                               \
         Status worst = STATUS_OK;                                                                                        \
-        if (n)                                                                                                           \
-            variables_touched(self);                                                                                     \
         for (size_t i = 0; i < n && worst <= STATUS_WARNING;) {                                                          \
-            RUN(Set##Name, )                                                                                             \
+            RUN(Set##Name, variables_touched(self))                                                                      \
             Value given = {CLASS, 0.0, 0, NULL};                                                                         \
             given.member = value[i];                                                                                     \
             const Status one = variable_set(self, vr[i++], &given);                                                      \

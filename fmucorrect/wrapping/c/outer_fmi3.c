@@ -69,7 +69,7 @@ fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean tolera
                                        fmi3Boolean stop_defined, fmi3Float64 stop)
 {
     REFUSE_WITHOUT_INSTANCE;
-    self->state.now = start;
+    self->state.host = start;
     const Status status = inner_setup(self, tolerance_defined, tolerance, start, stop_defined, stop);
     return (fmi3Status)(status > STATUS_WARNING ? status : inner_enter_initialisation(self));
 }
@@ -79,7 +79,7 @@ fmi3Status fmi3ExitInitializationMode(fmi3Instance instance)
 {
     REFUSE_WITHOUT_INSTANCE;
     const Status status = inner_exit_initialisation(self);
-    return (fmi3Status)(status > STATUS_WARNING ? status : wrapper_started(self, self->state.now));
+    return (fmi3Status)(status > STATUS_WARNING ? status : wrapper_started(self, self->state.host));
 }
 
 fmi3Status fmi3Terminate(fmi3Instance instance)
@@ -119,8 +119,7 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 time, fmi3Float64 size,
     fmi3Status fmi3##function(fmi3Instance instance)                                                                     \
     {                                                                                                                    \
         REFUSE_WITHOUT_INSTANCE;                                                                                         \
-        variables_touched(self);                                                                                         \
-        self->state.readings = 0;                                                                                        \
+        variables_jumped(self);                                                                                          \
         return self->inner.function                                                                                      \
                    ? self->inner.function(self->inner.component)                                                         \
                    : (fmi3Status)wrapper_log(self, STATUS_ERROR, "the solver's FMU has no fmi3" #function);              \

@@ -9,7 +9,7 @@
 
 #if DIRECT
 /* A run of the solver's own variables; where the wrapper's are asked for in the same call, arrays count with their declared size. */
-#define RUN(function)                                                                                                    \
+#define RUN(function, touched)                                                                                           \
     const size_t run = solver_run(vr + i, n - i);                                                                        \
     if (run) {                                                                                                           \
         size_t count = run == n ? n_values : 0;                                                                          \
@@ -18,6 +18,7 @@
         if (at + count > n_values)                                                                                       \
             return (fmi3Status)wrapper_log(self, STATUS_ERROR, "fmi3" #function ": room for %zu values was given, %zu are needed", \
                                            n_values, at + count);                                                        \
+        touched;                                                                                                         \
         const Status status =                                                                                            \
             self->inner.function ? (Status)self->inner.function(self->inner.component, vr + i, run, values + at, count)  \
                                  : STATUS_ERROR;                                                                         \
@@ -27,7 +28,7 @@
         continue;                                                                                                        \
     }
 #else
-#define RUN(function)
+#define RUN(function, touched)
 #endif
 #define ROOM(function)                                                                                                   \
     if (at >= n_values)                                                                                                  \
@@ -39,7 +40,7 @@
         REFUSE_WITHOUT_INSTANCE;                                                                                         \
         Status worst = STATUS_OK;                                                                                        \
         for (size_t i = 0, at = 0; i < n && worst <= STATUS_WARNING;) {                                                  \
-            RUN(Get##Name)                                                                                               \
+            RUN(Get##Name, (void)0)                                                                                      \
             ROOM(Get##Name);                                                                                             \
             Value got = {CLASS, 0.0, 0, NULL};                                                                           \
             const Status one = variable_get(self, vr[i++], CLASS, &got);                                                 \
@@ -53,10 +54,8 @@
     {                                                                                                                    \
         REFUSE_WITHOUT_INSTANCE;                                                                                         \
         Status worst = STATUS_OK;                                                                                        \
-        if (n)                                                                                                           \
-            variables_touched(self);                                                                                     \
         for (size_t i = 0, at = 0; i < n && worst <= STATUS_WARNING;) {                                                  \
-            RUN(Set##Name)                                                                                               \
+            RUN(Set##Name, variables_touched(self))                                                                      \
             ROOM(Set##Name);                                                                                             \
             Value given = {CLASS, 0.0, 0, NULL};                                                                         \
             given.member = values[at++];                                                                                 \

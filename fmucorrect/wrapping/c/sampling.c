@@ -6,7 +6,13 @@
  * that are added up in floating point do not drift away from it. Between samples the correction of the last one is held: corrected =
  * solver's output now + correction of the last sample. A solver that needs a constant step gets one, the same number each time: the
  * sample time if the host's step is a multiple of it, the host's step if that is a fraction of it; any other step, and any change
- * from one to another, is refused. A sample is what the solver's outputs are when the next step begins, with the inputs of its time. */
+ * from one to another, is refused.
+ *
+ * A sample is what the solver's outputs are with the inputs of its time: read when the step that leads to it has ended, and again
+ * when the next one begins where an output may depend on an input at once (CHANNELS_FED) and inputs have been set in between.
+ *
+ * Two clocks: `host` is the host's, which may be coarse; `now` the solver's, to which each step begins where the last one ended.
+ * They are one as long as the host's numbers follow each other but for the rounding of double precision. */
 #include <float.h>
 #include <math.h>
 #include <string.h>
@@ -18,6 +24,8 @@
 
 #define SECOND 1e9
 #define SNAP (STEP_NS / 10000 + 1) /* ns; a sample missed by less is met */
+#define ROUNDING (4.0 * DBL_EPSILON) /* of a host that adds its steps up, or counts them and multiplies */
+#define COARSE (4.0 * FLT_EPSILON) /* the same in single precision, 4 to 8 units in the last place */
 #define LONGEST 4e9 /* s; differences of such times still fit into nanoseconds of 64 bits */
 
 #if CHANNELS
@@ -47,7 +55,7 @@ Status sampling_row(Wrapper *self)
         if (!(fabs(row[j]) <= FLT_MAX) && bad == CHANNELS) /* a window is of single precision */
             bad = j;
     }
-    s->row_stale = false;
+    s->row_stale = s->row_due = false;
     if (s->ill != (bad < CHANNELS) || (s->on_grid && memcmp(row, s->row, sizeof row) != 0))
         s->stale = true;
     memcpy(s->row, row, sizeof row);
@@ -63,7 +71,7 @@ Status sampling_row(Wrapper *self)
                     CHANNEL_NAMES[bad], row[bad], s->now, ROWS);
     s->ill = bad < CHANNELS;
 #else
-    s->row_stale = false;
+    s->row_stale = s->row_due = false;
 #endif
     return s->ill ? STATUS_WARNING : STATUS_OK;
 }
@@ -148,14 +156,14 @@ static Status check_step(Wrapper *self, double time, double size)
         return wrapper_log(self, STATUS_ERROR, "a step was asked for before initialisation has ended");
     if (!(size > 0.0 && time + size < LONGEST && time > -LONGEST))
         return wrapper_log(self, STATUS_ERROR, "a step from t = %.9g s of %.9g s was asked for, expected one of more than 0 s", time, size);
-    if (fabs(time - s->now) * SECOND > SNAP)
+    if (fabs(time - s->host) > fmin(0.5 * size, fmax(SNAP / SECOND, COARSE * fabs(time))))
         return wrapper_log(self, STATUS_ERROR, "a step from t = %.9g s was asked for, expected from %.9g s, where the last one ended", time,
-                           s->now);
+                           s->host);
     return INNER_VARIABLE_STEP ? STATUS_OK : check_constant_step(self, size);
 }
 
-/* One piece of a step, which ends at the next sample or before it. `last`: it is to reach `target`, s. */
-static Status step_piece(Wrapper *self, double begin, double piece, double target, bool last, Outcome *outcome)
+/* One piece of a step, which ends at the next sample or before it. `last`: the step ends with it. */
+static Status step_piece(Wrapper *self, double begin, double piece, bool last, Outcome *outcome)
 {
     State *s = &self->state;
     const int64_t before_ns = s->now_ns, next_ns = s->sample_ns + STEP_NS;
@@ -171,7 +179,7 @@ static Status step_piece(Wrapper *self, double begin, double piece, double targe
     const bool part = status == STATUS_DISCARD || outcome->early;
     if (status > STATUS_WARNING && !part)
         return status;
-    s->now = part ? outcome->last : last ? target : (double)next_ns / SECOND;
+    s->now = outcome->last;
     s->now_ns = part || last ? llround(s->now * SECOND) : next_ns;
     s->on_grid = s->on_grid && s->now_ns == before_ns;
     s->row_stale = true;
@@ -185,18 +193,21 @@ static Status step_piece(Wrapper *self, double begin, double piece, double targe
     return status;
 }
 
-static Status step_by_pieces(Wrapper *self, double time, double size, bool may_return_early, Outcome *outcome)
+/* From `start` by `size` s, on the solver's clock. */
+static Status step_by_pieces(Wrapper *self, double start, double size, bool may_return_early, Outcome *outcome)
 {
     State *s = &self->state;
-    const int64_t target_ns = llround((time + size) * SECOND);
+    const double end = start + size;
+    const int64_t end_ns = llround(end * SECOND);
     Status worst = STATUS_OK;
-    double begin = time;
-    for (bool last = false; !last; begin = s->now) {
+    const bool idle = INNER_VARIABLE_STEP && !CHANNELS && !s->effects_enabled; /* nothing needs pieces */
+    double begin = start;
+    for (bool whole = true, last = false; !last; whole = false, begin = s->now) {
         const int64_t next_ns = s->sample_ns + STEP_NS;
-        last = target_ns <= next_ns + SNAP;
-        /* undivided, the solver gets the host's own numbers; divided, those of FmuStepper */
-        const double piece = last && begin == time ? size : (double)((last ? target_ns : next_ns) - llround(begin * SECOND)) / SECOND;
-        const Status status = step_piece(self, begin, piece, time + size, last, outcome);
+        last = idle || end_ns <= next_ns + SNAP;
+        s->divided = s->divided || !last;
+        const double piece = !last ? (double)(next_ns - s->now_ns) / SECOND : whole ? size : end - begin;
+        const Status status = step_piece(self, begin, piece, last, outcome);
         if (status > worst)
             worst = status;
         if (status > STATUS_WARNING)
@@ -212,9 +223,9 @@ static Status step_by_pieces(Wrapper *self, double time, double size, bool may_r
                 return worst;
             }
             const Status handled = inner_events(self, outcome);
-            if (handled > STATUS_WARNING)
-                return handled;
-            s->row_stale = true;
+            const Status after = handled > STATUS_WARNING ? handled : sampling_row(self);
+            if (after > STATUS_WARNING)
+                return after;
         }
         if (outcome->terminate) {
             outcome->early = !last;
@@ -224,14 +235,33 @@ static Status step_by_pieces(Wrapper *self, double time, double size, bool may_r
     return worst;
 }
 
+/* The sample of the time at which a step begins, with the inputs that the host has set by now. Switched off, nothing is read here,
+ * and a window that misses a sample fills anew. */
+static Status complete_sample(Wrapper *self)
+{
+    State *s = &self->state;
+    if (!s->row_due || !s->on_grid)
+        return STATUS_OK;
+    if (s->enabled)
+        return sampling_row(self);
+    s->row_due = false;
+    s->seen = 0;
+    return STATUS_OK;
+}
+
 Status sampling_step(Wrapper *self, double time, double size, bool may_return_early, Outcome *outcome)
 {
-    *outcome = (Outcome){.last = time};
+    State *s = &self->state;
+    *outcome = (Outcome){.last = s->host};
     Status status = check_step(self, time, size);
     if (status <= STATUS_WARNING)
-        status = sampling_row(self); /* the row of this time, with the inputs that the host has set by now */
-    if (status <= STATUS_WARNING)
-        status = step_by_pieces(self, time, size, may_return_early, outcome);
-    outcome->last = self->state.now;
+        status = complete_sample(self);
+    if (status > STATUS_WARNING)
+        return status;
+    const bool same = !s->divided && fabs(time - s->now) <= ROUNDING * (1.0 + fabs(time));
+    const double begin = same ? time : s->now;
+    status = step_by_pieces(self, begin, size, may_return_early, outcome);
+    s->host = status <= STATUS_WARNING && !outcome->early ? time + size : s->now + (time - begin);
+    outcome->last = s->host;
     return status;
 }

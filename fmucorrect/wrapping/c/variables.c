@@ -40,7 +40,21 @@ size_t variable_size(uint32_t reference)
     return 1;
 }
 
-void variables_touched(Wrapper *self) { self->state.row_stale = self->state.stale = true; }
+/* Outputs that no input reaches at once are still those that were read when the last step had ended. */
+void variables_touched(Wrapper *self)
+{
+    State *s = &self->state;
+    s->row_stale = s->stale = true;
+    s->row_due = s->row_due || CHANNELS_FED;
+    s->joints_due = s->joints_due || JOINTS_FED;
+}
+
+void variables_jumped(Wrapper *self)
+{
+    State *s = &self->state;
+    s->row_stale = s->stale = s->row_due = s->joints_due = true;
+    s->readings = 0;
+}
 
 static Status unknown(Wrapper *self, uint32_t reference, const char *what)
 {
@@ -141,7 +155,7 @@ Status variable_get(Wrapper *self, uint32_t reference, Class class, Value *value
         return unknown(self, reference, "there is no such variable");
     *value = (Value){.class = class};
     if (variable->kind == TIME_KIND) {
-        value->number = self->state.now;
+        value->number = self->state.host;
         return STATUS_OK;
     }
     if (class_of(variable) != class)

@@ -25,7 +25,7 @@ static Status start_over(Wrapper *self)
 {
     State *s = &self->state;
     memset(s, 0, sizeof *s);
-    s->enabled = s->effects_enabled = s->row_stale = s->stale = true;
+    s->enabled = s->effects_enabled = s->row_stale = s->row_due = s->joints_due = s->stale = true;
     s->status = WARMUP;
     memcpy(s->conditions, TUNABLES, sizeof s->conditions);
     effects_start(s->states);
@@ -124,14 +124,14 @@ Status wrapper_reset(Wrapper *self)
     return again > status ? again : status;
 }
 
-/* Initialisation has ended at `time`: here is the first sample. */
+/* Initialisation has ended at `time`: here is the first sample, which is read before inputs are set for the first step. */
 Status wrapper_started(Wrapper *self, double time)
 {
     State *s = &self->state;
     if (!(fabs(time) < 4e9)) /* LONGEST of sampling.c */
         return wrapper_log(self, STATUS_ERROR, "the start time %g s is too far from 0", time);
-    s->started = s->on_grid = s->row_stale = s->stale = true;
-    s->now = time;
+    s->started = s->on_grid = s->row_stale = s->row_due = s->stale = true;
+    s->now = s->host = time;
     s->now_ns = s->sample_ns = llround(time * 1e9);
-    return STATUS_OK;
+    return s->enabled && !CHANNELS_FED ? sampling_row(self) : STATUS_OK;
 }

@@ -94,14 +94,18 @@ typedef struct {
     bool started;     /* initialisation has ended: there is a first sample */
     bool on_grid;     /* the newest row of the window belongs to the time that has been reached */
     bool row_stale;   /* the solver's outputs may have changed since they were read */
+    bool row_due;     /* the sample of this time is to be read (again) before the solver goes on */
+    bool joints_due;  /* the joints likewise */
+    bool divided;     /* the solver has been given other steps than the host's */
     bool stale;       /* the correction does not follow yet from window and conditions */
     bool ill;         /* the last sample was not finite, and that was said */
-    int64_t now_ns;   /* time that has been reached */
+    int64_t now_ns;   /* time that has been reached, on the solver's clock */
     int64_t sample_ns; /* time of the newest sample */
     double piece;     /* a solver of constant step: its step in s, 0 before the first */
     uint32_t seen, seen_before;
     int status;
-    double now; /* s, as the host says it */
+    double now;  /* s, where the solver's last step ended: its begin + its size, in the solver's own arithmetic */
+    double host; /* s, where the host's last step ended, on the host's clock */
     double conditions[CONDITIONS];
     double row[CHANNELS + 1]; /* the solver's response now, in the channels' units */
     double delta[CHANNELS + 1], sigma[CHANNELS + 1];
@@ -109,6 +113,7 @@ typedef struct {
     double host_force[FORCES + 1], force[FORCES + 1]; /* the host's own share of the force inputs, and the laws' */
     double held[FORCES + 1];      /* what they held in the last sub-step */
     double states[EFFECT_STATES + 1];
+    double joints[EFFECTS + 1][4]; /* the joints of every law as they were read last */
     double ports[EFFECTS + 1][4]; /* of every law at the time moved_at (s), see coupling.c */
     bool moved;                   /* they were read */
     double moved_at, span;        /* span: s from the reading before to moved_at, 0 without one */
@@ -120,7 +125,7 @@ typedef struct {
 
 typedef struct {
     bool event, terminate, early;
-    double last; /* s, time that was reached */
+    double last; /* s, time that was reached; on the clock of whom it is told */
 } Outcome;
 
 typedef struct Wrapper Wrapper;
@@ -205,7 +210,8 @@ size_t solver_run(const uint32_t references[], size_t n); /* how many of the fir
 size_t variable_size(uint32_t reference);
 Status variable_get(Wrapper *self, uint32_t reference, Class class, Value *value);
 Status variable_set(Wrapper *self, uint32_t reference, const Value *value);
-void variables_touched(Wrapper *self); /* the host has set something */
+void variables_touched(Wrapper *self); /* the host has set a variable of the solver */
+void variables_jumped(Wrapper *self);  /* the solver has been in another mode */
 
 /* inner_fmi*.c */
 Status inner_open(Wrapper *self, const char *library);

@@ -1,0 +1,70 @@
+"""FMUs of tests/fmus/foreign: solvers in C that behave as commercial exporters' do, in FMI 2.0 and 3.0."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from fmucorrect.wrapping import compiler
+
+SOURCES = Path(__file__).resolve().parents[1] / "fmus" / "foreign"
+UNITS = {"u": "mm", "f": "N", "x": "mm", "y": "mm", "v": "m/s", "a": "m/s2"}
+VARIABLES = {  # by value reference, as the C code counts them; u and f are inputs
+    "restarting": ("u", "f", "x", "y", "v", "a", "restarts"),
+    "clock": ("u", "f", "x", "misses", "apart", "steps", "end", "shortest", "longest"),
+}
+FED: Mapping[str, tuple[str, ...]] = {"y": ("u",), "a": ("u", "f")}
+"""The outputs that inputs reach at once."""
+_BASES = {"mm": 'm="1" factor="0.001"', "N": 'kg="1" m="1" s="-2"', "m/s": 'm="1" s="-1"', "m/s2": 'm="1" s="-2"'}
+
+
+def foreign(path: Path, model: str, fmi: int, *, stated: bool = True, constant: bool = False) -> Path:
+    """An FMU file of tests/fmus/foreign/{model}.c. stated: whether it says what its outputs depend on. constant: whether it
+    needs a constant step."""
+    folder = "linux64" if fmi == 2 else "x86_64-linux"
+    files = {
+        "modelDescription.xml": _description(model, fmi, stated, constant).encode(),
+        f"binaries/{folder}/{model}.so": _library(model),
+    }
+    compiler.write_fmu(path, files)
+    return path
+
+
+def _description(model: str, fmi: int, stated: bool, constant: bool) -> str:
+    names = VARIABLES[model]
+    variables, structure = "", ""
+    for i, name in enumerate(names):
+        unit = f' unit="{UNITS[name]}"' if name in UNITS else ""
+        unit += ' start="0"' if i < 2 else ""
+        head = f'name="{name}" valueReference="{i}" causality="{"input" if i < 2 else "output"}"'
+        variables += (
+            f"<ScalarVariable {head}><Real{unit}/></ScalarVariable>" if fmi == 2 else f"<Float64 {head}{unit}/>"
+        )
+        if i >= 2:
+            known = [str(names.index(fed) + (fmi == 2)) for fed in FED.get(name, ())]
+            depends = f' dependencies="{" ".join(known)}"' if stated else ""
+            structure += (
+                f'<Unknown index="{i + 1}"{depends}/>' if fmi == 2 else f'<Output valueReference="{i}"{depends}/>'
+            )
+    if fmi == 2:
+        structure = f"<Outputs>{structure}</Outputs>"
+    units = "".join(f'<Unit name="{name}"><BaseUnit {base}/></Unit>' for name, base in _BASES.items())
+    flag = "" if constant else ' canHandleVariableCommunicationStepSize="true"'
+    token = "guid" if fmi == 2 else "instantiationToken"
+    return f"""<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="{fmi}.0" modelName="{model}" {token}="{{{model}}}">
+<CoSimulation modelIdentifier="{model}"{flag}/>
+<UnitDefinitions>{units}</UnitDefinitions>
+<ModelVariables>{variables}</ModelVariables>
+<ModelStructure>{structure}</ModelStructure></fmiModelDescription>"""
+
+
+@cache
+def _library(model: str) -> bytes:
+    with TemporaryDirectory() as folder:
+        target, _, suffix = compiler.TARGETS["linux64"][0]
+        output = Path(folder) / f"{model}{suffix}"
+        compiler.compile_library(SOURCES, [f"{model}.c"], target, output, ["-O1"])
+        return output.read_bytes()
