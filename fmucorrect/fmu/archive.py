@@ -17,7 +17,7 @@ from xml.parsers import expat
 from fmucorrect.errors import FmuError
 
 MODEL_DESCRIPTION = "modelDescription.xml"
-_BUILD_DESCRIPTION = "sources/buildDescription.xml"
+BUILD_DESCRIPTION = "sources/buildDescription.xml"
 ENTRIES = 100_000
 """Entries of an archive; the largest FMUs that are known, with a whole runtime inside, have some ten thousand."""
 UNPACKED = 4 << 30
@@ -148,8 +148,8 @@ def fmi_version(archive: zipfile.ZipFile, path: Path) -> str:
     """The FMI version of the model description; the XML that others will parse is found well-formed and free of
     entities first. Raises FmuError."""
     version = _root_attribute(read(archive, MODEL_DESCRIPTION, path), MODEL_DESCRIPTION, path)
-    if _BUILD_DESCRIPTION in archive.namelist():
-        _root_attribute(read(archive, _BUILD_DESCRIPTION, path), _BUILD_DESCRIPTION, path)
+    if BUILD_DESCRIPTION in archive.namelist():
+        _root_attribute(read(archive, BUILD_DESCRIPTION, path), BUILD_DESCRIPTION, path)
     return version
 
 

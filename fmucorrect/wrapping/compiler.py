@@ -44,6 +44,7 @@ _FLAGS = [
     "-Wextra",
     "-Wno-unused-parameter",
 ]
+_C = Path(__file__).parent / "c"
 EXACT = ["-O2", "-ffp-contract=off"]
 """No fused multiply-add, so that the platforms round alike."""
 
@@ -103,15 +104,13 @@ def compile_library(
 
 
 def fmi_headers(version: int) -> list[Path]:
-    """The standard's C headers for FMI version 2 or 3, as fmpy carries them."""
-    spec = importlib.util.find_spec("fmpy")
-    assert spec is not None
-    assert spec.origin is not None
-    names = {
-        2: ("fmi2Functions", "fmi2FunctionTypes", "fmi2TypesPlatform"),
-        3: ("fmi3Functions", "fmi3FunctionTypes", "fmi3PlatformTypes"),
-    }
-    return [Path(spec.origin).parent / "c-code" / f"{name}.h" for name in names[version]]
+    """The standard's C headers for FMI version 2 or 3, unchanged: in those of fmpy, FMI2_FUNCTION_PREFIX does nothing."""
+    return sorted((_C / "fmi").glob(f"fmi{version}*.h"))
+
+
+def linkage() -> dict[str, bytes]:
+    """The headers by which all C files of one FMU agree on the names that the linker sees."""
+    return {name: (_C / name).read_bytes() for name in ("linkage.h", "names.h")}
 
 
 def fat_library(slices: Sequence[bytes]) -> bytes:

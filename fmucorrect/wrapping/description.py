@@ -20,6 +20,7 @@ from fmucorrect.wrapping.description_fmi3 import to_fmi3
 from fmucorrect.wrapping.description_structure import append, free_base, names
 from fmucorrect.wrapping.description_units import define_log_category
 from fmucorrect.wrapping.description_xml import add, read, section, true, value_element, version, write
+from fmucorrect.wrapping.linked import FileSet
 
 _INHERITED = {
     2: (
@@ -59,7 +60,7 @@ class Capabilities:
 @dataclass(frozen=True)
 class Outer:
     """The FMU that is made. fmi: 2 or 3. identifier: of its library. name: of the model. token: GUID or instantiation
-    token. tool: what generated it. files: names of its C sources."""
+    token. tool: what generated it. files: names of its C sources. solver: those that compile the solver's."""
 
     fmi: int
     identifier: str
@@ -68,6 +69,7 @@ class Outer:
     tool: str
     files: tuple[str, ...] = ()
     capabilities: Capabilities = Capabilities()
+    solver: tuple[FileSet, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -154,15 +156,17 @@ def _rewrite_interface(root: ET.Element, outer: Outer, early: bool) -> None:
     interface.extend(annotations)
     if outer.fmi == 2 and outer.files:
         files = add(interface, "SourceFiles")
-        for name in outer.files:
+        for name in (*outer.files, *(name for more in outer.solver for name in more.files)):
             add(files, "File", {"name": name})
 
 
 def _build_description(outer: Outer) -> bytes:
     root = ET.Element("fmiBuildDescription", {"fmiVersion": "3.0"})
     configuration = add(root, "BuildConfiguration", {"modelIdentifier": outer.identifier})
-    if outer.files:
-        files = add(configuration, "SourceFileSet", {"language": "C11"})
-        for name in outer.files:
-            add(files, "SourceFile", {"name": name})
+    for files in (FileSet("C11", outer.files), *outer.solver):
+        listed = add(configuration, "SourceFileSet", {"language": files.language or None})
+        for name in files.files:
+            add(listed, "SourceFile", {"name": name})
+        for name in files.includes:
+            add(listed, "IncludeDirectory", {"name": name})
     return write(root)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from fmucorrect.errors import MissingExtra, WrapError
 from fmucorrect.workfolder import WorkFolder
-from fmucorrect.wrapping.compiler import Sources
+from fmucorrect.wrapping.compiler import Sources, linkage
 
 if TYPE_CHECKING:
     import onnx
@@ -62,16 +62,18 @@ def sources(path: str | Path) -> NetworkSources:
             remedy="Export the corrector with other operators, or use it from Python.",
         ) from error
     size = f"#define NETWORK_ROWS {rows}\n#define NETWORK_CHANNELS {channels}\n"
-    files = {name: (_HERE / "c" / name).read_bytes() for name in _HAND_WRITTEN}
-    files["network_size.h"] = f"/* The window's shape. */\n{size}".encode()
+    files = linkage() | {name: (_HERE / "c" / name).read_bytes() for name in _HAND_WRITTEN}
+    weights = "".join(f"#define {name} OWN({name})\n" for name in dict.fromkeys(_WEIGHT_NAME.findall(data)))
+    files["network_size.h"] = f"/* The window's shape, and the weights' names (names.h). */\n{size}{weights}".encode()
     files["network_graph.h"] = f"/* The graph, node by node: compiled for each instruction set. */\n{text}".encode()
     files["network_data.c"] = f"/* The weights. */\n{_DATA}{data}".encode()
     return NetworkSources(files, rows, channels)
 
 
-_DATA = '#include "network_machine.h"\n#define EMX_UNUSED NETWORK_ALIGNED\n\n'
+_DATA = '#include "network.h"\n#include "network_machine.h"\n#define EMX_UNUSED NETWORK_ALIGNED\n\n'
 _LOADER = re.compile(r"^_Bool network_graph_load\(.*?^}\n", re.MULTILINE | re.DOTALL)
 _WEIGHT = re.compile(r"\bweight(?=\d+_)")
+_WEIGHT_NAME = re.compile(r"\bnetwork_weight\d+_\w+(?=\[)")
 _HEADER = re.compile(r"\A\s*/\*.*?\*/\s*", re.DOTALL)
 
 

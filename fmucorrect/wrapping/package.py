@@ -17,18 +17,31 @@ from fmucorrect.errors import FmuError, WrapError
 from fmucorrect.fmu import FmuDescription, open_fmu, state_check
 from fmucorrect.fmu.state_check import StateCheck
 from fmucorrect.workfolder import WorkFolder
-from fmucorrect.wrapping import alone, compiler, ctext, description_xml, generated, laws, network, places, proof, solver
+from fmucorrect.wrapping import (
+    alone,
+    compiler,
+    ctext,
+    description_xml,
+    generated,
+    laws,
+    linked,
+    network,
+    places,
+    proof,
+    solver,
+)
 from fmucorrect.wrapping.added import Added
 from fmucorrect.wrapping.description import Capabilities, Description, Outer, describe
 from fmucorrect.wrapping.description_structure import fed_through
 from fmucorrect.wrapping.generated import Facts
+from fmucorrect.wrapping.linked import Linked
 from fmucorrect.wrapping.proof import Proof
 from fmucorrect.wrapping.wiring import MappingFile, Wiring, read_mapping, wire
 
 STEPS = ("generate", "compile", "prove", "check state", "write")
 _C = Path(__file__).parent / "c"
-_HEADERS = ("wrapper.h", "platform.h", "together.h")
-_ALWAYS = ("wrapper", "sampling", "coupling", "variables", "state", "platform")
+_HEADERS = ("wrapper.h", "platform.h", "paths.h", "together.h")
+_ALWAYS = ("wrapper", "sampling", "coupling", "variables", "state", "platform", "paths")
 
 
 @dataclass(frozen=True)
@@ -199,13 +212,18 @@ def _generate(parts: _Parts, net: Mapping[str, bytes]) -> tuple[dict[str, bytes]
         sources |= {path.name: path.read_bytes() for path in compiler.fmi_headers(needed)}
     sources |= {**net, **found.files}
     stem, suffix = (parts.inner.name, "corrected" if parts.model else "augmented") if parts.inner else ("corrector", "")
+    inside = linked.read(parts.inner, parts.xml) if parts.inner else Linked()
+    sources |= inside.files
     outer = Outer(
         fmi=parts.fmi,
         identifier=ctext.identifier(f"{parts.inner.identifier}_{suffix}") if parts.inner else "corrector",
         name=f"{stem} ({suffix})" if suffix else stem,
         token="",
         tool=f"fmucorrect {fmucorrect.__version__}",
-        files=tuple(sorted([*(name for name in sources if name.endswith(".c")), "wrapped.c"])),
+        files=tuple(
+            sorted([*(name for name in sources if name.endswith(".c") and name not in inside.files), "wrapped.c"])
+        ),
+        solver=inside.sets,
     )
     try:
         first = describe(parts.xml, parts.added, outer)
@@ -246,7 +264,7 @@ def _generate(parts: _Parts, net: Mapping[str, bytes]) -> tuple[dict[str, bytes]
     facts, outer = replace(facts, token=token), replace(outer, token=token)
     sources["wrapped.h"] = generated.header(facts).encode()
     sources["wrapped.c"] = generated.tables(facts).encode()
-    return sources, outer, first, untried
+    return sources, outer, first, [*inside.notes, *untried]
 
 
 def _described(parts: _Parts, outer: Outer, copy: bool, serialise: bool) -> dict[str, bytes]:

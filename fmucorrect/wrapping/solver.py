@@ -1,4 +1,5 @@
-"""The solver's FMU as the wrapped one carries it: unpacked in resources/solver, for the platforms asked for."""
+"""The solver's FMU as the wrapped one carries it: unpacked in resources/solver, for the platforms asked for; its sources, where
+hosts look for sources."""
 
 from __future__ import annotations
 
@@ -7,6 +8,7 @@ from pathlib import PurePosixPath
 
 from fmucorrect.errors import WrapError
 from fmucorrect.fmu import FmuDescription, archive
+from fmucorrect.wrapping import linked
 from fmucorrect.wrapping.compiler import TARGETS
 
 PLACE = "resources/solver"
@@ -46,8 +48,16 @@ def files(fmu: FmuDescription, platforms: Sequence[str]) -> dict[str, bytes]:
             top, *rest = PurePosixPath(name).parts or ("",)
             if name.endswith("/") or (top == "binaries" and rest[:1] and rest[0] not in folders):
                 continue
-            found[name if top in _OUTER else f"{PLACE}/{name}"] = archive.read(file, name, fmu.path, archive.UNPACKED)
+            found[_place(name)] = archive.read(file, name, fmu.path, archive.UNPACKED)
     return found
+
+
+def _place(name: str) -> str:
+    """Where an entry of the solver's FMU lies in the wrapped one."""
+    top, *rest = PurePosixPath(name).parts
+    if top == "sources":
+        return "/".join((top, linked.PLACE, *rest))
+    return name if top in _OUTER else f"{PLACE}/{name}"
 
 
 def _folders(fmu: FmuDescription, platform: str) -> list[str]:

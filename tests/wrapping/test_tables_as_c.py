@@ -109,7 +109,8 @@ class Compiled:
         (folder / "effects.h").write_text(effects)
         (folder / "wrapped.h").write_text(generated.header(facts), encoding="utf-8")
         (folder / "wrapped.c").write_text(generated.tables(facts), encoding="utf-8")
-        shutil.copy(HERE / "wrapper.h", folder)
+        for name in ("wrapper.h", "linkage.h", "names.h"):
+            shutil.copy(HERE / name, folder)
         for fmi in (2, 3):
             for path in compiler.fmi_headers(fmi):
                 shutil.copy(path, folder)

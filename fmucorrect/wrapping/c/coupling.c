@@ -72,15 +72,16 @@ static void look(State *s, size_t i, double gap, double size, double port[4])
 /* The forces of all laws at a time, the middle of a sub-step of that size. */
 static void solve(State *s, double time, double size, double ports[EFFECTS][4], double forces[EFFECTS])
 {
+    const double(*const seen)[4] = (const double(*)[4])ports; /* which C11 does not see by itself */
 #if ANSWERED
     double states[EFFECT_STATES + 1], slope[EFFECTS], answers[EFFECTS * EFFECTS];
     memcpy(states, s->states, sizeof states);
     for (size_t i = 0; i < EFFECTS; i++)
         ports[i][2] += answered(i, s->host_force);
-    effects_step(time, size, ports, s->states, forces);
+    effects_step(time, size, seen, s->states, forces);
     for (size_t i = 0; i < EFFECTS; i++)
         ports[i][2] += 1.0;
-    effects_step(time, size, ports, states, slope);
+    effects_step(time, size, seen, states, slope);
     for (size_t i = 0; i < EFFECTS; i++) {
         slope[i] -= forces[i];
         for (size_t j = 0; j < EFFECTS; j++)
@@ -88,7 +89,7 @@ static void solve(State *s, double time, double size, double ports[EFFECTS][4], 
     }
     together(EFFECTS, slope, answers, forces);
 #else
-    effects_step(time, size, ports, s->states, forces);
+    effects_step(time, size, seen, s->states, forces);
 #endif
 }
 

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "paths.h"
 #include "platform.h"
 
 #define NEEDED "Instantiate FreeInstance SetupExperiment EnterInitializationMode ExitInitializationMode Terminate Reset GetReal SetReal DoStep "
@@ -13,6 +14,20 @@
     if (!I.function)                                                                                                     \
     return wrapper_log(self, STATUS_ERROR, "the solver's FMU has no fmi2" #function)
 
+#if LINKED
+#define SOLVER(name) LINKAGE_NAME(INNER_PREFIX, name)
+#define X(name) fmi2##name##TYPE SOLVER(fmi2##name);
+INNER_FUNCTIONS(X)
+#undef X
+
+Status inner_open(Wrapper *self, const char *path)
+{
+#define X(name) I.name = SOLVER(fmi2##name);
+    INNER_FUNCTIONS(X)
+#undef X
+    return STATUS_OK;
+}
+#else
 Status inner_open(Wrapper *self, const char *path)
 {
     char error[512] = "";
@@ -31,6 +46,7 @@ Status inner_open(Wrapper *self, const char *path)
 #undef X
     return missing ? wrapper_log(self, STATUS_ERROR, "the solver's library %s lacks the function %s", path, missing) : STATUS_OK;
 }
+#endif
 
 #if OUTER_FMI != 2
 /* The solver's printf-like words, for a host that wants them formatted. */
@@ -54,11 +70,11 @@ Status inner_instantiate(Wrapper *self, const char *resources, bool visible, boo
     memcpy(&I.callbacks, &own, sizeof own);
     const fmi2CallbackFunctions *callbacks = &I.callbacks;
 #endif
-    char *uri = uri_of_path(resources);
-    I.component = uri ? I.Instantiate(self->name, fmi2CoSimulation, INNER_TOKEN, uri, callbacks, visible, logging) : NULL;
+    char *uri = resources ? uri_of_path(resources) : NULL;
+    I.component = uri || !resources ? I.Instantiate(self->name, fmi2CoSimulation, INNER_TOKEN, uri, callbacks, visible, logging) : NULL;
     if (!I.component)
         wrapper_log(self, STATUS_ERROR, "the solver's FMU %s refused to be instantiated; its own messages, if any, stand above (resources: %s)",
-                    INNER_LIBRARY, uri ? uri : "no memory");
+                    INNER_LIBRARY, uri ? uri : resources ? "no memory" : "none");
     free(uri);
     return I.component ? STATUS_OK : STATUS_ERROR;
 }
@@ -67,8 +83,10 @@ void inner_close(Wrapper *self)
 {
     if (I.component)
         I.FreeInstance(I.component);
+#if !LINKED
     if (I.library)
         library_close(I.library);
+#endif
 }
 
 Status inner_setup(Wrapper *self, bool tolerance_defined, double tolerance, double start, bool stop_defined, double stop)

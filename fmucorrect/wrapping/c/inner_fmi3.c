@@ -13,6 +13,20 @@
     if (!I.function)                                                                                                     \
     return wrapper_log(self, STATUS_ERROR, "the solver's FMU has no fmi3" #function)
 
+#if LINKED
+#define SOLVER(name) LINKAGE_NAME(INNER_PREFIX, name)
+#define X(name) fmi3##name##TYPE SOLVER(fmi3##name);
+INNER_FUNCTIONS(X)
+#undef X
+
+Status inner_open(Wrapper *self, const char *path)
+{
+#define X(name) I.name = SOLVER(fmi3##name);
+    INNER_FUNCTIONS(X)
+#undef X
+    return STATUS_OK;
+}
+#else
 Status inner_open(Wrapper *self, const char *path)
 {
     char error[512] = "";
@@ -31,6 +45,7 @@ Status inner_open(Wrapper *self, const char *path)
 #undef X
     return missing ? wrapper_log(self, STATUS_ERROR, "the solver's library %s lacks the function %s", path, missing) : STATUS_OK;
 }
+#endif
 
 #if OUTER_FMI != 3
 static void log_3(fmi3InstanceEnvironment environment, fmi3Status status, fmi3String category, fmi3String message)
@@ -49,22 +64,24 @@ Status inner_instantiate(Wrapper *self, const char *resources, bool visible, boo
     const fmi3InstanceEnvironment environment = self;
 #endif
     char folder[4096]; /* FMI 3.0.2, 2.1.1: with a separator at its end */
-    snprintf(folder, sizeof folder, "%s/", resources);
+    snprintf(folder, sizeof folder, "%s/", resources ? resources : "");
     I.event_mode = event_mode;
-    I.component = I.InstantiateCoSimulation(self->name, INNER_TOKEN, folder, visible, logging, event_mode, early_return, NULL, 0,
+    I.component = I.InstantiateCoSimulation(self->name, INNER_TOKEN, resources ? folder : NULL, visible, logging, event_mode, early_return, NULL, 0,
                                             environment, callback, NULL);
     return I.component ? STATUS_OK
                        : wrapper_log(self, STATUS_ERROR,
                                      "the solver's FMU %s refused to be instantiated; its own messages, if any, stand above (resources: %s)",
-                                     INNER_LIBRARY, folder);
+                                     INNER_LIBRARY, resources ? folder : "none");
 }
 
 void inner_close(Wrapper *self)
 {
     if (I.component)
         I.FreeInstance(I.component);
+#if !LINKED
     if (I.library)
         library_close(I.library);
+#endif
 }
 
 Status inner_setup(Wrapper *self, bool tolerance_defined, double tolerance, double start, bool stop_defined, double stop)
@@ -145,7 +162,7 @@ Status inner_get(Wrapper *self, const Wired *variable, Value *value)
         fmi3##Name *values = (fmi3##Name *)(void *)I.scratch;                                                            \
         OPTIONAL(Get##Name);                                                                                             \
         status = (Status)I.Get##Name(I.component, &reference, 1, values, variable->size);                                \
-        value->member = values[variable->index];                                                                         \
+        value->member = (Value_##member)values[variable->index];                                                         \
         return status;                                                                                                   \
     }
         NUMBERS(X)

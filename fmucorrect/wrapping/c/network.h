@@ -3,6 +3,7 @@
 #ifndef NETWORK_H
 #define NETWORK_H
 
+#include "names.h"
 #include "network_size.h"
 
 /* window: NETWORK_ROWS rows of NETWORK_CHANNELS values in the channels' units, oldest first. condition: speed in

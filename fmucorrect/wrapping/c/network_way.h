@@ -29,6 +29,8 @@ NETWORK_GCC_TARGET(NETWORK_TARGET)
 
 #if defined(__GNUC__)
 #pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wconversion" /* sizes and indices of the generated graph; all of them are small */
+#pragma GCC diagnostic ignored "-Wsign-conversion"
 #pragma GCC diagnostic ignored "-Wpedantic" /* arrays of several dimensions become const on their way to a node */
 #pragma GCC diagnostic ignored "-Wunused-parameter" /* time, where the network has no phase */
 #endif

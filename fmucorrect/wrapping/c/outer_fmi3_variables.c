@@ -58,7 +58,7 @@
             RUN(Set##Name, variables_touched(self))                                                                      \
             ROOM(Set##Name);                                                                                             \
             Value given = {CLASS, 0.0, 0, NULL};                                                                         \
-            given.member = values[at++];                                                                                 \
+            given.member = (Value_##member)values[at++];                                                                 \
             const Status one = variable_set(self, vr[i++], &given);                                                      \
             worst = one > worst ? one : worst;                                                                           \
         }                                                                                                                \

@@ -1,9 +1,12 @@
-/* What differs between operating systems: shared libraries, and paths as the host writes them. Paths are UTF-8. */
+/* What differs between operating systems: shared libraries, and where they lie. Paths are UTF-8. Not there in an FMU that is linked
+ * into a program: that may run without files. */
 #ifndef PLATFORM_H
 #define PLATFORM_H
 
 #include <stdbool.h>
 #include <stddef.h>
+
+#include "names.h"
 
 /* Folder of binaries/ and suffix of libraries, for an FMU of FMI version 2 or 3; "" where this machine is none of them. */
 const char *platform_folder(int fmi);
@@ -20,13 +23,6 @@ Function library_function(void *library, const char *name);
 
 /* Path of the resources folder next to this very library (binaries/<platform>/../../resources), to be freed; NULL on failure. */
 char *own_resources(void);
-
-/* A file URI as a path, and back; to be freed. path_of_uri takes a path as well and returns a copy of it. */
-char *path_of_uri(const char *uri);
-char *uri_of_path(const char *path);
-
-/* The parts joined by '/', to be freed; NULL ends the list. */
-char *path_join(const char *first, ...);
 
 bool file_exists(const char *path);
 

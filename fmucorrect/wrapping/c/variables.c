@@ -71,12 +71,15 @@ static Status get_added(Wrapper *self, uint32_t variable, Class class, Value *va
     value->class = variable == STATUS_VARIABLE ? INTEGER : variable == ENABLED || variable == EFFECTS_ENABLED ? TRUTH : NUMBER;
     if (value->class != class)
         return unknown(self, ADDED_BASE + variable, "asked for by a function of another type");
+#if CHANNELS
     if (variable < SIGMA_0)
         value->number = s->delta[variable - CORRECTED_0] != 0.0 ? s->row[variable - CORRECTED_0] + s->delta[variable - CORRECTED_0]
                                                                 : s->row[variable - CORRECTED_0]; /* to the bit: -0 + 0 is +0 */
     else if (variable < STATUS_VARIABLE)
         value->number = s->sigma[variable - SIGMA_0];
-    else if (variable == STATUS_VARIABLE)
+    else
+#endif
+    if (variable == STATUS_VARIABLE)
         value->integer = s->status;
     else if (variable == ENABLED || variable == EFFECTS_ENABLED)
         value->integer = variable == ENABLED ? s->enabled : s->effects_enabled;
@@ -161,7 +164,7 @@ Status variable_get(Wrapper *self, uint32_t reference, Class class, Value *value
     if (class_of(variable) != class)
         return unknown(self, reference, "asked for by a function of another type");
     const size_t f = shared_force(variable);
-    if (f < FORCES) {
+    if (f != FORCES) {
         value->number = self->state.host_force[f];
         return STATUS_OK;
     }

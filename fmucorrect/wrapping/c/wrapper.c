@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "effects.h"
+#include "paths.h"
 #include "platform.h"
 
 Status wrapper_log(Wrapper *self, Status status, const char *format, ...)
@@ -40,7 +41,20 @@ static Status start_over(Wrapper *self)
     return STATUS_OK;
 }
 
-#if INNER_FMI
+#if INNER_FMI && LINKED
+/* The solver is in this program, its resources are where the host says, if they are anywhere. */
+static Status open_solver(Wrapper *self, const char *resources, bool visible, bool logging, bool event_mode, bool early_return)
+{
+    char *folder = resources ? path_of_uri(resources) : NULL;
+    char *inner_resources = folder ? path_join(folder, "solver", "resources", NULL) : NULL;
+    Status status = resources && !inner_resources ? STATUS_ERROR : inner_open(self, NULL);
+    if (status == STATUS_OK)
+        status = inner_instantiate(self, inner_resources, visible, logging, event_mode, early_return);
+    free(folder);
+    free(inner_resources);
+    return status;
+}
+#elif INNER_FMI
 /* resources/solver holds the solver's FMU, unpacked. */
 static Status open_solver(Wrapper *self, const char *resources, bool visible, bool logging, bool event_mode, bool early_return)
 {

@@ -11,6 +11,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "names.h"
 #include "wrapped.h"
 
 #if OUTER_FMI == 2 || INNER_FMI == 2
@@ -18,6 +19,13 @@
 #endif
 #if OUTER_FMI == 3 || INNER_FMI == 3
 #include "fmi3FunctionTypes.h"
+#endif
+
+#if defined(__GNUC__)
+#pragma GCC diagnostic ignored "-Wunused-parameter" /* the functions of FMI have theirs, and so have both sides of this wrapper */
+#endif
+#if LINKED && INNER_FMI && !defined(INNER_PREFIX)
+#error "the solver's modelIdentifier is no name in C: its functions cannot be linked"
 #endif
 
 #define DIRECT (OUTER_FMI == INNER_FMI) /* the solver's value references are the host's */
@@ -49,6 +57,9 @@ typedef struct {
     int64_t integer;
     const char *text;
 } Value;
+typedef double Value_number; /* of its members, for the macros of all types */
+typedef int64_t Value_integer;
+typedef const char *Value_text;
 
 typedef struct {
     Wired variable;
@@ -214,7 +225,8 @@ void variables_touched(Wrapper *self); /* the host has set a variable of the sol
 void variables_jumped(Wrapper *self);  /* the solver has been in another mode */
 
 /* inner_fmi*.c */
-Status inner_open(Wrapper *self, const char *library);
+Status inner_open(Wrapper *self, const char *library); /* NULL where it is linked */
+/* resources: the solver's own, NULL where there are none */
 Status inner_instantiate(Wrapper *self, const char *resources, bool visible, bool logging, bool event_mode, bool early_return);
 void inner_close(Wrapper *self);
 Status inner_setup(Wrapper *self, bool tolerance_defined, double tolerance, double start, bool stop_defined, double stop);
