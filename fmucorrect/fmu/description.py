@@ -77,7 +77,8 @@ class FmuDescription:
     """What an FMU says of itself.
 
     fmi: "2.0" or "3.0". identifier: name of its library. token: what the library checks it by. platforms: folders in
-    binaries/ that hold the library. start_time, stop_time, step_size: s, of the default experiment, None where it says
+    binaries/ that hold the library; libraries: all files that could be one. faults: where the model description breaks the FMI
+    standard and can be read all the same. start_time, stop_time, step_size: s, of the default experiment, None where it says
     nothing; tolerance: of its solver, relative, which a run asks for. defined: units that it declares itself, by name.
     capabilities: what it can, in words. log_categories: names of its log categories. wrapped: what `fmucorrect wrap` wrote
     of the solver and the corrector inside; empty for any other FMU.
@@ -99,6 +100,8 @@ class FmuDescription:
     stop_time: float | None
     step_size: float | None
     tolerance: float | None = None
+    libraries: tuple[str, ...] = ()
+    faults: tuple[str, ...] = ()
     defined: Mapping[str, Unit] = field(default_factory=lambda: MappingProxyType({}), repr=False)
     wrapped: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}), repr=False)
 
@@ -145,15 +148,26 @@ class FmuDescription:
             remedy = f"Export it for {wanted}."
             if self.has_sources:
                 remedy = f"Compile its sources with 'fmpy compile {self.path.name}', or export it for {wanted}."
-            inside = ", ".join(self.platforms) or "none"
             raise FmuError(
                 "there is no library for this machine in it",
                 where=str(self.path),
-                expected=wanted,
-                got=inside,
+                expected=f"{wanted}{self.misnamed}",
+                got=self.inside,
                 remedy=remedy,
             )
         return wanted
+
+    @property
+    def inside(self) -> str:
+        """Which libraries there are, for errors: by platform, or where none has the modelIdentifier's name, by its own."""
+        shown = [*self.libraries[:_PROBLEMS], *(["..."] if len(self.libraries) > _PROBLEMS else [])]
+        return ", ".join(self.platforms or shown) or "no libraries"
+
+    @property
+    def misnamed(self) -> str:
+        """What to add to an expected platform where no library has the name that it should have."""
+        wrong = self.libraries and not self.platforms
+        return f", with a library named {self.identifier} as its modelIdentifier" if wrong else ""
 
     def unknown(self, names: Iterable[str], use: str, candidates: Iterable[Variable] | None = None) -> list[str]:
         """A line for each name that no variable (of `candidates`, if given) has, with the nearest that there is."""
@@ -167,8 +181,9 @@ class FmuDescription:
         return lines
 
 
-def open_fmu(path: str | Path) -> FmuDescription:
-    """Read and check the model description of the FMU at `path`; nothing is unpacked or loaded.
+def open_fmu(path: str | Path, *, warn: bool = True) -> FmuDescription:
+    """Read and check the model description of the FMU at `path`; nothing is unpacked or loaded. warn: its faults go to the log,
+    too.
 
     Raises FmuError when the file is no FMU for co-simulation of FMI 2 or 3, is damaged, or is not safe to open.
     """
@@ -177,20 +192,25 @@ def open_fmu(path: str | Path) -> FmuDescription:
         version = archive.fmi_version(file, path)
         names = file.namelist()
         wrapped = _facts(archive.read(file, outputs.FACTS, path)) if outputs.FACTS in names else {}
-    if not version.startswith(("2.", "3.")):
+    if not version.startswith(("2.", "3.")) or "-" in version:
+        draft = ", a draft of the standard, whose functions were other ones," if "-" in version else ""
         raise FmuError(
-            f"FMI version {version!r} is not supported",
+            f"FMI version {version!r}{draft} is not supported",
             where=str(path),
             expected="2.0 or 3.0",
             remedy="Export it again for co-simulation of FMI 2.0 or 3.0.",
         )
-    model = _parse(path)
+    model, faults = _parse(path)
+    if faults and warn:
+        logging.getLogger("fmucorrect.fmu").warning(
+            "%s: the model description breaks the FMI standard: %s", path, "; ".join(faults)
+        )
     slave = model.coSimulation
     if slave is None:
         raise FmuError(
             "this FMU has no co-simulation",
             where=str(path),
-            got="model exchange only, which has no solver in it",
+            got=_other_kinds(model),
             remedy="Export it again for co-simulation.",
         )
     identifier = slave.modelIdentifier or ""
@@ -203,11 +223,9 @@ def open_fmu(path: str | Path) -> FmuDescription:
         )
     variables = {v.name: v for v in map(_variable, model.modelVariables)}
     _check_variables(variables.values(), path)
-    platforms = [
-        parts[1]
-        for parts in (name.split("/") for name in names)
-        if len(parts) == 3 and parts[0] == "binaries" and parts[2] in {f"{identifier}{s}" for s in _LIBRARY_SUFFIXES}
-    ]
+    libraries = [name for name in names if name.startswith("binaries/") and name.endswith(_LIBRARY_SUFFIXES)]
+    own = {f"{identifier}{suffix}" for suffix in _LIBRARY_SUFFIXES}
+    platforms = [parts[1] for parts in (name.split("/") for name in libraries) if len(parts) == 3 and parts[2] in own]
     experiment = model.defaultExperiment or fmpy_description.DefaultExperiment()
     return FmuDescription(
         path=path,
@@ -219,6 +237,8 @@ def open_fmu(path: str | Path) -> FmuDescription:
         tool=model.generationTool or "",
         variables=variables,
         platforms=tuple(sorted(set(platforms))),
+        libraries=tuple(sorted(libraries)),
+        faults=faults,
         has_sources=any(name.startswith("sources/") and name.endswith(".c") for name in names),
         capabilities=tuple(text for flag, text in _CAPABILITIES.items() if getattr(slave, flag, False)),
         log_categories=tuple(category.name for category in model.logCategories),
@@ -239,19 +259,26 @@ def _facts(content: bytes) -> Mapping[str, Any]:
     return facts if isinstance(facts, dict) else {}  # else it is somebody else's file of the same name
 
 
-def _parse(path: Path) -> fmpy_description.ModelDescription:
+def _other_kinds(model: fmpy_description.ModelDescription) -> str:
+    """What an FMU without co-simulation has."""
+    kinds = {
+        "model exchange, which has no solver in it": model.modelExchange,
+        "scheduled execution, whose tasks the host has to call": model.scheduledExecution,
+    }
+    return " and ".join(text for text, there in kinds.items() if there) or "no interface at all"
+
+
+def _parse(path: Path) -> tuple[fmpy_description.ModelDescription, tuple[str, ...]]:
+    """The model description, and where it breaks the standard."""
     with path.open("rb") as file:  # not by name: fmpy takes a name that ends in .xml for something else
         try:
-            return fmpy_description.read_model_description(file)
+            return fmpy_description.read_model_description(file), ()
         except fmpy_description.ValidationError as error:
-            problems = [problem[:_SHOWN] for problem in cast("list[str]", error.problems)[:_PROBLEMS]]
-            logging.getLogger("fmucorrect.fmu").warning(
-                "%s: the model description breaks the FMI standard: %s", path, "; ".join(problems)
-            )
+            problems = tuple(problem[:_SHOWN] for problem in cast("list[str]", error.problems)[:_PROBLEMS])
         except Exception as error:  # fmpy raises nothing narrower
             raise FmuError(f"the model description cannot be read ({str(error)[:_SHOWN]})", where=str(path)) from error
         try:
-            return fmpy_description.read_model_description(file, validate=False)
+            return fmpy_description.read_model_description(file, validate=False), problems
         except Exception as error:  # as above; what the schema said is the better message
             text = "; ".join(problems)
             raise FmuError(f"the model description breaks the FMI standard ({text})", where=str(path)) from error

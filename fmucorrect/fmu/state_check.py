@@ -6,6 +6,7 @@ and, in a second process, from the serialised state.
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -37,7 +38,7 @@ class StateCheck:
 
 def works(path: Path, step_ns: int) -> StateCheck:
     """Tries both; what the FMU does not claim is not tried. step_ns: communication step."""
-    able = open_fmu(path).capabilities
+    able = open_fmu(path, warn=False).capabilities
     if "get and set state" not in able:
         return StateCheck(False, False, "")
     with WorkFolder() as folder:
@@ -55,7 +56,9 @@ def _child(task: str, path: Path, step_ns: int, file: Path) -> str:
     """Runs one task in a process of its own; the reason why it failed, or ""."""
     command = [sys.executable, "-P", "-m", __name__, task, str(path), str(step_ns), str(file)]
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=_LIMIT)
+        done = subprocess.run(
+            command, capture_output=True, text=True, timeout=_LIMIT, env=os.environ | _temporary(file.parent)
+        )
     except subprocess.TimeoutExpired:
         return f"it took longer than {_LIMIT:g} s"
     if done.returncode == 0:
@@ -64,8 +67,15 @@ def _child(task: str, path: Path, step_ns: int, file: Path) -> str:
     return words[-1] if words else f"its process ended with exit code {done.returncode}"
 
 
+def _temporary(folder: Path) -> dict[str, str]:
+    """What makes a process put there whatever is temporary, so that it goes with the folder, however the process ends."""
+    return dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(folder))
+
+
 def _main(task: str, path: Path, step_ns: int, file: Path) -> None:
-    names = [v.name for v in open_fmu(path).of("output") if v.number and v.type in ("Real", "Float64", "Float32")]
+    names = [
+        v.name for v in open_fmu(path, warn=False).of("output") if v.number and v.type in ("Real", "Float64", "Float32")
+    ]
     with FmuStepper(path, tuple(Channel(name, unit="") for name in names)) as stepper:
         stepper.reset(Condition("state check"))
         start = round((stepper.description.start_time or 0.0) * NANOSECONDS)

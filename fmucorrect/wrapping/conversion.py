@@ -42,7 +42,6 @@ REAL = (
     "max",
     "nominal",
     "unbounded",
-    "reinit",
 )
 """Attributes that Real and Float64 have in common, but for those that are written differently."""
 INTEGER = ("declaredType", "quantity", "min", "max")

@@ -101,6 +101,8 @@ def _finish(converted: Converted, added: Added, outer: Outer, base: int) -> Desc
     root, left_out = converted.root, list(converted.left_out)
     _rewrite_head(root, outer)
     _rewrite_interface(root, outer, early=bool(converted.wired))
+    for variable in section(root, "ModelVariables"):
+        value_element(variable).attrib.pop("reinit", None)  # of model exchange
     append(root, added, base)
     define_log_category(root)
     if root.get("variableNamingConvention") == "structured":

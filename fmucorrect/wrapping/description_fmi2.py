@@ -173,7 +173,6 @@ def _add_alias(alias: ET.Element, name: str, main: ET.Element, listed: ET.Elemen
     value = dict(main[0].attrib)
     for key in () if constant else ("start",):
         value.pop(key, None)
-    value.pop("reinit", None)
     add(variable, main[0].tag, value | taken(alias, ("displayUnit",)))
 
 

@@ -140,6 +140,7 @@ def wrap(
         net = network.sources(parts.model.path) if parts.model else None
         sources, outer, first, untried = _generate(parts, net.files if net else {})
         notes = [*first.left_out, *_step_notes(parts), *untried]
+        notes += solver.left_out(parts.inner) if parts.inner else []
         (work / "sources").mkdir()
         for name, content in sources.items():
             (work / "sources" / name).write_bytes(content)
@@ -154,8 +155,9 @@ def wrap(
         progress("check state")
         trial = work / "trial.fmu"
         compiler.write_fmu(trial, files | _described(parts, outer, True, True))
-        state, unsure = _check_state(trial, parts.step_ns)
-        notes += unsure
+        made = open_fmu(trial, warn=False)
+        state, unsure = _check_state(made, parts.step_ns)
+        notes += [*unsure, *_faults(parts.inner, made)]
         progress("write")
         files |= _described(parts, outer, state.copy, state.serialise)
         files[outputs.FACTS] = json.dumps(
@@ -189,7 +191,7 @@ def _read(
         platforms = list(wanted) or list(compiler.TARGETS)
         xml = alone.model_description(model.info, version)
         return _Parts(None, xml, model, Effects(), wiring, model.info.step_ns, version, platforms)
-    inner = open_fmu(fmu)
+    inner = open_fmu(fmu, warn=False)
     found = effects.read(effects_file) if effects_file is not None else Effects()
     said = read_mapping(Path(mapping)) if mapping is not None else MappingFile()
     inner = said.known(inner, model.info if model else None)
@@ -285,14 +287,24 @@ def _step_notes(parts: _Parts) -> list[str]:
     ]
 
 
-def _check_state(trial: Path, step_ns: int) -> tuple[StateCheck, list[str]]:
+def _check_state(made: FmuDescription, step_ns: int) -> tuple[StateCheck, list[str]]:
     """Whether the state of the FMU just made can be offered, tried on this machine."""
     try:
-        open_fmu(trial).binaries  # noqa: B018 (raises without a library for this machine)
+        made.binaries  # noqa: B018 (raises without a library for this machine)
     except FmuError:
         return StateCheck(False, False, ""), ["its state is not offered: it could not be tried on this machine"]
-    state = state_check.works(trial, step_ns)
+    state = state_check.works(made.path, step_ns)
     return state, [f"its state is not offered in full: {state.why}"] if state.why else []
+
+
+def _faults(inner: FmuDescription | None, made: FmuDescription) -> list[str]:
+    """Notes on where the solver's model description breaks the standard, and whether the one that was made does."""
+    notes: list[str] = []
+    if inner is not None and inner.faults:
+        notes.append(f"the solver's model description breaks the FMI standard: {'; '.join(inner.faults)}")
+    if made.faults:
+        notes.append(f"what is taken over of it breaks the standard in the wrapped FMU too: {'; '.join(made.faults)}")
+    return notes
 
 
 def _facts(parts: _Parts, proved: Proof | None, state: StateCheck) -> dict[str, Any]:

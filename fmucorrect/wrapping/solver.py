@@ -27,10 +27,20 @@ def platforms(fmu: FmuDescription, wanted: Sequence[str]) -> list[str]:
         raise WrapError(
             f"the solver's FMU has no library for {', '.join(missing) or 'any of ' + ', '.join(TARGETS)}",
             where=str(fmu.path),
-            got=", ".join(fmu.platforms) or "no libraries",
+            expected=f"{', '.join(wanted) or 'one of these'}{fmu.misnamed}",
+            got=fmu.inside,
             remedy="Export it again for that platform, or ask for others with --platforms.",
         )
     return list(wanted) or have
+
+
+def left_out(fmu: FmuDescription) -> list[str]:
+    """A note on libraries for platforms that nothing is built for here, 32-bit ones above all."""
+    served = {folder for name in TARGETS for folder in _folders(fmu, name)}
+    gone = [platform for platform in fmu.platforms if platform not in served]
+    if not gone:
+        return []
+    return [f"the solver's libraries for {', '.join(gone)} are left out: only {', '.join(TARGETS)} are built"]
 
 
 def description(fmu: FmuDescription) -> bytes:

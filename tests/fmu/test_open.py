@@ -151,7 +151,15 @@ BOMB = '<!DOCTYPE a [<!ENTITY x "ha"><!ENTITY y "&x;&x;&x;">]><fmiModelDescripti
         (_zip({"modelDescription.xml": '<fmiModelDescription fmiVersion="2.0"/>'}), "breaks the FMI standard"),
         (
             _zip({"modelDescription.xml": description("2.0").replace("CoSimulation", "ModelExchange")}),
-            "no co-simulation, got model exchange only",
+            "no co-simulation, got model exchange, which",
+        ),
+        (
+            _zip({"modelDescription.xml": description("3.0").replace("CoSimulation", "ScheduledExecution")}),
+            "no co-simulation, got scheduled execution, whose",
+        ),
+        (
+            _zip({"modelDescription.xml": description("3.0").replace('fmiVersion="3.0"', 'fmiVersion="3.0-beta.2"')}),
+            "FMI version '3.0-beta.2', a draft of the standard, .* is not supported",
         ),
     ],
 )
@@ -169,6 +177,17 @@ def test_small_fault_of_the_description_is_only_warned_of(tmp_path: Path, caplog
     assert "unheard" in caplog.text
 
 
+def test_library_of_another_name(tmp_path: Path, version: str):
+    path = packed(tmp_path / "a.fmu", description(version), None, version)
+    place = "binaries/x86_64-linux" if version == "3.0" else "binaries/linux64"
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr(f"{place}/Trouble.so", "")
+    with pytest.raises(
+        FmuError, match=rf"64.*, with a library named trouble as its modelIdentifier, got {place}/Trouble\.so"
+    ):
+        open_fmu(path).binaries  # noqa: B018
+
+
 def test_library_of_other_platforms_only(tmp_path: Path, version: str):
     path = packed(tmp_path / "a.fmu", description(version), None, version)
     with zipfile.ZipFile(path, "a") as archive:
@@ -182,7 +201,7 @@ def test_sources_only(tmp_path: Path, version: str):
     path = packed(tmp_path / "a.fmu", description(version), None, version)
     with zipfile.ZipFile(path, "a") as archive:
         archive.writestr("sources/a.c", "")
-    with pytest.raises(FmuError, match=r"got none. Compile its sources"):
+    with pytest.raises(FmuError, match=r"got no libraries. Compile its sources"):
         FmuStepper(path, (Channel("y", simulation="real.y"),))
 
 

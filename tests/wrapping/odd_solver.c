@@ -43,7 +43,7 @@ typedef struct {
     Log2 log2;
     Log3 log3;
     void *environment;
-    bool constant, lies, forgets, early;
+    bool constant, lies, forgets, crashes, early;
     double last;
     int terminated;
 } Instance;
@@ -72,6 +72,7 @@ static void *begin(const char *token, Log2 log2, Log3 log3, void *environment, b
     self->constant = strstr(token, "constant") != NULL;
     self->lies = strstr(token, "lies") != NULL;
     self->forgets = strstr(token, "forgets") != NULL;
+    self->crashes = strstr(token, "crashes") != NULL;
     if (strstr(token, "refuses") || (strstr(token, "once") && instances)) {
         say(self, ERROR, "no licence for instance", instances, 0.25);
         free(self);
@@ -187,6 +188,8 @@ TYPE2(Boolean, int)
 
 EXPORT int fmi2GetFMUstate(INSTANCE, void **state)
 {
+    if (self->crashes)
+        abort();
     if (!*state)
         *state = malloc(sizeof(Instance));
     return memcpy(*state, self, sizeof *self), OK;

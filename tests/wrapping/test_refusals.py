@@ -207,7 +207,12 @@ def test_refusals_are_clear_and_leave_the_old_file(tmp_path, monkeypatch):
     nowhere = tmp_path / "none.toml"
     for error, words, arguments, options in (
         (WrapError, r"no library for any of linux64", (bare, corrector()), {}),
-        (WrapError, r"no library for win64, got linux64", (solver(2), corrector()), {"platforms": ["win64"]}),
+        (
+            WrapError,
+            r"no library for win64, expected win64, got linux64",
+            (solver(2), corrector()),
+            {"platforms": ["win64"]},
+        ),
         (WrapError, r"platform amiga is not known", (solver(2), corrector()), {"platforms": ["amiga"]}),
         (WrapError, r"x_corrected.*most likely it is one that was wrapped", (again, corrector()), {}),
         (WrapError, r"there is nothing to wrap", (solver(2), None), {}),

@@ -1,0 +1,81 @@
+"""What wrap() says of a solver's FMU that is not as it should be, what it leaves out, and what it carries along."""
+
+from __future__ import annotations
+
+import logging
+import tempfile
+import xml.etree.ElementTree as ET
+import zipfile
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("ziglang")
+pytest.importorskip("emx_onnx_cgen")
+
+from odd import corrector
+from odd_solver import description, library, odd
+
+from fmucorrect.errors import WrapError
+from fmucorrect.fmu import open_fmu
+from fmucorrect.wrapping import compiler
+from fmucorrect.wrapping.package import Wrapped, wrap
+
+
+def wrapped(solver: Path, bundle: Path | None = None) -> Wrapped:
+    return wrap(solver, bundle or corrector(), solver.with_name("wrapped.fmu"), platforms=["linux64"])
+
+
+def packed(path: Path, files: dict[str, bytes], xml: str | None = None) -> Path:
+    """An odd solver of FMI 2 with these files beside its library, or in its place where the library's own is among them."""
+    compiler.write_fmu(path, {"modelDescription.xml": (xml or description(2)).encode(), **files})
+    return path
+
+
+def test_a_state_that_crashes_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    place = tmp_path / "temporary"
+    place.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(place))
+    monkeypatch.setenv("TMPDIR", str(place))
+    made = wrapped(odd(tmp_path / "a.fmu", 2, "state crashes"))
+    assert not made.state.copy
+    assert "exit code" in made.notes[0]
+    assert [path.name for path in place.iterdir() if path.name.startswith("fmucorrect-work-")] == []
+
+
+def test_faults_of_the_solvers_description_are_noted_once(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.INFO)
+    xml = description(2).replace('modelName="odd"', 'modelName="odd" unheard="of"')
+    made = wrapped(packed(tmp_path / "a.fmu", {"binaries/linux64/odd.so": library()}, xml))
+    solver, own = [note for note in made.notes if "unheard" in note]
+    assert solver.startswith("the solver's model description breaks the FMI standard: ")
+    assert own.startswith("what is taken over of it breaks the standard in the wrapped FMU too: ")
+    assert "/" not in own
+    assert "unheard" not in caplog.text
+
+
+def test_libraries_of_other_names_and_platforms(tmp_path: Path) -> None:
+    with pytest.raises(
+        WrapError, match=r"with a library named odd as its modelIdentifier, got binaries/linux64/Odd.so"
+    ):
+        wrapped(packed(tmp_path / "a.fmu", {"binaries/linux64/Odd.so": library()}))
+    both = {"binaries/linux64/odd.so": library(), "binaries/linux32/odd.so": b"", "binaries/win32/odd.dll": b""}
+    made = wrapped(packed(tmp_path / "b.fmu", both))
+    assert [note for note in made.notes if "linux32, win32 are left out" in note] == list(made.notes)
+    with zipfile.ZipFile(made.path) as archive:
+        assert not [name for name in archive.namelist() if "32" in name]
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("outer", [2, 3])
+def test_what_belongs_to_model_exchange_goes(fmi: int, outer: int, tmp_path: Path) -> None:
+    state = {
+        2: '<ScalarVariable name="s" valueReference="90" initial="exact"><Real start="1" reinit="true"/></ScalarVariable>',
+        3: '<Float64 name="s" valueReference="90" initial="exact" start="1" reinit="true"/>',
+    }
+    solver = odd(tmp_path / "a.fmu", fmi, extra=state[fmi])
+    made = wrap(solver, corrector(), tmp_path / "b.fmu", fmi=outer, platforms=["linux64"])
+    with zipfile.ZipFile(made.path) as archive:
+        root = ET.fromstring(archive.read("modelDescription.xml"))
+    assert "s" in open_fmu(made.path).variables
+    assert [element for element in root.iter() if "reinit" in element.attrib] == []
