@@ -31,7 +31,8 @@ LARGEST_TEXT = 64 << 20
 DEEPEST = 16
 """Levels of lists and tables in the JSON; what is written here has five."""
 T = TypeVar("T")
-_PARAMETERS = ("speed", "amplitude", "frequency", "start")
+FEATURES: Mapping[str, str] = {"speed": "km/h", "amplitude": "deg", "frequency": "Hz", "start": "s"}
+"""What a corrector may be conditioned on besides the window, and in which unit; `start` is where its time begins."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,14 @@ class Info:
     evaluation: Mapping[str, Any] = field(default_factory=dict)
     parameters: Mapping[str, float] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def features(self) -> Mapping[str, str]:
+        """Those of FEATURES that have a meaning in some condition of training, with their units: 0 stands for none, and a start
+        belongs to an excitation, which has a frequency."""
+        found = {key for key in FEATURES if any(condition.get(key, 0.0) for condition in self.conditions)}
+        found |= {"start"} if "frequency" in found else set()
+        return {key: unit for key, unit in FEATURES.items() if key in found}
 
     def to_json(self) -> dict[str, Any]:
         return {"format": FORMAT, **asdict(self)}
@@ -195,7 +204,7 @@ def _condition(row: _Table) -> dict[str, Any]:
     """What is known of one; further keys are for people."""
     if "name" in row.data:
         row.text("name")
-    for key in _PARAMETERS:
+    for key in FEATURES:
         if key in row.data:
             row.number(key)
     if "parameters" in row.data:

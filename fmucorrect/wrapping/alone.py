@@ -10,7 +10,7 @@ from fmucorrect.fmu import Variable
 from fmucorrect.signals import NANOSECONDS
 from fmucorrect.wrapping import description_xml
 from fmucorrect.wrapping.conversion import TIME, Wired
-from fmucorrect.wrapping.wiring import CONDITIONS, Source, Wiring
+from fmucorrect.wrapping.wiring import Source, Wiring
 
 STATE_2 = {"canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true"}
 STATE_3 = {"canGetAndSetFMUState": "true", "canSerializeFMUState": "true"}
@@ -18,13 +18,13 @@ BASE = ("kg", "m", "s", "A", "K", "rad")
 
 
 def wiring(info: Info, fmi: int) -> Wiring:
-    """Channel j is input j; all conditions are tunables that begin where training was."""
+    """Channel j is input j; all conditions that the corrector has are tunables that begin where training was."""
     kind = "Real" if fmi == 2 else "Float64"
     channels = tuple(
         Source(Variable(channel.name, kind, "input", unit=channel.unit, reference=j, start="0"), 1.0)
         for j, channel in enumerate(info.channels)
     )
-    tunables = {key: _middle([float(c.get(key, 0.0)) for c in info.conditions]) for key in CONDITIONS}
+    tunables = {key: _middle([float(c.get(key, 0.0)) for c in info.conditions]) for key in info.features}
     return Wiring(channels, {}, tunables, {})
 
 

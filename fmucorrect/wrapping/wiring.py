@@ -22,14 +22,15 @@ from pathlib import Path
 from typing import Any
 
 from fmucorrect.bundle import Info
+from fmucorrect.bundle_metadata import FEATURES
 from fmucorrect.errors import FmuError, SignalError, WrapError
 from fmucorrect.fmu import FmuDescription, Variable
 from fmucorrect.fmu.startvalues import start_values
 from fmucorrect.study_places import parse_toml
 from fmucorrect.units import conversion
 
-CONDITIONS: Mapping[str, str] = {"speed": "km/h", "amplitude": "deg", "frequency": "Hz", "start": "s"}
-"""What a corrector is conditioned on besides the window, and in which unit (DESIGN section 6)."""
+CONDITIONS = FEATURES
+"""What a corrector may be conditioned on, and in which unit; a wrapped FMU knows those that mean something to its own."""
 
 TABLES = ("channels", "conditions", "parameters", "units")
 """What a mapping file may hold."""
@@ -46,7 +47,7 @@ class Source:
 @dataclass(frozen=True)
 class Wiring:
     """channels: J sources. conditions: the keys of CONDITIONS that the solver itself knows. tunables: start values of the
-    others. parameters: start values that the solver gets, in its own units."""
+    others that the corrector has. parameters: start values that the solver gets, in its own units."""
 
     channels: tuple[Source, ...]
     conditions: Mapping[str, Source]
@@ -138,12 +139,14 @@ def _conditions(fmu: FmuDescription, info: Info, mapping: MappingFile) -> tuple[
             sources[key] = Source(variable, _factor(fmu, variable, unit, f"conditions.{key}"))
         elif said is not None:
             tunables[key] = float(said)
+        elif key not in info.features:
+            continue
         elif (
             known := known_by_solver(fmu, [c.get("parameters", {}) for c in info.conditions], trained, unit)
         ) is not None:
             sources[key] = known
         else:
-            tunables[key] = sorted(trained)[len(trained) // 2] if trained else 0.0
+            tunables[key] = sorted(trained)[len(trained) // 2]
     return sources, tunables
 
 

@@ -230,7 +230,7 @@ def test_the_bundles_own_dictionary_wires_by_simulation_name_and_unit():
     assert (by.conditions["speed"].variable.name, by.conditions["speed"].factor) == ("v", pytest.approx(3.6))
     assert by.tunables == {"amplitude": 0.25, "frequency": 2.0, "start": 0.0}  # medians of what was trained
     assert {v.name: value for v, value in by.parameters.items()} == {"f": 4.0, "steps": 2.0}
-    assert wire(fmu(), info([]), MappingFile()).tunables == dict.fromkeys(wiring.CONDITIONS, 0.0)
+    assert wire(fmu(), info([]), MappingFile()).tunables == {}
     with pytest.raises(dataclasses.FrozenInstanceError):
         by.tunables = {}  # pyright: ignore[reportAttributeAccessIssue]
 

@@ -8,12 +8,13 @@ import xml.etree.ElementTree as ET
 import zipfile
 from pathlib import Path
 
+import bundles
 import pytest
 
 pytest.importorskip("ziglang")
 pytest.importorskip("emx_onnx_cgen")
 
-from odd import corrector
+from odd import CHANNELS, MS, ROWS, conditions, corrector
 from odd_solver import description, library, odd
 
 from fmucorrect.errors import WrapError
@@ -79,3 +80,16 @@ def test_what_belongs_to_model_exchange_goes(fmi: int, outer: int, tmp_path: Pat
         root = ET.fromstring(archive.read("modelDescription.xml"))
     assert "s" in open_fmu(made.path).variables
     assert [element for element in root.iter() if "reinit" in element.attrib] == []
+
+
+def test_only_conditions_that_the_corrector_has_become_parameters(tmp_path: Path) -> None:
+    def added(*rows: dict[str, float]) -> set[str]:
+        """rows: beside the four values, which are there in any bundle, 0 where they mean nothing."""
+        bundle = conditions(bundles.make(tmp_path / "toy.onnx", CHANNELS, rows=ROWS, step_ns=MS), rows)
+        names = open_fmu(wrapped(odd(tmp_path / "a.fmu", 2), bundle).path).variables
+        return {name.removeprefix("corrector_") for name in names if name.startswith("corrector_")} - {"status"}
+
+    nothing = {"speed": 0.0, "amplitude": 0.0, "frequency": 0.0, "start": 0.0}
+    assert added(nothing) == set()
+    assert added({**nothing, "speed": 300.0}, {**nothing, "speed": 320.0}) == {"speed"}
+    assert added({**nothing, "frequency": 2.0, "amplitude": 0.03}) == {"frequency", "amplitude", "start"}
