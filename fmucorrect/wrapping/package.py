@@ -24,6 +24,7 @@ from fmucorrect.wrapping import (
     description_xml,
     generated,
     laws,
+    licences,
     linked,
     network,
     places,
@@ -149,6 +150,7 @@ def wrap(
             work / "sources", outer.files, outer.identifier, parts.fmi, parts.platforms, work / "binaries"
         )
         files |= {f"sources/{name}": content for name, content in sources.items()}
+        files |= licences.files(network=net is not None)
         files |= solver.files(parts.inner, parts.platforms) if parts.inner else {}
         progress("prove")
         proved = proof.prove(parts.model, net, work / "proof") if parts.model and net else None

@@ -93,3 +93,16 @@ def test_only_conditions_that_the_corrector_has_become_parameters(tmp_path: Path
     assert added(nothing) == set()
     assert added({**nothing, "speed": 300.0}, {**nothing, "speed": 320.0}) == {"speed"}
     assert added({**nothing, "frequency": 2.0, "amplitude": 0.03}) == {"frequency", "amplitude", "start"}
+
+
+def test_licences_travel(tmp_path: Path) -> None:
+    theirs = {"documentation/licenses/license.txt": b"ours", "resources/LICENSE": b"of a part"}
+    made = wrapped(packed(tmp_path / "a.fmu", {"binaries/linux64/odd.so": library(), **theirs}))
+    with zipfile.ZipFile(made.path) as archive:
+        inside = {name: archive.read(name) for name in archive.namelist() if "licen" in name.lower()}
+    assert inside.pop("documentation/licenses/license.txt") == b"ours"
+    assert inside.pop("resources/solver/resources/LICENSE") == b"of a part"
+    place = "documentation/licenses/fmucorrect"
+    words = {"fmucorrect": b"Apache License", "emx-onnx-cgen": b"Apache License", "fmi-headers": b"2-Clause BSD"}
+    assert set(inside) == {f"{place}/{name}.txt" for name in words}
+    assert [name for name, text in words.items() if text not in inside[f"{place}/{name}.txt"]] == []
