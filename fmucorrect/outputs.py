@@ -21,6 +21,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import final
 
+from fmucorrect.companions import files_of, names
 from fmucorrect.errors import OutputError
 
 Inputs = Iterable[tuple[str, Path | None]]
@@ -190,16 +191,22 @@ def _rename(beside: Path, target: Path) -> None:
 
 def _none_is_read(targets: Sequence[tuple[Path, Path]], inputs: Inputs) -> None:
     for what, path in inputs:
-        for target, named in targets if path is not None else ():
-            assert path is not None
-            resolved, read = _real(target), _real(path)
-            inside = target.is_dir() and read.is_relative_to(resolved)
-            if _same(target, path) or inside or resolved.is_relative_to(read):
-                raise OutputError(
-                    f"{what} {path} would be written over",
-                    where=str(named),
-                    remedy="Choose another name for -o.",
-                )
+        for file in () if path is None else dict.fromkeys((path, *files_of(path))):
+            for target, named in targets:
+                if _touches(target, file):
+                    told = path if file == path else f"{path}, to which {file.name} belongs,"
+                    raise OutputError(
+                        f"{what} {told} would be written over",
+                        where=str(named),
+                        remedy="Choose another name for -o.",
+                    )
+
+
+def _touches(target: Path, file: Path) -> bool:
+    """Whether writing `target` changes `file`, or a file that it names."""
+    resolved, read = _real(target), _real(file)
+    inside = target.is_dir() and read.is_relative_to(resolved)
+    return _same(target, file) or inside or resolved.is_relative_to(read) or names(file, target)
 
 
 def _same(one: Path, other: Path) -> bool:

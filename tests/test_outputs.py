@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import bundles
+import h5py
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
@@ -94,6 +95,57 @@ def test_no_file_that_is_read_is_written_over(place: Path, command: str, flag: t
             assert "Traceback" not in result.output
         (place / f"hard{target.suffix}").unlink()
     assert content(place) == before
+
+
+def companions(place: Path) -> Iterator[tuple[Path, Path]]:
+    """Records, and a file that belongs to each."""
+    for name in (
+        "run.tdm",
+        "run.tdx",
+        "run.tdms",
+        "run.tdms_index",
+        "bag_1.mcap",
+        "bag/part.mcap",
+        "bag/metadata.yaml",
+    ):
+        (place / name).parent.mkdir(exist_ok=True)
+        (place / name).write_bytes(b"what a logger wrote")
+    (place / "named.bin").write_bytes(b"numbers")
+    (place / "other.tdm").write_text('<usi:include><file byteOrder="littleEndian" url="named.bin"/></usi:include>')
+    with h5py.File(place / "run.h5", "w") as file:
+        file["elsewhere"] = h5py.ExternalLink("linked.h5", "x")
+        file.create_dataset("kept", (3,), "f8", external=[("raw.dat", 0, 24)])
+    for name in ("linked.h5", "raw.dat"):
+        (place / name).write_bytes(b"numbers")
+    yield from (
+        (place / "run.tdm", place / "run.tdx"),
+        (place / "other.tdm", place / "named.bin"),
+        (place / "run.tdms", place / "run.tdms_index"),
+        (place / "bag", place / "bag" / "metadata.yaml"),
+        (place / "bag_*.mcap", place / "bag_1.mcap"),
+        (place / "run.h5", place / "linked.h5"),
+        (place / "run.h5", place / "raw.dat"),
+    )
+
+
+@pytest.mark.parametrize("command", ["inspect", "run"])
+def test_no_file_that_belongs_to_a_record_is_written_over(place: Path, command: str) -> None:
+    study = place / "rig" / "A" / "study.toml"
+    text = study.read_text()
+    for record, target in companions(place):
+        before = content(place)
+        if command == "inspect":
+            arguments: list[object] = ["inspect", record]
+        else:
+            study.write_text(text.replace('"measured_300.mcap"', f'"{record.as_posix()}"'))
+            before = content(place)
+            arguments = ["run", study, "--condition", "385"]
+        result = call(*arguments, "-o", target, "--overwrite")
+        assert result.exit_code == 2, (record, result.output)
+        assert "would be written over" in result.output, (record, result.output)
+        assert content(place) == before
+    (place / "run.txt").write_text("nobody names it")
+    assert "would be written over" not in call("inspect", place / "run.h5", "-o", place / "run.txt").output
 
 
 @pytest.mark.parametrize(("command", "name"), [("train", "corrector.onnx"), ("assess", "assessment.json")])

@@ -17,6 +17,7 @@ import numpy as np
 
 from fmucorrect import records
 from fmucorrect.clocks import begins
+from fmucorrect.companions import files_of
 from fmucorrect.discovery import native
 from fmucorrect.discovery.content import digest, packed, unpacked
 from fmucorrect.discovery.model import Model
@@ -70,7 +71,7 @@ def _parcel(problem: Problem) -> Parcel:
     def moved(path: Path | None) -> Path | None:
         if path is None:
             return None
-        if records.is_recording(path):
+        if len(files_of(path)) > 1 or records.is_recording(path):
             raise RecordError(
                 "a record of several files cannot be sent to other machines",
                 where=str(path),

@@ -20,7 +20,7 @@ from types import TracebackType
 import numpy as np
 from jaxtyping import Float64
 
-from fmucorrect import records
+from fmucorrect.companions import files_of
 from fmucorrect.discovery.content import digest
 from fmucorrect.discovery.kept import Kept, code
 from fmucorrect.discovery.model import Model, Runner, runner, simulate, start_value, tolerance_of
@@ -121,7 +121,7 @@ class Problem:
     @cached_property
     def _content(self) -> str:
         given = [path for trial in self.trials for path in (trial.condition.inputs, trial.condition.simulated)]
-        every = [file for path in (*given, self.study.fmu) if path is not None for file in records.files(path)]
+        every = [file for path in (*given, self.study.fmu) if path is not None for file in files_of(path)]
         read = [digest(file.read_bytes()) for file in every]
         return digest([code(), self.study.hash, read, self.trials, self.tolerated])
 

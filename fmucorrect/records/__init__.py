@@ -48,7 +48,6 @@ __all__ = [
     "damaged",
     "describe",
     "field_names",
-    "files",
     "find",
     "has",
     "is_recording",
@@ -135,11 +134,6 @@ def writer(path: str | PathLike[str], *, made_by: str = "", becomes: str | PathL
         return Writer(_sink(suffix, fspath(path), made_by), name, topics=suffix == ".mcap")
     except OSError as error:
         raise RecordError(f"the file cannot be written: {error.strerror}", where=name) from error
-
-
-def files(path: Path) -> tuple[Path, ...]:
-    """The files that a path stands for: itself, or those of a recording."""
-    return tuple(parts_of(path)[0]) if is_recording(path) else (path,)
 
 
 def topics(path: str | PathLike[str], reading: Reading = AS_IT_IS) -> tuple[Topic, ...]:

@@ -13,6 +13,7 @@ from mcap.writer import Writer
 
 from fmucorrect import records
 from fmucorrect.cli import main
+from fmucorrect.companions import files_of
 from fmucorrect.errors import RecordError
 from fmucorrect.signals import Channel, Record, join
 
@@ -71,8 +72,8 @@ def test_a_bag_of_ros2_is_one_record(tmp_path: Path) -> None:
     found = {one.topic.name: (one.extent.rows, one.topic.metadata["parts"]) for one in records.describe(folder).topics}
     assert found == {"/x": (30, "run_0.mcap; run_1.mcap; run_2.mcap"), "/y": (10, "run_2.mcap")}
     assert records.describe(folder).format == "MCAP, 3 files"
-    assert [file.name for file in records.files(folder)] == ["run_0.mcap", "run_1.mcap", "run_2.mcap"]
-    assert records.files(folder / "run_0.mcap") == (folder / "run_0.mcap",)
+    assert {"run_0.mcap", "run_1.mcap", "run_2.mcap"} <= {file.name for file in files_of(folder)}
+    assert files_of(folder / "run_0.mcap") == (folder / "run_0.mcap",)
     assert not records.describe(folder).damage
 
 
