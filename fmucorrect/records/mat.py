@@ -121,6 +121,7 @@ def _content(path: str) -> dict[str, Any]:
     """The variables by name, arrays without axes of length one."""
     from scipy.io import loadmat
     from scipy.io.matlab import MatlabFunction, MatlabOpaque
+    from scipy.sparse import issparse
 
     try:
         if mat_hdf5.is_hdf5(path):
@@ -136,6 +137,8 @@ def _content(path: str) -> dict[str, Any]:
     return {
         key: Unreadable("a MATLAB object or function; save what it holds as structures")
         if isinstance(value, opaque)
+        else Unreadable(mat_hdf5.SPARSE)
+        if issparse(value)
         else value
         for key, value in content.items()
         if key not in ("__header__", "__version__", "__globals__", "__function_workspace__")

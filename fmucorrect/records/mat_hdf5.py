@@ -15,6 +15,8 @@ from fmucorrect.records.structures import Unreadable
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 """What an HDF5 file begins with, behind a block of 0, 512, 1024 or 2048 bytes."""
 
+SPARSE = "a sparse matrix; save it as full(...)"
+
 _NUMBERS = frozenset(
     ["", "double", "single", "logical"] + [f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)]
 )
@@ -54,6 +56,8 @@ def _members(h5py: Any, file: Any, group: Any, depth: int) -> dict[str, Any]:
 
 
 def _value(h5py: Any, file: Any, item: Any, depth: int) -> Any:
+    if "MATLAB_sparse" in item.attrs:
+        return Unreadable(SPARSE)
     if isinstance(item, h5py.Group):
         return _members(h5py, file, item, depth + 1)
     if not isinstance(item, h5py.Dataset):
