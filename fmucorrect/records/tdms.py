@@ -3,7 +3,9 @@
 Time is a channel `time` of the group, in its unit or as time stamps, or else the waveform properties wf_start_time,
 wf_start_offset and wf_increment. Waveforms of a group that differ in these or in length are topics of their own,
 `group/1`, `group/2` and so on. Stamps of waveforms count from the only wf_start_time of the file or, where there are
-several, from the earliest, so that they can be joined. Channels that do not fit are named in `left_out`.
+several, from the earliest, so that they can be joined. A file that was appended to may have another wf_start_time in a later
+segment: its rows are stamped by that. Channels that do not fit, whose unit, scale or increment changes between segments, that
+were missing in segments before their last, or whose scale is not known, are named in `left_out`.
 """
 
 from __future__ import annotations
@@ -23,10 +25,10 @@ from fmucorrect.records import naming, seconds
 from fmucorrect.records.assemble import RESERVED
 from fmucorrect.records.contents import Column, Extent, Topic
 from fmucorrect.records.source import RAM_ROWS, Block, extent_of
+from fmucorrect.records.tdms_segments import AXIS, START, UNITS, histories
 from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Reading, Record
 
 _ORIGIN = "time_origin_ns"
-_UNITS = ("unit_string", "NI_UnitDescription")
 _EPOCH_1904 = 2_082_844_800
 """Seconds from the start of 1904, from which TDMS counts, to that of 1970."""
 _LEAD_IN = struct.Struct("<4sIIQQ")
@@ -38,12 +40,15 @@ _OTHERS = {"S": "text", "U": "text", "O": "text", "c": "complex numbers", "M": "
 def _nptdms() -> Any:
     try:
         import nptdms
+        from nptdms.log import log_manager
     except ImportError as error:
         raise MissingExtra("nptdms", "formats") from error
-    logging.getLogger("nptdms").setLevel(logging.CRITICAL)  # it warns of what `damage` says
+    log_manager.set_level(logging.CRITICAL)  # it warns of what `damage` and `left_out` say
     return nptdms
 
 
+_SAID = 20
+"""Channels whose reason an error repeats."""
 _SCALES = 100
 """Most scales between the stored and the physical numbers: the library makes room for as many as the file states."""
 
@@ -52,7 +57,7 @@ _SCALES = 100
 class _Series:
     """Channels that share their stamps. time: their time channel, with ns in its unit (0: time stamps); else a grid.
 
-    offset_ns, step_ns: of the grid. rows: that all channels have.
+    pieces: of the grid, the row at which each begins and its stamp. step_ns: of the grid. rows: that all channels have.
     """
 
     topic: Topic
@@ -61,15 +66,16 @@ class _Series:
     rows: int
     time: Any = None
     per: int = 0
-    offset_ns: int = 0
+    pieces: tuple[tuple[int, int], ...] = ()
     step_ns: float = 0.0
 
 
 @dataclass(frozen=True)
 class _Grid:
-    """The times of a waveform. start_ns: since 1970, None without wf_start_time. rows: that its channel should have."""
+    """The times of a waveform. starts: rows at which it begins (anew), and when, in ns since 1970; () without wf_start_time.
+    rows: that its channel should have."""
 
-    start_ns: int | None
+    starts: tuple[tuple[int, int], ...]
     offset_ns: int
     step_ns: float
     rows: int
@@ -84,9 +90,14 @@ class TdmsSource:
         self.path = path
         self.damage = _damage(path)
         self.truncated = bool(self.damage)
+        tdms = _nptdms()
+        # by its content: of a name, the library would believe an index beside it, which may be that of another file
+        self._stream = Path(path).open("rb")  # noqa: SIM115 (close() closes it)
         try:
-            self._file: Any = _nptdms().TdmsFile.open(path, raw_timestamps=True)
+            self._file: Any = tdms.TdmsFile.open(self._stream, raw_timestamps=True)
+            self._histories = histories(path)
         except (ValueError, KeyError, EOFError, OSError) as error:
+            self._stream.close()
             raise RecordError(f"this cannot be read as TDMS: {error}", where=path) from error
         for owner in (self._file, *self._file.groups(), *(c for g in self._file.groups() for c in g.channels())):
             if (scales := _scales(owner.properties)) > _SCALES:
@@ -107,6 +118,7 @@ class TdmsSource:
     def close(self) -> None:
         """Release the file."""
         self._file.close()
+        self._stream.close()
 
     def topics(self) -> tuple[Topic, ...]:
         """One topic a group, or several where its channels have times of their own."""
@@ -137,14 +149,15 @@ class TdmsSource:
         for channel in group.channels():
             if channel is time:
                 continue
-            if why := _no_numbers(channel):
+            if why := self._unfit(group, channel):
                 self._leave_out(channel, why)
             elif self._whole_length(channel) != rows:
                 self._leave_out(channel, f"{len(channel)} values, but {len(time)} times")
             else:
                 fitting.append(channel)
-        if per is None:
-            note = f"the unit of its time is not known: {unit!r}"
+        changed = self._changed(time)
+        if per is None or changed:
+            note = f"its time: {changed}" if changed else f"the unit of its time is not known: {unit!r}"
             self._left_out += [f"channel '{group.name}/{channel.name}': {note}" for channel in fitting]
             return [_Series(Topic(group.name, (), "time channel", metadata, note), group.name, {}, 0)]
         there = min([len(time), *(len(channel) for channel in fitting)])
@@ -158,13 +171,14 @@ class TdmsSource:
         sets: dict[_Grid, list[Any]] = {}
         for channel in group.channels():
             grid = self._grid(channel)
-            why = _no_numbers(channel) or (grid if isinstance(grid, str) else "")
+            why = self._unfit(group, channel) or (grid if isinstance(grid, str) else "")
             if isinstance(grid, str) or why:
                 self._leave_out(channel, why)
             else:
                 sets.setdefault(grid, []).append(channel)
         if not sets:
-            note = "no time channel, no wf_increment, or no numbers"
+            said = [line for line in self._left_out if line.startswith(f"channel '{group.name}/")]
+            note = "no time channel, no wf_increment, or no numbers: " + "; ".join(said[:_SAID])
             return [_Series(Topic(group.name, (), "waveform", metadata, note), group.name, {}, 0)]
         found: list[_Series] = []
         for i, (grid, channels) in enumerate(sets.items(), 1):
@@ -172,25 +186,45 @@ class TdmsSource:
             there = min(len(channel) for channel in channels)
             self._require_room(name, channels, there)
             told = dict(metadata)
-            offset = grid.offset_ns
-            if grid.start_ns is not None:
-                told["wf_start_time"] = str(np.datetime64(grid.start_ns, "ns"))
-                offset += grid.start_ns - (grid.start_ns if self._from_ns is None else self._from_ns)
-            if self._from_ns is not None and grid.start_ns != self._from_ns:
-                start = "times count from the earliest wf_start_time of the file"
-                told["assumed"] = start if grid.start_ns is not None else "it has no wf_start_time: times count from 0"
-            if abs(offset) + grid.step_ns * there >= 2**63 - 1:
+            assumed: list[str] = []
+            pieces = tuple((row, grid.offset_ns + start - (self._from_ns or 0)) for row, start in grid.starts)
+            if grid.starts:
+                told[START] = str(np.datetime64(grid.starts[0][1], "ns"))
+            if self._from_ns is not None and not grid.starts:
+                assumed.append("it has no wf_start_time: times count from 0")
+            elif self._from_ns is not None and grid.starts[0][1] != self._from_ns:
+                assumed.append("times count from the earliest wf_start_time of the file")
+            if len(pieces) > 1:
+                assumed.append(f"it was appended to: each of its {len(pieces)} parts has its own wf_start_time")
+            if assumed:
+                told["assumed"] = "; ".join(assumed)
+            pieces = pieces or ((0, grid.offset_ns),)
+            if max(abs(offset) for _, offset in pieces) + grid.step_ns * there >= 2**63 - 1:
                 raise RecordError(f"the times of {name!r} are beyond what can be counted in ns", where=self.path)
             topic = Topic(name, _columns(channels), "waveform", told)
-            found.append(
-                _Series(topic, group.name, {c.name: c for c in channels}, there, None, 0, offset, grid.step_ns)
-            )
+            every = {channel.name: channel for channel in channels}
+            found.append(_Series(topic, group.name, every, there, pieces=pieces, step_ns=grid.step_ns))
         return found
 
     def _earliest(self, groups: Sequence[Any]) -> int | None:
         """The earliest start of a waveform; None without any."""
-        starts = [_start_ns(channel) for group in groups for channel in group.channels() if not _no_numbers(channel)]
-        return min((start for start in starts if start is not None), default=None)
+        every = [channel for group in groups for channel in group.channels() if not _no_numbers(channel)]
+        return min((start for channel in every for _, start in self._starts(channel)), default=None)
+
+    def _starts(self, channel: Any) -> list[tuple[int, int]]:
+        """Rows from which a wf_start_time holds, and it in ns since 1970."""
+        history = self._histories.get(channel.path)
+        return [(row, _since_1970_of(start)) for row, start in history.starts] if history else []
+
+    def _unfit(self, group: Any, channel: Any) -> str:
+        """Why the channel is no series of physical numbers; "" when it is one."""
+        return _no_numbers(channel) or _unknown_scale(channel, group, self._file) or self._changed(channel)
+
+    def _changed(self, channel: Any) -> str:
+        """What of the meaning of its numbers changes between segments, in words."""
+        history = self._histories.get(channel.path)
+        changed = history.changed if history else {}
+        return "; ".join(f"its {key} changes: {how}" for key, how in changed.items() if key not in AXIS)
 
     def _grid(self, channel: Any) -> _Grid | str:
         """The times of a waveform, or why it has none."""
@@ -204,7 +238,17 @@ class TdmsSource:
         step, offset = float(properties["wf_increment"]) * per, float(properties.get("wf_start_offset", 0.0)) * per
         if not (0 < step < 2**63 and abs(offset) < 2**62):
             return f"its wf_increment ({properties['wf_increment']}) or wf_start_offset cannot be"
-        return _Grid(_start_ns(channel), round(offset), step, self._whole_length(channel))
+        history = self._histories.get(channel.path)
+        if history and (axis := history.changed.keys() & AXIS):
+            return "; ".join(f"its {key} changes: {history.changed[key]}" for key in sorted(axis))
+        if history and history.behind:
+            return f"it was missing in segments before its last: {history.behind} rows less than others written with it"
+        starts: list[tuple[int, int]] = []
+        for row, start in self._starts(channel):
+            goes_on = starts and abs(start - starts[-1][1] - step * (row - starts[-1][0])) <= step / 2
+            if not goes_on:
+                starts.append((row, start))
+        return _Grid(tuple(starts), round(offset), step, self._whole_length(channel))
 
     def _whole_length(self, channel: Any) -> int:
         """Values that the channel would have if the file were not cut off."""
@@ -266,7 +310,7 @@ class TdmsSink:
 
 
 def _unit(channel: Any) -> str:
-    return next((str(channel.properties[key]) for key in _UNITS if channel.properties.get(key)), "1")
+    return next((str(channel.properties[key]) for key in UNITS if channel.properties.get(key)), "1")
 
 
 def _columns(channels: Sequence[Any]) -> tuple[Column, ...]:
@@ -309,10 +353,22 @@ def _scales(properties: Mapping[str, Any]) -> int:
     return max((int(number[:18]) for number in (stated, *numbers) if number.isdecimal()), default=0)
 
 
-def _start_ns(channel: Any) -> int | None:
-    start = channel.properties.get("wf_start_time")
-    if start is None:
-        return None
+def _unknown_scale(*owners: Any) -> str:
+    """Why the scale of a channel (or of its group, or its file: the first that has one) cannot be applied; "" when it can."""
+    from nptdms.scaling import get_scaling
+
+    for properties in (owner.properties for owner in owners):
+        if not _scales(properties) or properties.get("NI_Scaling_Status", "unscaled") == "scaled":
+            continue
+        if get_scaling(properties, {}, {}) is not None:
+            return ""
+        kinds = {str(value) for key, value in properties.items() if re.fullmatch(r"NI_Scale\[\d+\]_Scale_Type", key)}
+        return f"its numbers are counts of a scale that is not known ({', '.join(sorted(kinds))})"
+    return ""
+
+
+def _since_1970_of(start: Any) -> int:
+    """ns of a property that is a time stamp."""
     if hasattr(start, "second_fractions"):
         return _since_1970(np.array([start.seconds]), np.array([start.second_fractions], np.uint64)).tolist()[0]
     return int(np.datetime64(start, "ns").astype(np.int64))
@@ -327,7 +383,10 @@ def _since_1970(whole: np.ndarray, fractions: np.ndarray) -> np.ndarray:
 
 def _stamps(series: _Series, start: int, stop: int, origin: int) -> np.ndarray:
     if series.time is None:
-        return series.offset_ns + np.rint(series.step_ns * np.arange(start, stop)).astype(np.int64)
+        first, offset = (np.array(every, np.int64) for every in zip(*series.pieces, strict=True))
+        rows = np.arange(start, stop)
+        piece = np.searchsorted(first, rows, side="right") - 1
+        return offset[piece] + np.rint(series.step_ns * (rows - first[piece])).astype(np.int64)
     times = series.time[start:stop]
     if not series.per:
         return _since_1970(np.asarray(times["seconds"]), np.asarray(times["second_fractions"]))
