@@ -364,6 +364,8 @@ def _clock(
             else None,
         )
     if time.unit == "1" and value is not None:
+        every = [number(cells[header.time], mark) for _, cells in rows if not missing(cells[header.time])]
+        seconds.refuse_days([one for one in every if one is not None], path)
         if found := seconds.epoch_unit(value):
             per = found[0]
             assumed.append(f"the time has no unit: {cell} is taken as {found[1]} since 1970")

@@ -28,6 +28,8 @@ _FEW_ROWS, _ROWS_PER_BYTE = 2**20, 1000
 """Rows that a file may have: even a regular time takes bits, so many more are a damaged or hostile file."""
 _CHUNK, _EXPANSION = 2**28, 100
 """Bytes that one column of a row group may unfold to, as it is unfolded in memory."""
+_LOOKED_AT = 100
+"""Times that are looked at for what they count."""
 _PER_SECOND = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1_000, "ns": 1}
 
 
@@ -187,9 +189,13 @@ class ParquetSource:
                 "the unit of the time is not known", where=self.path, expected="s, ms ...", got=repr(unit)
             )
         if unit == "1":
-            first = next(self._file.iter_batches(batch_size=1, columns=[field.name]), None)
-            value = self._floats(self._array(first, self._time))[0] if first is not None and first.num_rows else 0.0
-            if epoch := seconds.epoch_unit(float(value)):
+            first = next(self._file.iter_batches(batch_size=_LOOKED_AT, columns=[field.name]), None)
+            values = (
+                np.zeros(1) if first is None or not first.num_rows else self._floats(self._array(first, self._time))
+            )
+            seconds.refuse_days(values.tolist(), self.path)
+            value = float(values[0])
+            if epoch := seconds.epoch_unit(value):
                 self._assumed.append(f"the time has no unit: {value:.0f} is taken as {epoch[1]} since 1970")
                 return epoch[0]
             if types.is_integer(field.type):

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from datetime import date
 
 import numpy as np
 from jaxtyping import Float64, Int64
 
+from fmucorrect.errors import RecordError
 from fmucorrect.records.source import NO_TIME
 from fmucorrect.signals import NANOSECONDS
 
@@ -43,6 +45,18 @@ _BY_WORD = {word: _SYMBOLS[symbol] for words, symbol in _WORDS.items() for word 
 _EPOCHS = ((1e11, 1e13, 1_000_000, "ms"), (1e14, 1e16, 1_000, "us"), (1e17, 9.2e18, 1, "ns"))
 """Sizes of ms, us and ns since 1970 between 1973 and 2262; as seconds they would be beyond every stamp."""
 
+DAY = 86400 * NANOSECONDS
+"""ns in a day."""
+_DAYS = (
+    (719_529, "days since year 0, as MATLAB's datenum"),
+    (25_569, "days since the end of 1899, as spreadsheets count"),
+)
+"""1970-01-01 in counts of days."""
+_UNTIL_2100 = 47_482
+"""Days from 1970 to 2100."""
+_SHORTEST = 1.2e-6
+"""Steps below this, as s, are those of 833 kHz, hours to days after zero; as days, of 0.1 s or less."""
+
 _DAY = r"(?:(\d{4})([-/.]?)(\d\d)\2(\d\d)|(\d{1,2})\.(\d{1,2})\.(\d{4}))"
 """A date, the year first or, between points, last."""
 _STAMP = re.compile(
@@ -66,6 +80,33 @@ def unit_ns(unit: str) -> int | None:
 def epoch_unit(value: float) -> tuple[int, str] | None:
     """ns in the unit, and its name, in which a number too large for seconds counts from 1970; None when in none."""
     return next(((per, name) for low, high, per, name in _EPOCHS if low <= value < high), None)
+
+
+def day_count(times: Float64[np.ndarray, " T"], known: bool = False) -> tuple[int, str] | None:
+    """The day of 1970-01-01 among numbers that count days up to a date, and what they count; None where they need not.
+
+    known: it is said that they are days. Else their steps must be too short to be seconds.
+    """
+    good = times[np.isfinite(times)]
+    if len(good) < 2:
+        return None
+    step = float(np.median(np.diff(good)))
+    if not known and not 0 < step < _SHORTEST:
+        return None
+    low, high = float(good.min()), float(good.max())
+    return next(((zero, name) for zero, name in _DAYS if zero <= low and high < zero + _UNTIL_2100), None)
+
+
+def refuse_days(times: Sequence[float], where: str) -> None:
+    """Raise RecordError where times without a unit can only be days."""
+    if days := day_count(np.array(times, np.float64)):
+        raise RecordError(
+            f"the time has no unit, and its numbers can only be {days[1]}",
+            where=where,
+            expected="seconds, or stamps",
+            got=f"{times[0]}, {times[1]} ...",
+            remedy="Write it as seconds, or as stamps like 2024-05-06T07:08:09.250Z.",
+        )
 
 
 def to_ns(times: Float64[np.ndarray, " T"], per: int = NANOSECONDS) -> Int64[np.ndarray, " T"]:

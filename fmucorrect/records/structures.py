@@ -17,6 +17,7 @@ from fmucorrect.errors import RecordError
 from fmucorrect.records import naming, seconds
 from fmucorrect.records.contents import Column, Extent, Topic
 from fmucorrect.records.source import MOST_COLUMNS, Block, extent_of
+from fmucorrect.signals import NANOSECONDS
 
 _ABOUT_SIGNALS = ("label", "title", "blockName", "stateName", "dimensions", "valueDimensions", "plotStyle", "name")
 """Members of a Simulink signal that describe it."""
@@ -133,7 +134,12 @@ class Tables:
             )
         if since:
             assumed.append(f"{name!r} counts {text!r}")
-        if unit == "s" and not since and len(times) and (epoch := seconds.epoch_unit(float(times[0]))):
+        bare = not since and per in (NANOSECONDS, seconds.DAY)
+        if bare and (days := seconds.day_count(times.astype(np.float64), per == seconds.DAY)):
+            times, per = times.astype(np.float64) - days[0], seconds.DAY
+            exact = np.spacing(float(days[0])) * 86400e6
+            assumed.append(f"{name!r} is taken as {days[1]}, exact to {exact:.0g} us")
+        elif unit == "s" and not since and len(times) and (epoch := seconds.epoch_unit(float(times[0]))):
             per = epoch[0]
             assumed.append(f"{name!r} has no unit: {float(times[0]):.0f} is taken as {epoch[1]} since 1970")
         elif key.lower() != "time":
