@@ -44,7 +44,13 @@ class Decoder(Protocol):
 
 
 class JsonDecoder:
-    """JSON objects: numbers and truth values at any depth, entries of lists as name[i]."""
+    """JSON objects: numbers and truth values at any depth, entries of lists as name[i].
+
+    left: by path, what was met that is no number, with the reason.
+    """
+
+    def __init__(self) -> None:
+        self.left: dict[str, str] = {}
 
     def declared(self) -> list[tuple[str, str]]:
         """Nothing: JSON promises nothing."""
@@ -54,7 +60,7 @@ class JsonDecoder:
         """Every number by its path."""
         found: dict[str, float] = {}
         try:
-            _numbers(found, "", json.loads(payload), DEEPEST)
+            _numbers(found, self.left, "", json.loads(payload, object_pairs_hook=_once), DEEPEST)
         except RecursionError:
             raise ValueError("the JSON is nested too deep") from None
         return found
@@ -68,23 +74,38 @@ class JsonDecoder:
         return False
 
 
-def _numbers(found: dict[str, float], path: str, value: Any, deeper: int) -> None:
-    """Into `found`: a generator in generators would hand each number up through all of them."""
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """An object, none of whose keys repeats: of two values one would be lost."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        names = [name for name, _ in pairs]
+        raise ValueError(f"the key {next(name for name in names if names.count(name) > 1)!r} stands twice in an object")
+    return found
+
+
+def _numbers(found: dict[str, float], left: dict[str, str], path: str, value: Any, deeper: int) -> None:
+    """Into `found` and `left`: a generator in generators would hand each number up through all of them."""
     if not deeper:
         raise ValueError(f"the JSON is nested more than {DEEPEST} deep")
     if isinstance(value, dict):
         for key, inner in cast(dict[str, Any], value).items():
-            _numbers(found, f"{path}.{key}" if path else key, inner, deeper - 1)
+            _numbers(found, left, f"{path}.{key}" if path else key, inner, deeper - 1)
     elif isinstance(value, list):
         entries = cast(list[Any], value)
-        if len(entries) <= LONGEST:
+        if len(entries) > LONGEST:
+            left[path or "value"] = f"a list of more than {LONGEST} entries"
+        else:
             for i, inner in enumerate(entries):
-                _numbers(found, f"{path}[{i}]", inner, deeper - 1)
+                _numbers(found, left, f"{path}[{i}]", inner, deeper - 1)
     elif isinstance(value, (bool, int, float)):
+        if path in found:
+            raise ValueError(f"the name {path!r} stands for two numbers")
         try:
             found[path or "value"] = float(value)
         except OverflowError:
             raise ValueError(f"the integer at {path or 'value'!r} is larger than any double") from None
+    elif len(left) < MOST_COLUMNS:
+        left[path or "value"] = "text" if isinstance(value, str) else "null"
 
 
 class Fields:

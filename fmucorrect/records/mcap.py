@@ -44,6 +44,7 @@ _CELLS = 2**22
 """Numbers in a block at most: 32 MB."""
 
 _NAMED = 3  # damaged places that are described one by one
+_LEFT = 20  # fields of a topic that are named as left out one by one
 _PIECE = 2**20  # bytes that are read at once for a checksum
 _NOWHERE = -1  # the place of what is wrong with the file as a whole
 
@@ -83,8 +84,21 @@ class McapSource:
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """Topics that cannot be read."""
-        return tuple(f"topic {topic.name}: {topic.note}" for topic in self.topics() if topic.note)
+        """Topics that cannot be read, and fields of JSON that are no numbers."""
+        topics = [f"topic {topic.name}: {topic.note}" for topic in self.topics() if topic.note]
+        fields: dict[str, None] = {}
+        for i, found in self._fields.items():
+            decoder = self._decoder(i)
+            left = decoder.left if isinstance(decoder, JsonDecoder) else {}
+            told = [
+                f"topic {self._channels[i].topic}: {name!r}: {why}"
+                for name, why in left.items()
+                if name not in found.names
+            ]
+            fields |= dict.fromkeys(told[:_LEFT])
+            if len(told) > _LEFT:
+                fields[f"topic {self._channels[i].topic}: {len(told) - _LEFT} more fields without numbers"] = None
+        return (*topics, *fields)
 
     @property
     def damage(self) -> str:
