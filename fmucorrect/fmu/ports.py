@@ -86,7 +86,7 @@ class Port:
 
     def _move(self) -> Move:
         stride, start = self._rows.strides[0], self._rows.ctypes.data
-        addresses = iter(range(start, start + stride * len(self._rows), stride))
+        addresses = iter(range(start, start + stride * len(self._rows), stride or 1))  # no rows may have no stride
         return Move(self._pointer, addresses, self._call, self._function)
 
 
