@@ -36,6 +36,7 @@ def _fmu(fmu: FmuDescription) -> dict[str, Any]:
         "kind": "FMU",
         "name": fmu.name,
         "fmi": fmu.fmi,
+        "stepped": "in co-simulation" if fmu.exchange is None else "in model exchange, integrated by CVODE",
         "description": fmu.description,
         "tool": fmu.tool,
         "platforms": list(fmu.platforms),

@@ -221,6 +221,7 @@ class Simulator:
         )
         reached = self._march(ctypes.byref(solver), ctypes.byref(road), placed, c_long(len(laws)))
         del kept
+        native.raise_error()
         if reached != steps or not np.isfinite(out).all():
             raise FmuError(
                 f"the solver gave up at t = {(begin + max(reached, 0) * self._step_ns) / NANOSECONDS:.6g} s",

@@ -73,6 +73,16 @@ class Variable:
 
 
 @dataclass(frozen=True)
+class Exchange:
+    """What an FMU says for model exchange. states, indicators: how many continuous states and event indicators it has.
+    completed_steps: whether it wants to be told of each step of the integrator."""
+
+    states: int
+    indicators: int
+    completed_steps: bool
+
+
+@dataclass(frozen=True)
 class FmuDescription:
     """What an FMU says of itself.
 
@@ -81,7 +91,8 @@ class FmuDescription:
     standard and can be read all the same. start_time, stop_time, step_size: s, of the default experiment, None where it says
     nothing; tolerance: of its solver, relative, which a run asks for. defined: units that it declares itself, by name.
     capabilities: what it can, in words. log_categories: names of its log categories. wrapped: what `fmucorrect wrap` wrote
-    of the solver and the corrector inside; empty for any other FMU.
+    of the solver and the corrector inside; empty for any other FMU. exchange: of one that offers model exchange only, whose
+    states this program integrates; None where it is stepped by its own solver.
     """
 
     path: Path
@@ -104,6 +115,7 @@ class FmuDescription:
     faults: tuple[str, ...] = ()
     defined: Mapping[str, Unit] = field(default_factory=lambda: MappingProxyType({}), repr=False)
     wrapped: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}), repr=False)
+    exchange: Exchange | None = None
 
     def of(self, causality: str) -> tuple[Variable, ...]:
         """All variables of one causality: input, output, parameter, ..."""
@@ -185,7 +197,8 @@ def open_fmu(path: str | Path, *, warn: bool = True) -> FmuDescription:
     """Read and check the model description of the FMU at `path`; nothing is unpacked or loaded. warn: its faults go to the log,
     too.
 
-    Raises FmuError when the file is no FMU for co-simulation of FMI 2 or 3, is damaged, or is not safe to open.
+    Raises FmuError when the file is no FMU of FMI 2 or 3 for co-simulation or model exchange, is damaged, or is not safe to
+    open. One that offers both is stepped by its own solver, in co-simulation.
     """
     path = Path(path)
     with archive.opened(path) as file:
@@ -205,15 +218,20 @@ def open_fmu(path: str | Path, *, warn: bool = True) -> FmuDescription:
         logging.getLogger("fmucorrect.fmu").warning(
             "%s: the model description breaks the FMI standard: %s", path, "; ".join(faults)
         )
-    slave = model.coSimulation
-    if slave is None:
+    own, exchange = model.coSimulation or model.modelExchange, None
+    if own is None:
         raise FmuError(
-            "this FMU has no co-simulation",
+            "this FMU can be stepped neither in co-simulation nor in model exchange",
             where=str(path),
-            got=_other_kinds(model),
+            got="scheduled execution only, whose tasks the host has to call"
+            if model.scheduledExecution
+            else "no interface at all",
             remedy="Export it again for co-simulation.",
         )
-    identifier = slave.modelIdentifier or ""
+    if model.coSimulation is None and model.modelExchange is not None:
+        told = model.modelExchange.needsCompletedIntegratorStep
+        exchange = Exchange(model.numberOfContinuousStates, model.numberOfEventIndicators, told)
+    identifier = own.modelIdentifier or ""
     if not identifier or len(identifier) > archive.NAME or set(identifier) & set("/\\:\0") or identifier in (".", ".."):
         raise FmuError(
             "the modelIdentifier is not the name of a library",
@@ -224,8 +242,10 @@ def open_fmu(path: str | Path, *, warn: bool = True) -> FmuDescription:
     variables = {v.name: v for v in map(_variable, model.modelVariables)}
     _check_variables(variables.values(), path)
     libraries = [name for name in names if name.startswith("binaries/") and name.endswith(_LIBRARY_SUFFIXES)]
-    own = {f"{identifier}{suffix}" for suffix in _LIBRARY_SUFFIXES}
-    platforms = [parts[1] for parts in (name.split("/") for name in libraries) if len(parts) == 3 and parts[2] in own]
+    called = {f"{identifier}{suffix}" for suffix in _LIBRARY_SUFFIXES}
+    platforms = [
+        parts[1] for parts in (name.split("/") for name in libraries) if len(parts) == 3 and parts[2] in called
+    ]
     experiment = model.defaultExperiment or fmpy_description.DefaultExperiment()
     return FmuDescription(
         path=path,
@@ -240,7 +260,7 @@ def open_fmu(path: str | Path, *, warn: bool = True) -> FmuDescription:
         libraries=tuple(sorted(libraries)),
         faults=faults,
         has_sources=any(name.startswith("sources/") and name.endswith(".c") for name in names),
-        capabilities=tuple(text for flag, text in _CAPABILITIES.items() if getattr(slave, flag, False)),
+        capabilities=tuple(text for flag, text in _CAPABILITIES.items() if getattr(own, flag, False)),
         log_categories=tuple(category.name for category in model.logCategories),
         start_time=_float(experiment.startTime, None),
         stop_time=_float(experiment.stopTime, None),
@@ -248,6 +268,7 @@ def open_fmu(path: str | Path, *, warn: bool = True) -> FmuDescription:
         tolerance=_tolerance(experiment.tolerance),
         defined=_defined(model.unitDefinitions),
         wrapped=wrapped,
+        exchange=exchange,
     )
 
 
@@ -257,15 +278,6 @@ def _facts(content: bytes) -> Mapping[str, Any]:
     except (ValueError, RecursionError):
         facts = None
     return facts if isinstance(facts, dict) else {}  # else it is somebody else's file of the same name
-
-
-def _other_kinds(model: fmpy_description.ModelDescription) -> str:
-    """What an FMU without co-simulation has."""
-    kinds = {
-        "model exchange, which has no solver in it": model.modelExchange,
-        "scheduled execution, whose tasks the host has to call": model.scheduledExecution,
-    }
-    return " and ".join(text for text, there in kinds.items() if there) or "no interface at all"
 
 
 def _parse(path: Path) -> tuple[fmpy_description.ModelDescription, tuple[str, ...]]:

@@ -1,11 +1,11 @@
-"""FMI 2.0 co-simulation."""
+"""FMI 2.0: co-simulation, and what model exchange shares with it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from ctypes import byref, c_char_p, c_double, c_int, c_void_p
 from functools import partial
-from typing import Any, ClassVar, final
+from typing import Any, ClassVar
 
 from fmpy import fmi2
 
@@ -15,7 +15,6 @@ from fmucorrect.fmu.solverlog import callbacks2
 _TRUE, _FALSE = c_int(fmi2.fmi2True), c_int(fmi2.fmi2False)
 
 
-@final
 class Instance2(Instance):
     """An instance of an FMI 2.0 FMU."""
 
@@ -27,6 +26,7 @@ class Instance2(Instance):
         "Boolean": ("Boolean", c_int),
     }
     COUNTED: ClassVar[bool] = False
+    KIND: ClassVar[int] = fmi2.fmi2CoSimulation
     STATE: ClassVar[str] = "FMUstate"
     DESERIALISE: ClassVar[str] = "DeSerializeFMUstate"
 
@@ -39,7 +39,7 @@ class Instance2(Instance):
         function.restype = c_void_p
         return function(
             c_char_p(self._description.name.encode()),
-            c_int(fmi2.fmi2CoSimulation),
+            c_int(self.KIND),
             c_char_p(self._description.token.encode()),
             c_char_p((self._folder / "resources").absolute().as_uri().encode()),
             byref(self._callbacks),

@@ -1,4 +1,4 @@
-"""FMI 3.0 co-simulation."""
+"""FMI 3.0: co-simulation, and what model exchange shares with it."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import ctypes
 from collections.abc import Callable, Mapping
 from ctypes import byref, c_bool, c_char_p, c_double, c_size_t, c_void_p
 from functools import partial
-from typing import Any, ClassVar, final
+from typing import Any, ClassVar
 
 from fmucorrect.fmu.instance import DISCARD, Instance
 from fmucorrect.fmu.solverlog import LOGGER3
@@ -16,7 +16,6 @@ _TERMINATE, _EARLY = 1, 2
 """Where fmi3DoStep's answers lie in the four bytes of Instance.flags; byte 0: event handling needed."""
 
 
-@final
 class Instance3(Instance):
     """An instance of an FMI 3.0 FMU, without event mode and without early return."""
 
@@ -44,14 +43,17 @@ class Instance3(Instance):
         answers = (byref(self.flags, 0), byref(self.flags, _TERMINATE), byref(self.flags, _EARLY), byref(self._reached))
         return partial(self.function("DoStep"), self._component, self.time, self.size, _TRUE, *answers)
 
+    @property
+    def _resources(self) -> c_char_p:
+        return c_char_p(f"{(self._folder / 'resources').absolute()}/".encode())
+
     def _instantiate(self) -> int | None:
         function = self.function("InstantiateCoSimulation")
         function.restype = c_void_p
-        resources = f"{(self._folder / 'resources').absolute()}/"
         return function(
             c_char_p(self._description.name.encode()),
             c_char_p(self._description.token.encode()),
-            c_char_p(resources.encode()),
+            self._resources,
             _FALSE,  # visible
             c_bool(self._log.verbose),
             _FALSE,  # event mode

@@ -64,6 +64,7 @@ class Instance(ABC):
         self._component = c_void_p()
         self._initialised = False
         self._last_status = 0
+        self._kept: BaseException | None = None
         name = description.identifier + fmpy.sharedLibraryExtension
         library = folder / "binaries" / description.binaries / name
         try:
@@ -196,6 +197,12 @@ class Instance(ABC):
     def address(self, name: str) -> int:
         """Where a function of the library is, for C."""
         return ctypes.cast(self.function(name), c_void_p).value or 0
+
+    def raise_error(self) -> None:
+        """Raises what a step that C called had to keep for itself, as C knows no exceptions."""
+        error, self._kept = self._kept, None
+        if error is not None:
+            raise error
 
     @property
     def component(self) -> int:

@@ -41,7 +41,7 @@ class LoadedFmu:
                 archive.extract(description.path, self._folder.path, binaries)
                 place = Place(self._folder.path, bytearray(16))
             assert place is not None
-            kind = Instance3 if description.fmi.startswith("3") else Instance2
+            kind = _kind(description)
             self.instance: Instance = kind(description, place.folder, self._log, place.clock)
         except BaseException:
             self._release()
@@ -58,3 +58,13 @@ class LoadedFmu:
         self._log.close()
         if self._folder is not None:
             self._folder.close()
+
+
+def _kind(description: FmuDescription) -> type[Instance]:
+    three = description.fmi.startswith("3")
+    if description.exchange is None:
+        return Instance3 if three else Instance2
+    # loads CVODE, which fmpy does not bring for every machine
+    from fmucorrect.fmu.model_exchange import ModelExchange2, ModelExchange3
+
+    return ModelExchange3 if three else ModelExchange2

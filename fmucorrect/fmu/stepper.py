@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from ctypes import c_void_p
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -38,13 +38,14 @@ class SolverState:
 @dataclass(frozen=True)
 class Native:
     """A running instance for loops in C: addresses of the instance and of its functions DoStep, GetReal or GetFloat64, SetReal
-    or SetFloat64. fmi: 2 or 3. Valid until the stepper is reset or closed."""
+    or SetFloat64. fmi: 2 or 3. raise_error: to be called where a step failed. Valid until the stepper is reset or closed."""
 
     component: int
     step: int
     get: int
     set: int
     fmi: int
+    raise_error: Callable[[], None]
 
 
 def finished(t_ns: Times, time: float, size: float) -> int:
@@ -55,7 +56,7 @@ def finished(t_ns: Times, time: float, size: float) -> int:
 
 @final
 class FmuStepper:
-    """An FMU for co-simulation, streamed sample by sample, inside this process: a solver that crashes or hangs takes this
+    """An FMU, streamed sample by sample, inside this process: a solver that crashes or hangs takes this
     process with it. IsolatedStepper is the one for solvers that are not known to be harmless.
 
     channels: the responses; each one's `simulation` (or `name`) is an FMU variable, whose values are converted to the
@@ -265,7 +266,7 @@ class FmuStepper:
         instance = self._running()
         number = "Real" if instance.PREFIX == "fmi2" else "Float64"
         step, get, put = (instance.address(name) for name in ("DoStep", f"Get{number}", f"Set{number}"))
-        return Native(instance.component, step, get, put, int(instance.PREFIX[-1]))
+        return Native(instance.component, step, get, put, int(instance.PREFIX[-1]), instance.raise_error)
 
     def close(self) -> None:
         loaded, self._loaded, self._instance = self._loaded, None, None

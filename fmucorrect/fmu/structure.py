@@ -45,7 +45,7 @@ def read_structure(description: FmuDescription) -> Structure:
 def _directional(description: FmuDescription) -> bool:
     with archive.opened(description.path) as file:
         root = ElementTree.fromstring(archive.read(file, archive.MODEL_DESCRIPTION, description.path))
-    element = root.find("CoSimulation")
+    element = root.find("CoSimulation" if description.exchange is None else "ModelExchange")
     name = "providesDirectionalDerivative" + ("s" if description.fmi.startswith("3") else "")
     return element is not None and element.get(name, "false") in ("true", "1")
 

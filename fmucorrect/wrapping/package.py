@@ -194,6 +194,14 @@ def _read(
         xml = alone.model_description(model.info, version)
         return _Parts(None, xml, model, Effects(), wiring, model.info.step_ns, version, platforms)
     inner = open_fmu(fmu, warn=False)
+    if inner.exchange is not None:
+        raise WrapError(
+            "this FMU offers model exchange only, and a wrapped FMU carries no integrator",
+            where=str(inner.path),
+            expected="co-simulation, with a solver of its own in it",
+            remedy="Export it for co-simulation too (OpenModelica: fmuType me_cs; Dymola: co-simulation using CVODE); run, "
+            "train, compare and discover take it as it is.",
+        )
     found = effects.read(effects_file) if effects_file is not None else Effects()
     said = read_mapping(Path(mapping)) if mapping is not None else MappingFile()
     inner = said.known(inner, model.info if model else None)

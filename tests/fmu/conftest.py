@@ -35,6 +35,11 @@ def hostile_library(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return compiled(tmp_path_factory.mktemp("library"), "hostile")
 
 
+@pytest.fixture(scope="session")
+def exchange_library(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return compiled(tmp_path_factory.mktemp("library"), "exchange")
+
+
 @pytest.fixture(params=["2.0", "3.0"], ids=["fmi2", "fmi3"])
 def version(request: pytest.FixtureRequest) -> str:
     return request.param
