@@ -9,8 +9,10 @@ one can unfold to gigabytes, and HDF5 (version 7.3) can take the interpreter dow
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -42,6 +44,8 @@ class MatSource(Tables):
     def __init__(self, path: str, reading: Reading = AS_IT_IS) -> None:
         super().__init__(path, reading.time)
         content = _content(path)
+        self.damage = _beyond(path)
+        self.truncated = bool(self.damage)
         if mat_trajectory.is_trajectory(content):
             self.format = "MATLAB, a result of Modelica"
             series, units, left = mat_trajectory.series(content, path)
@@ -54,8 +58,9 @@ class MatSource(Tables):
         notes: Any = content.get("notes")
         self._metadata = {str(k): str(v) for k, v in notes.items()} if isinstance(notes, dict) else {}  # pyright: ignore[reportUnknownMemberType, reportUnknownVariableType]
         lost = [name for variable, name in self._names.items() if variable not in content]
-        self.damage = f"cut off: {len(lost)} of {len(self._names)} variables are missing ({lost[0]!r})" if lost else ""
-        self.truncated = bool(lost)
+        if lost:
+            self.damage = f"cut off: {len(lost)} of {len(self._names)} variables are missing ({lost[0]!r})"
+            self.truncated = True
         units: Any = content.get("units")
         own = {key: value for key, value in content.items() if key not in _OWN} if variables or units else content
         self.read_structures(own, units)
@@ -115,6 +120,23 @@ def _variables(names: Sequence[str]) -> list[str]:
 
 def _texts(value: Any) -> list[str]:
     return [] if value is None else [str(text) for text in np.atleast_1d(np.asarray(value, dtype=object))]
+
+
+def _beyond(path: str) -> str:
+    """Where the variables of a version 5 file do not add up to the file, in words: they follow each other from byte 128, each
+    with its length before it, and scipy ends without a word at one that reaches beyond the end."""
+    with Path(path).open("rb") as file:
+        head = file.read(128)
+        order = {b"\x00\x01IM": "<", b"\x01\x00MI": ">"}.get(head[124:])
+        if order is None:  # version 4 or 7.3
+            return ""
+        at, size = 128, file.seek(0, 2)
+        while at + 8 <= size:
+            file.seek(at + 4)
+            at += 8 + struct.unpack(f"{order}I", file.read(4))[0]
+    if at > size:
+        return f"cut off or damaged: a variable reaches {at - size} bytes beyond the end of the file"
+    return f"damaged: the last {size - at} bytes belong to no variable" if at < size else ""
 
 
 def _content(path: str) -> dict[str, Any]:

@@ -417,7 +417,8 @@ def _harm(folder: Path, inputs: Path, before: dict[str, str], answer: Mapping[st
         return "orphan", "; ".join(answer["orphans"])[:300]
     left = [f"in/{name}" for name in after if name not in before]
     left += [str(path.relative_to(folder)) for path in (folder / "tmp").rglob("*")]
-    left += [str(path.relative_to(folder)) for path in (folder / "out").rglob("*") if not path.name.startswith("out")]
+    left += [str(path.relative_to(folder)) for path in (folder / "out").iterdir() if not path.name.startswith("out")]
+    left += [str(path.relative_to(folder)) for path in (folder / "out").rglob("*.partial*")]
     return ("temporary file", ", ".join(left)[:300]) if left else None
 
 

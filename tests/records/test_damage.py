@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.io
 
 from fmucorrect import records, views
 from fmucorrect.errors import RecordError
@@ -70,3 +71,17 @@ def test_a_cut_at_every_byte_and_a_wrong_bit_in_every_byte_are_told(tmp_path: Pa
     done = subprocess.run([sys.executable, script, tmp_path, "1"], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr[-2000:]
     assert len(done.stdout.splitlines()) == 6
+
+
+def test_a_matlab_variable_that_says_that_it_is_longer_than_the_file(tmp_path: Path) -> None:
+    """scipy reads it all the same, and says nothing of those behind it."""
+    path, whole = tmp_path / "run.mat", {"time": np.arange(50) / 1e3, "x": np.ones(50), "y": np.ones(50)}
+    scipy.io.savemat(path, whole, do_compression=False)
+    assert records.describe(path).damage == ""
+    data = bytearray(path.read_bytes())
+    at = 128 + 8 + int.from_bytes(data[132:136], "little") + 4  # the length of x
+    data[at : at + 4] = (2**31 - 1).to_bytes(4, "little")
+    path.write_bytes(data)
+    assert "beyond the end of the file" in records.describe(path).damage
+    with pytest.raises(RecordError, match="beyond the end"):
+        records.read(path, allow_damaged=False)
