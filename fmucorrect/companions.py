@@ -44,5 +44,5 @@ def _beside(path: Path) -> list[Path]:
     if suffix is None or not path.is_file():
         return []
     named = _URL.findall(path.read_bytes()) if suffix == ".tdx" else []
-    every = [path.with_suffix(suffix), *(path.with_name(unescape(name.decode("utf-8", "replace"))) for name in named)]
+    every = [path.with_suffix(suffix), *(path.parent / unescape(name.decode("utf-8", "replace")) for name in named)]
     return [file for file in dict.fromkeys(every) if file.is_file()]

@@ -110,8 +110,12 @@ def companions(place: Path) -> Iterator[tuple[Path, Path]]:
     ):
         (place / name).parent.mkdir(exist_ok=True)
         (place / name).write_bytes(b"what a logger wrote")
-    (place / "named.bin").write_bytes(b"numbers")
-    (place / "other.tdm").write_text('<usi:include><file byteOrder="littleEndian" url="named.bin"/></usi:include>')
+    for folder in ("logs", "numbers"):
+        (place / folder).mkdir(exist_ok=True)
+    (place / "numbers" / "named.bin").write_bytes(b"numbers")
+    (place / "logs" / "other.tdm").write_text(
+        '<usi:include><file byteOrder="littleEndian" url="../numbers/named.bin"/></usi:include>'
+    )
     with h5py.File(place / "run.h5", "w") as file:
         file["elsewhere"] = h5py.ExternalLink("linked.h5", "x")
         file.create_dataset("kept", (3,), "f8", external=[("raw.dat", 0, 24)])
@@ -119,7 +123,7 @@ def companions(place: Path) -> Iterator[tuple[Path, Path]]:
         (place / name).write_bytes(b"numbers")
     yield from (
         (place / "run.tdm", place / "run.tdx"),
-        (place / "other.tdm", place / "named.bin"),
+        (place / "logs" / "other.tdm", place / "numbers" / "named.bin"),
         (place / "run.tdms", place / "run.tdms_index"),
         (place / "bag", place / "bag" / "metadata.yaml"),
         (place / "bag_*.mcap", place / "bag_1.mcap"),
