@@ -7,7 +7,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet
+import pyarrow.parquet as pq
 import pytest
 import scipy.io
 
@@ -54,6 +54,6 @@ def test_tables_of_days_are_refused(suffix: str, tmp_path: Path) -> None:
     if suffix == ".csv":
         path.write_text("time,x\n" + "".join(f"{time!r},{i}\n" for i, time in enumerate(times.tolist())))
     else:
-        pa.parquet.write_table(pa.table({"time": times, "x": np.arange(400.0)}), path)
+        pq.write_table(pa.table({"time": times, "x": np.arange(400.0)}), path)
     with pytest.raises(RecordError, match=r"can only be days since year 0.*Write it as seconds"):
         records.read(path)

@@ -65,8 +65,8 @@ def test_a_start_told_behind_the_values_is_that_of_all(tmp_path: Path) -> None:
         ("NI_Scale[0]_Linear_Slope", 3.0),
     ],
 )
-def test_what_changes_the_meaning_of_numbers_leaves_the_channel_out(key: str, value: object, tmp_path: Path) -> None:
-    scale = {
+def test_what_changes_the_meaning_of_numbers_leaves_the_channel_out(key: str, value: Any, tmp_path: Path) -> None:
+    scale: dict[str, Any] = {
         "NI_Number_Of_Scales": 1, "NI_Scale[0]_Scale_Type": "Linear", "NI_Scale[0]_Linear_Slope": 2.0,
         "NI_Scale[0]_Linear_Y_Intercept": 0.0,
     }  # fmt: skip
@@ -108,7 +108,11 @@ def test_channels_written_by_turns_or_that_ended_are_whole(tmp_path: Path) -> No
 @pytest.mark.parametrize("kind", ["Reciprocal", "String"])
 def test_counts_of_an_unknown_scale_are_no_measurement(kind: str, tmp_path: Path) -> None:
     counts = ROWS.astype("i2")
-    scale = {"NI_Number_Of_Scales": 1, "NI_Scale[0]_Scale_Type": kind, "NI_Scale[0]_Linear_Slope": 0.001}
+    scale: dict[str, Any] = {
+        "NI_Number_Of_Scales": 1,
+        "NI_Scale[0]_Scale_Type": kind,
+        "NI_Scale[0]_Linear_Slope": 0.001,
+    }
     path = save(tmp_path, [channel("x", counts, **scale), channel("y")])
     assert records.read(path).names == ("y",)
     assert records.describe(path).left_out == (
