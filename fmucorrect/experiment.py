@@ -12,7 +12,17 @@ from fmucorrect import records, sources, units
 from fmucorrect.clocks import Clock, clock
 from fmucorrect.errors import RecordError
 from fmucorrect.records import timebase
-from fmucorrect.registration import Offset, at_rate, clock_rate, find_offset, overlap, place, resample, steady_segment
+from fmucorrect.registration import (
+    FEWEST,
+    Offset,
+    at_rate,
+    clock_rate,
+    find_offset,
+    overlap,
+    place,
+    resample,
+    steady_segment,
+)
 from fmucorrect.signals import NANOSECONDS, Channel, Condition, Record
 from fmucorrect.stepper import run
 from fmucorrect.study import Study
@@ -63,14 +73,27 @@ def simulate(study: Study, condition: Condition, known: Clock | None = None) -> 
     finally:
         stepper.close()
     assert result is not None
-    return result
+    return sources.solved(result, condition.simulated or study.fmu, len(result.channels))
 
 
 def read_measurement(study: Study, condition: Condition) -> Record:
     """`read_samples` at the study's step; metadata "sample_ns": the record's own."""
     samples = read_samples(study, condition)
     told = {**samples.metadata, "sample_ns": str(samples.step_ns)}
-    return resample(replace(samples, metadata=told), study.simulation.step_ns)
+    return _enough(condition, resample(replace(samples, metadata=told), study.simulation.step_ns))
+
+
+def _enough(condition: Condition, measured: Record) -> Record:
+    """`measured`; RecordError where it has too few samples to be placed between those of a simulation."""
+    if len(measured) >= FEWEST:
+        return measured
+    seconds = float(measured.t_ns[-1] - measured.t_ns[0]) / NANOSECONDS if len(measured) else 0.0
+    raise RecordError(
+        f"the measurement of condition {condition.name!r} has {len(measured)} samples in {seconds:.6g} s",
+        where=str(condition.measurement),
+        expected=f"at least {FEWEST}",
+        remedy="Give a longer record (key measurement), or leave the condition out.",
+    )
 
 
 def read_samples(study: Study, condition: Condition) -> Record:
@@ -98,7 +121,7 @@ def read_samples(study: Study, condition: Condition) -> Record:
         channels.append(replace(want, unit=unit))
     scaling = units.Scaling.of(conversions)
     values = raw.values if scaling is None else scaling(raw.values)
-    return Record(raw.t_ns, values * np.array(signs), tuple(channels), raw.metadata)
+    return _enough(condition, Record(raw.t_ns, values * np.array(signs), tuple(channels), raw.metadata))
 
 
 def pair(

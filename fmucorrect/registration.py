@@ -44,6 +44,8 @@ PEAKS = 5
 """Of the cross-correlation that are tried: a long tone has neighbours that are nearly as high."""
 STEPS = 50
 """Of Gauss-Newton at most."""
+FEWEST = 6
+"""Samples of a quintic spline."""
 SURE = 4.0
 """Standard deviations from which a rate is believed."""
 SMALL = 0.01
@@ -322,10 +324,12 @@ def place(measured: Record, times: Series, offset: float, rate: float = 0.0) -> 
     clock running `rate` ppm fast.
 
     A quintic spline between samples, exact for what lies well below the Nyquist frequency. Raises SignalError where
-    times reach beyond the record.
+    times reach beyond the record, or it has less than FEWEST samples.
     """
     from scipy.interpolate import make_interp_spline
 
+    if len(measured) < FEWEST:
+        raise SignalError("too few samples to place", expected=f"at least {FEWEST}", got=len(measured))
     own = measured.seconds(int(measured.t_ns[0]))
     at = (times - offset) * (1.0 + 1e-6 * rate)
     if at[0] < -1e-9 or at[-1] > own[-1] + 1e-9:

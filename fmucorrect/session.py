@@ -105,7 +105,8 @@ def run_study(
     condition = replace(condition, begins_ns=begins(study, condition) if known is None else known.origin_ns)
     plant = sources.plant(study, condition)
     inputs = sources.inputs(study, condition, duration, known)
-    return _write("run", plant, corrector, condition, inputs, out, progress, told, made(corrector, study))
+    source = condition.simulated or study.fmu
+    return _write("run", plant, corrector, condition, inputs, out, progress, told, made(corrector, study), source)
 
 
 def replay_log(
@@ -140,7 +141,7 @@ def replay_log(
     repaired = sources.repaired(log, channels, topic=topic, repair=repair, reading=reading)
     told = {"damage": damage, "repaired": repaired}
     stepper = ReplayStepper(channels)
-    return _write("replay", stepper, corrector, condition, inputs, out, progress, told, made(corrector))
+    return _write("replay", stepper, corrector, condition, inputs, out, progress, told, made(corrector), log)
 
 
 def logged_condition(
@@ -332,15 +333,21 @@ def _write(
     progress: Progress | None,
     told: Mapping[str, str],
     by: Mapping[str, str],
+    source: Path | None,
 ) -> Summary:
-    """told: what was lost and mended in what is read. by: what makes the file, as `made` has it."""
+    """told: what was lost and mended in what is read. by: what makes the file, as `made` has it. source: the plant's file."""
     begun = time.perf_counter()
     try:
         stepper = plant if corrector is None else CorrectedStepper(plant, corrector)
         added = 0 if corrector is None else len(corrected_channels(corrector.channels))
         notes = metadata(condition) | {key: text for key, text in told.items() if text}
         with _recording(out, command, notes, by, added, progress) as recorder:
-            run(stepper, condition, inputs, recorder.take)
+            run(
+                stepper,
+                condition,
+                inputs,
+                lambda rows: recorder.take(sources.solved(rows, source, len(plant.channels))),
+            )
     finally:
         plant.close()
     shares = {} if corrector is None else {s.name.lower(): float(recorder.counts[s] / recorder.rows) for s in Status}

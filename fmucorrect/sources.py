@@ -6,6 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from fmucorrect import records, units
 from fmucorrect.clocks import Clock, begins, clock, measured_extents
 from fmucorrect.errors import FmuError, RecordError, SignalError, few
@@ -135,6 +137,25 @@ def _length(
         expected=expected,
         remedy="Is a stamp wrong, from before the clock was set? Leave such rows out, or give --duration.",
     )
+
+
+def solved(result: Record, source: Path | None, responses: int) -> Record:
+    """`result`, whose first columns, the responses of `source`, are all finite. Raises FmuError for the first that is not; the
+    rows before it are its `finished`."""
+    broken = ~np.isfinite(result.values[:, :responses])
+    if not broken.any():
+        return result
+    row, column = np.argwhere(broken)[0]
+    error = FmuError(
+        f"its response {result.channels[column].name!r} is {result.values[row, column]} at "
+        f"t = {result.t_ns[row] / NANOSECONDS:.9g} s",
+        where=str(source),
+        expected="a finite number",
+        remedy="Its solver could compute nothing there: look at inputs and parameters up to that time, or try a smaller "
+        "step_size or tolerance in [simulation].",
+    )
+    error.finished = result.rows(0, int(row)) if row else None
+    raise error
 
 
 def damages(condition: Condition) -> dict[Path, str]:

@@ -12,6 +12,7 @@ from fmucorrect.errors import RecordError, SignalError
 from fmucorrect.experiment import pair, read_measurement, simulate
 from fmucorrect.fmu import open_fmu
 from fmucorrect.records import writer
+from fmucorrect.screening import of_records
 from fmucorrect.signals import Channel, Record
 from fmucorrect.sources import log_inputs
 from fmucorrect.study import Joint, load_study
@@ -177,3 +178,14 @@ def test_a_joint_in_a_unit_of_the_fmus_own(tmp_path: Path) -> None:
     found = place_of(open_fmu(tmp_path / "plank.fmu"), Joint("spring", "joint1.f", "joint1.d"))
     assert found.ports[0] is not None
     assert found.ports[0].factor == 2.0
+
+
+@pytest.mark.parametrize("rows", [2, 3, 5])
+def test_a_record_of_a_few_rows_is_one_clear_error(tmp_path: Path, rows: int) -> None:
+    study = load_study(make(tmp_path))
+    t = np.arange(rows) * 1e-3
+    write(tmp_path / "measured.mcap", t, 0, probe=(np.sin(t), "m"), base=(np.cos(t), "mm"))
+    with pytest.raises(RecordError, match=rf"measured\.mcap.*'one' has {rows} samples in .* at least 6.*longer record"):
+        pair(study, study.condition("one"))
+    with pytest.raises(RecordError, match=f"has {rows} samples"):
+        of_records(study)

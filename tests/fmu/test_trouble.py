@@ -11,9 +11,12 @@ import pytest
 from trouble_fmu import MODE, description, packed
 
 from fmucorrect.errors import FmuError, SignalError
+from fmucorrect.experiment import pair
 from fmucorrect.fmu import FmuStepper, input_record
+from fmucorrect.session import run_study
 from fmucorrect.signals import Channel, Condition, Record
 from fmucorrect.stepper import grid, run
+from fmucorrect.study import load_study
 
 MS = 1_000_000
 REAL = (Channel("y", "mm", simulation="real.y"),)
@@ -135,6 +138,27 @@ def test_nan_is_passed_on(trouble: Path):
         out = run(stepper, ordered("NOT_A_NUMBER"), grid(0.005, MS))
     assert out is not None
     assert np.isnan(out["y"]).tolist() == [False, False, False, True, True, True]
+
+
+def test_nan_is_an_error_of_the_fmu_where_it_is_used(trouble: Path, tmp_path: Path):
+    """It names the FMU, the response and the time, and no repair rule, which only records know."""
+    text = (
+        f'format = 1\n[simulation]\nfmu = "{trouble.as_posix()}"\nstep_size = 0.001\n'
+        f"parameters = {{ mode = {MODE['NOT_A_NUMBER']}, at = 0.003 }}\n"
+        '[[channels]]\nname = "y"\nsimulation = "real.y"\nmeasurement = "y"\nquantity = "displacement"\nunit = "m"\n'
+        '[[conditions]]\nname = "a"\nrole = "development"\nmeasurement = "m.csv"\n'
+    )
+    (tmp_path / "study.toml").write_text(text, encoding="utf-8")
+    (tmp_path / "m.csv").write_text(
+        "time,y [m]\n" + "".join(f"{i / 1000},{i % 3}\n" for i in range(9)), encoding="utf-8"
+    )
+    study = load_study(tmp_path / "study.toml")
+    with pytest.raises(FmuError, match=r"trouble\.fmu: its response 'y' is nan at t = 0\.003 s.*step_size") as caught:
+        run_study(study, study.condition("a"), tmp_path / "out.mcap")
+    assert "drop" not in str(caught.value)
+    assert "3 finished rows" in caught.value.__notes__[0]
+    with pytest.raises(FmuError, match=r"trouble\.fmu: its response 'y' is nan"):
+        pair(study, study.condition("a"))
 
 
 def test_own_logger_and_debug(trouble: Path, caplog: pytest.LogCaptureFixture, held: Held):
