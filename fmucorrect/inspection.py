@@ -106,10 +106,8 @@ def _screened(study: Study, problems: list[str], seen: list[str]) -> list[Findin
         if any(finding.level == "error" for finding in found):
             return found
         for condition in () if known else study.conditions:
-            item = pair(study, condition)
-            seen.append(f"condition {condition.name!r}: {item.clock}")
-            if condition.role == "development":
-                pairs.append(item)
+            pairs.append(pair(study, condition))
+            seen.append(f"condition {condition.name!r}: {pairs[-1].clock}")
         found += of_pairs(study, pairs)
     except FmucorrectError as error:
         if not known:

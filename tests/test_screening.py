@@ -16,6 +16,7 @@ from fmucorrect.records import writer
 from fmucorrect.registration import resample
 from fmucorrect.screening import of_pairs, of_records, screen
 from fmucorrect.screening.recorded import clipped, dominant
+from fmucorrect.screening.simulated import correlations
 from fmucorrect.signals import Channel, Record
 from fmucorrect.study import Study, load_study
 
@@ -79,11 +80,17 @@ def motion(seed: int) -> Table:
 
 
 def make(
-    folder: Path, fault: Fault = dict, more: str = "", head: str = HEAD, units: dict[str, str] | None = None
+    folder: Path,
+    fault: Fault = dict,
+    more: str = "",
+    head: str = HEAD,
+    units: dict[str, str] | None = None,
+    only: tuple[str, ...] = ("one", "two"),
+    lacks: float = 0.0,
 ) -> Study:
-    """Three conditions whose measured side has `fault`."""
+    """Three conditions of which `only` these have `fault` on the measured side. lacks: of a motion beside the simulated one."""
     t = np.arange(6000) * 0.01
-    for seed, (name, role) in enumerate(ROLES.items()):
+    for seed, name in enumerate(ROLES):
         table = motion(seed)
         named = {"body": table["s1"], "wheel": table["s2"], "tilt": table["s3"], "road": table["road"]}
         save(folder / f"sim_{name}.csv", t, named, {"tilt": "deg"})
@@ -92,7 +99,12 @@ def make(
             key: 1.1 * v + 0.1 * np.sin(v) + 0.02 * v.std() * rng.normal(size=len(t)) for key, v in table.items()
         }
         measured["road"] = table["road"] + 0.01 * rng.normal(size=len(t))
-        if role == "development":
+        if lacks:
+            own = {"s1": 0.9, "s2": 5.1, "s3": 3.3}  # Hz
+            for key, hertz in own.items():
+                lacking = lacks * np.sqrt(2.0) * measured[key].std() * np.sin(2 * np.pi * hertz * t + seed)
+                measured[key] = (measured[key] + lacking) / np.hypot(1.0, lacks)  # as large as before
+        if name in only:
             measured = fault(measured)
         stamps = np.arange(len(measured["road"])) * 0.01
         save(folder / f"meas_{name}.csv", stamps, measured, {"s3": "deg"} | (units or {}))
@@ -149,6 +161,123 @@ def test_a_fault_is_found_and_its_key_named(tmp_path: Path, fault: Fault, kind: 
     assert mine, found
     assert any(remedy in finding.text for finding in mine)
     assert all(finding.level == "warning" for finding in mine)
+
+
+@pytest.mark.parametrize("only", [("one",), ("two",), ("held",)])
+@pytest.mark.parametrize(
+    ("fault", "kind", "told"),
+    [
+        (changed(s1=lambda m: m["s2"], s2=lambda m: m["s1"]), "sensors swapped", "correlates"),
+        (changed(s1=lambda m: -m["s1"]), "sensor reversed", "correlates"),
+        (changed(s1=lambda m: 1e-3 * m["s1"]), "factor between units", "1 / 1000"),
+        (changed(s2=lambda m: 25.4 * m["s2"]), "factor between units", "25.4"),
+    ],
+)
+def test_a_mistake_in_one_record_is_told_by_its_condition(
+    tmp_path: Path, fault: Fault, kind: str, told: str, only: tuple[str, ...]
+) -> None:
+    """Of development or evaluation: nothing of the latter but the finding leaves the gate."""
+    checked = screen(make(tmp_path, fault, only=only))
+    assert checked.warnings
+    assert {finding.kind for finding in checked.warnings} == {kind}
+    for finding in checked.warnings:
+        assert finding.where.startswith(f"condition '{only[0]}', channel")
+        assert told in finding.seen
+        assert "not so at the other conditions" in finding.seen
+    assert [item.condition.name for item in checked.pairs] == ["one", "two"]
+
+
+@pytest.mark.parametrize("only", [("one",), tuple(ROLES)])
+@pytest.mark.parametrize(
+    ("factor", "told"),
+    [(1000.0, "near 1000"), (1e-3, "near 1 / 1000"), (25.4, "near 25.4"), (1 / 25.4, "near 1 / 25.4")],
+)
+def test_a_factor_of_a_poor_model(tmp_path: Path, factor: float, told: str, only: tuple[str, ...]) -> None:
+    """A correlation of 0.6 tells nothing of sizes; 1000 is no model all the same, nor is what all other channels deny."""
+    study = make(tmp_path, changed(s2=lambda m: factor * m["s2"]), lacks=1.5, only=only)
+    pairs = [pair(study, condition) for condition in study.conditions]
+    assert all(abs(correlations(item)[1, 1]) < 0.8 for item in pairs)
+    (finding,) = of_pairs(study, pairs)
+    assert finding.kind == "factor between units"
+    assert told in finding.seen
+    assert finding.where == ("channel 'wheel'" if len(only) == 3 else "condition 'one', channel 'wheel'")
+
+
+def test_a_poor_model_is_no_fault(tmp_path: Path) -> None:
+    assert screen(make(tmp_path, lacks=1.5, only=())).warnings == ()
+
+
+@pytest.mark.parametrize("factor", [3.0, 5.0, 57.3, 9.81])
+def test_a_poor_model_may_be_wrong_in_size(tmp_path: Path, factor: float) -> None:
+    """Below 6, and by factors that are none of a displacement, a resonance may do it."""
+    study = make(tmp_path, changed(s2=lambda m: factor * m["s2"]), lacks=1.5, only=tuple(ROLES))
+    assert of_pairs(study, [pair(study, condition) for condition in study.conditions]) == ()
+
+
+def test_few_independent_samples_say_nothing_of_a_sensor(tmp_path: Path) -> None:
+    """Noise on 6 rows may well correlate by -0.9."""
+    study = make(tmp_path)
+    whole = pairs_of(study)[0]
+    for seed in range(200):
+        rng = np.random.default_rng(seed)
+        count = int(rng.integers(6, 40))
+        noise = rng.normal(size=(count, 3))
+        few = replace(whole, rows=slice(0, count), measured=noise, acceleration=np.zeros((count, 0)), steady=None)
+        assert {finding.kind for finding in of_pairs(study, [few])} <= {"factor between units"}
+
+
+def held_from(values: np.ndarray, start: int, stop: int) -> np.ndarray:
+    return np.concatenate([values[:start], np.full(stop - start, values[start]), values[stop:]])
+
+
+@pytest.mark.parametrize(
+    ("fault", "kind", "told"),
+    [
+        (changed(s2=lambda m: held_from(m["s2"], 3000, 6000)), "stuck channel", "from 30 to 59.99 s"),
+        (changed(s2=lambda m: held_from(m["s2"], 0, 2000)), "stuck channel", "from 0 to 19.99 s"),
+        (changed(s2=lambda m: 1e-4 * np.random.default_rng(0).normal(size=6000)), "dead channel", "is noise"),
+        (changed(s2=lambda m: 0.01 * (np.random.default_rng(0).random(6000) > 0.5)), "dead channel", "takes 2 values"),
+        (lambda m: {k: held_from(v, 3000, 3030) for k, v in m.items()}, "frozen record", "from 30 to 30.29 s"),
+    ],
+)
+def test_a_sensor_that_does_not_live(tmp_path: Path, fault: Fault, kind: str, told: str) -> None:
+    found = of_records(make(tmp_path, fault, only=tuple(ROLES)))
+    assert [finding.kind for finding in found] == [kind] * 3
+    assert all(told in finding.seen for finding in found)
+    assert all(finding.level == "warning" for finding in found)
+
+
+def rest(values: np.ndarray) -> np.ndarray:
+    """Comes in, and goes out, smoothly within a second, and rests without noise before and after."""
+    t = np.arange(len(values)) * 0.01
+    return np.round(values * np.clip(np.minimum(t - 10.0, 50.0 - t), 0.0, 1.0) ** 2, 4)
+
+
+@pytest.mark.parametrize(
+    "kept",
+    [
+        lambda m: {k: rest(v) for k, v in m.items()},  # the machine stands still at both ends
+        changed(s2=lambda m: np.round(m["s2"], 0)),  # a coarse converter
+        changed(
+            s2=lambda m: np.sign(m["s2"]) * np.maximum(np.abs(m["s2"]) - m["s2"].std(), 0.0)
+        ),  # sticks now and then
+    ],
+)
+def test_rest_coarse_steps_and_friction_are_no_dead_sensor(tmp_path: Path, kept: Fault) -> None:
+    found = of_records(make(tmp_path, kept, only=tuple(ROLES)))
+    assert [finding.kind for finding in found if finding.kind != "clipped channel"] == []
+
+
+@pytest.mark.parametrize("factor", [1.0001, -1.0, 0.7])
+@pytest.mark.parametrize("noise", [0.0, 1e-5])
+def test_one_sensor_recorded_twice(tmp_path: Path, factor: float, noise: float) -> None:
+    """Scaled, the other way round, with a converter's noise on top; and it is not called reversed beside."""
+    rng = np.random.default_rng(0)
+    twice = changed(s2=lambda m: factor * m["s1"] + noise * m["s1"].std() * rng.normal(size=6000))
+    study = make(tmp_path, twice)
+    (finding,) = of_pairs(study, pairs_of(study))
+    assert finding.kind == "duplicated channel"
+    assert f"column 's2' is {factor:.4g} times 's1'" in finding.seen
 
 
 def test_a_clock_that_runs_fast(tmp_path: Path) -> None:
@@ -221,3 +350,68 @@ def test_the_tone_of_an_excitation() -> None:
     assert found is not None
     assert found == pytest.approx((2.0, 0.03), rel=0.02)
     assert dominant(np.random.default_rng(0).normal(size=20_000), 1e-3) is None
+
+
+OSCILLATOR = Path(__file__).resolve().parent.parent / "fmus" / "oscillator" / "oscillator.fmu"
+DRIVEN = f"""format = 1
+[simulation]
+fmu = "{OSCILLATOR.as_posix()}"
+step_size = 0.01
+[[channels]]
+name = "x"
+simulation = "mass1.x"
+measurement = "x"
+quantity = "displacement"
+unit = "mm"
+[[conditions]]
+name = "one"
+role = "development"
+inputs = "INPUTS"
+measurement = "x.csv"
+"""
+
+
+def driven(folder: Path, name: str, *topics: tuple[np.ndarray, Table]) -> Study:
+    """An oscillator, measured for 12 s, driven by these topics of a file."""
+    t = np.arange(1200) * 0.01
+    save(folder / "x.csv", t, {"x": np.sin(3.0 * t) + 1e-3 * np.cos(47.0 * t)}, {})
+    with writer(folder / name) as out:
+        for k, (at, table) in enumerate(topics):
+            channels = tuple(Channel(column, unit="N") for column in table)
+            stamps = np.round(at * 1e9).astype(np.int64)
+            out.write(f"/{k}", Record(stamps, np.stack(list(table.values()), axis=1), channels))
+    (folder / "study.toml").write_text(DRIVEN.replace("INPUTS", name), encoding="utf-8")
+    return load_study(folder / "study.toml")
+
+
+T12 = np.arange(1201) * 0.01
+
+
+@pytest.mark.parametrize(("lost", "level"), [((300, 700), "error"), ((300, 320), "warning")])
+def test_a_hole_in_the_inputs(tmp_path: Path, lost: tuple[int, int], level: str) -> None:
+    t = np.delete(T12, np.arange(*lost))
+    (finding,) = of_records(driven(tmp_path, "in.csv", (t, {"mass1.f": np.sin(9.0 * t)})))
+    assert (finding.kind, finding.level) == ("inputs do not cover the run", level)
+    assert f"without rows from 2.99 to {lost[1] / 100:g} s" in finding.seen
+    assert "straight line" in finding.meaning
+
+
+@pytest.mark.parametrize(
+    "series",
+    [
+        (np.array([0.0, 12.0]), np.array([1.0, 1.0])),  # a constant
+        (np.array([0.0, 2.0, 2.1, 8.0, 8.1, 12.0]), np.array([0.0, 0.0, 1.0, 1.0, 0.0, 0.0])),  # corners
+        (np.delete(T12, np.arange(300, 303)), np.sin(np.delete(T12, np.arange(300, 303)))),  # a straight line will do
+        (np.delete(T12, np.arange(300, 700)), np.where(np.delete(T12, np.arange(300, 700)) < 2.0, 1.0, 0.0)),  # at rest
+    ],
+)
+def test_inputs_without_a_hole(tmp_path: Path, series: tuple[np.ndarray, np.ndarray]) -> None:
+    assert of_records(driven(tmp_path, "in.csv", (series[0], {"mass1.f": series[1]}))) == ()
+
+
+def test_inputs_that_end_early_in_a_topic_that_is_not_the_first(tmp_path: Path) -> None:
+    short = T12[:200]
+    study = driven(tmp_path, "in.mcap", (T12, {"other": 0.0 * T12}), (short, {"mass1.f": np.sin(9.0 * short)}))
+    (finding,) = of_records(study)
+    assert (finding.kind, finding.level) == ("inputs do not cover the run", "error")
+    assert "in.mcap from 0 to 1.99 s" in finding.seen

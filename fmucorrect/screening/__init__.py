@@ -4,8 +4,9 @@
     checked.warnings             # what stands in the page, checked.pairs: the development conditions, simulated
 
 finding.py says what a finding is, recorded.py looks at files alone, same.py finds one record inside another, simulated.py
-holds simulation and measurement against each other. Of evaluation conditions only what no training could use is looked at:
-whether they are held out at all, whether their channels live and their inputs cover the run.
+holds simulation and measurement against each other. Of evaluation conditions only what no training could use is looked at, and
+nothing but a finding comes of it: whether they are held out at all, whether their channels live, their inputs cover the run,
+and their sensors, signs and units are those of the others.
 """
 
 from __future__ import annotations
@@ -14,11 +15,12 @@ import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from fmucorrect.errors import StudyError
+from fmucorrect.errors import FmucorrectError, StudyError
 from fmucorrect.experiment import Pair, pair
 from fmucorrect.screening.finding import Finding
 from fmucorrect.screening.recorded import of_records
 from fmucorrect.screening.simulated import of_pairs
+from fmucorrect.signals import Condition
 from fmucorrect.study import Study
 
 __all__ = ["Finding", "Screened", "of_pairs", "of_records", "screen"]
@@ -39,19 +41,38 @@ class Screened:
 
 
 def screen(study: Study, advance: Callable[[int], object] = lambda _: None) -> Screened:
-    """Look at all records, simulate every development condition once, and log each warning; advance(1) after each
-    simulation. Raises StudyError that lists every error, and what reading, simulation and registration raise."""
+    """Look at all records, simulate every condition once, and log each warning; advance(1) after each of development.
+    Raises StudyError that lists every error, and what reading, simulation and registration raise in development; in
+    evaluation, which may never be asked for, that is a warning."""
     found = of_records(study)
     _refuse(study, found)
     pairs: list[Pair] = []
     for condition in study.development:
         pairs.append(pair(study, condition))
         advance(1)
-    found = (*found, *of_pairs(study, pairs))
+    held: list[Pair] = []
+    for condition in study.conditions:
+        if condition.role == "evaluation":
+            try:
+                held.append(pair(study, condition))
+            except FmucorrectError as error:
+                found = (*found, _unpaired(condition, error))
+    found = (*found, *of_pairs(study, [*pairs, *held]))
     _refuse(study, found)
     for finding in found:
         _log.warning("%s", finding.text)
     return Screened(tuple(pairs), found)
+
+
+def _unpaired(condition: Condition, error: FmucorrectError) -> Finding:
+    return Finding(
+        "evaluation condition that cannot be used",
+        "warning",
+        f"condition {condition.name!r}",
+        f"simulation and measurement could not be laid side by side: {str(error).rstrip('.')}",
+        "Nothing will be scored there",
+        "Mend that before comparing; training goes without it.",
+    )
 
 
 def _refuse(study: Study, found: Sequence[Finding]) -> None:

@@ -12,10 +12,12 @@ from jaxtyping import Float64
 
 from fmucorrect import records, units
 from fmucorrect.clocks import clock
+from fmucorrect.errors import SHOWN
 from fmucorrect.experiment import read_samples
 from fmucorrect.screening.finding import Finding
+from fmucorrect.screening.lifeless import alone, few_values, frozen, stuck
 from fmucorrect.screening.same import COPIED, overlap
-from fmucorrect.signals import NANOSECONDS, Condition, Reading, Record
+from fmucorrect.signals import NANOSECONDS, Channel, Condition, Reading, Record
 from fmucorrect.sources import damages, driving
 from fmucorrect.study import Study
 
@@ -25,10 +27,17 @@ UNCOVERED = 0.1
 """Share of a run without inputs from which nothing sensible follows."""
 STILL = 0.02
 """Share of its largest value below which an input rests: holding it there is no harm."""
+SAMPLED = 0.9
+"""Share of equal steps in an input that is sampled, and not given by its corners."""
+STRAIGHT = 0.5
+"""Times that a signal needs for its own swing, for which a straight line is like it: a twelfth of a tone's period."""
 SUDDEN = 0.1
 """Share of a typical step by which it would have gone beyond."""
 CLIPPED = 3
 """Samples in a row at a channel's very end, and times that this happens, that make it a clipped one."""
+
+MASSIVE = ("displacement", "velocity", "angle")
+"""Quantities that cannot jump from sample to sample."""
 
 Series = Float64[np.ndarray, " T"]
 
@@ -40,6 +49,7 @@ def of_records(study: Study) -> tuple[Finding, ...]:
     for condition in study.conditions:
         found += _damaged(condition) if study.allow_damaged else ()  # else none is read
         found += _channels(study, condition, measured[condition.name])
+        found += _frozen(condition, measured[condition.name])
         found += _covered(study, condition)
         if condition.role == "development":
             found += _said(study, condition, measured[condition.name])
@@ -98,7 +108,7 @@ def _digest(path: Path) -> str:
 
 
 def _channels(study: Study, condition: Condition, measured: Record) -> Iterator[Finding]:
-    """Channels that are dead; in development also the same, or clipped."""
+    """Channels that are dead, all along or for a part; in development also the same, or clipped."""
     columns = [(channel, measured[channel.name]) for channel in study.channels]
     held = condition.role == "evaluation"
     for channel, values in columns:
@@ -112,6 +122,16 @@ def _channels(study: Study, condition: Condition, measured: Record) -> Iterator[
                 f"column {channel.measurement!r} is {values[0]:g} {channel.unit} throughout",
                 "The sensor did not work, or was not connected",
                 "Name another column (key measurement), or leave the channel out.",
+            )
+        elif seen := _lifeless(measured, channel):
+            kind, told, meaning = seen
+            yield Finding(
+                kind,
+                "warning",
+                where,
+                told,
+                meaning,
+                "Name another column (key measurement), cut the record to where it lived, or leave the channel out.",
             )
         elif not held and (share := clipped(values)):
             yield Finding(
@@ -135,6 +155,39 @@ def _channels(study: Study, condition: Condition, measured: Record) -> Iterator[
             )
 
 
+def _lifeless(measured: Record, channel: Channel) -> tuple[str, str, str] | None:
+    """What shows that a channel that varies measures nothing, or nothing for a part: kind, what was seen, meaning."""
+    j, column = measured.index(channel.name), f"column {channel.measurement!r}"
+    if count := few_values(measured.values[:, j]):
+        seen = f"{column} takes {count} values in {len(measured)} samples"
+        return "dead channel", seen, "The last digit of the converter flickers, and no motion is in it"
+    if channel.quantity in MASSIVE and alone(measured.values, j):
+        seen = f"{column} is noise whose samples have nothing to do with each other"
+        return "dead channel", seen, "What has a mass does not move so; the sensor did not work, or was not connected"
+    if rows := stuck(measured.values, j):
+        seen = f"{column} holds {measured.values[rows.start, j]:g} {channel.unit} {_span(measured, rows)}, while others move"
+        return "stuck channel", seen, "The sensor broke off, or got caught, and that part of it is no measurement"
+    return None
+
+
+def _frozen(condition: Condition, measured: Record) -> Iterator[Finding]:
+    """All columns at once."""
+    if rows := frozen(measured.values):
+        yield Finding(
+            "frozen record",
+            "warning",
+            f"condition {condition.name!r}",
+            f"all columns hold their values {_span(measured, rows)}, and come to that out of full motion",
+            "The logger lost these samples, and wrote the last one in their place",
+            "Cut the record there (key measurement), or take it from the logger again.",
+        )
+
+
+def _span(measured: Record, rows: slice) -> str:
+    begin, end = (float(measured.t_ns[i] - measured.t_ns[0]) / NANOSECONDS for i in (rows.start, rows.stop - 1))
+    return f"from {begin:.6g} to {end:.6g} s of the record ({rows.stop - rows.start} samples)"
+
+
 def clipped(values: Series) -> float:
     """Share of samples in rows of at least CLIPPED at the largest or the smallest value into which the signal runs with a
     speed that would have carried it beyond; 0 where that happens less than CLIPPED times."""
@@ -155,35 +208,48 @@ def clipped(values: Series) -> float:
 
 
 def _covered(study: Study, condition: Condition) -> Iterator[Finding]:
-    """Inputs that end before the run does, or lie on another clock."""
+    """Inputs that begin after the run or end before it, have a hole, or lie on another clock."""
     if condition.inputs is None or condition.simulated is not None or study.fmu is None:
         return
-    run, extent = clock(study, condition), records.describe(condition.inputs, condition.reading).topics[0].extent
-    if extent.rows < 2 or extent.start_ns is None or extent.stop_ns is None:
+    run, driven = clock(study, condition), [variable.name for variable in driving(study, condition)]
+    damaged = study.allow_damaged
+    series = records.read(condition.inputs, driven, reading=condition.reading, allow_damaged=damaged)
+    if len(series) < 2:
         return
-    length = run.length
-    begins, ends = ((stamp - run.origin_ns) / NANOSECONDS for stamp in (extent.start_ns, extent.stop_ns))
-    gap = (ends - begins) / (extent.rows - 1)
-    early, late = max(begins - gap, 0.0), max(length - ends - gap, 0.0)
-    if early + late <= 0.0:
-        return
-    driven = [variable.name for variable in driving(study, condition)]
-    series = records.read(condition.inputs, driven, reading=condition.reading)
-    size = np.abs(series.values).max(axis=0)
-    rests = [bool((np.abs(series.values[i]) <= STILL * size).all()) for i in (0, -1)]
-    missing = min(early * (not rests[0]) + late * (not rests[1]), length)
-    apart = begins >= length or ends <= 0.0
+    at = (series.t_ns - run.origin_ns) / NANOSECONDS
+    step = float(np.median(np.diff(at)))
+    rests = (np.abs(series.values) <= STILL * np.abs(series.values).max(axis=0)).all(axis=1)
+    ends = [(0.0, at[0] - step)] * (not rests[0]) + [(at[-1] + step, run.length)] * (not rests[-1])
+    holes = [(at[i], at[i + 1]) for i in _holes(at, series.values) if not (rests[i] and rests[i + 1])]
+    holes = [(max(a, 0.0), min(b, run.length)) for a, b in holes if a < run.length and b > 0.0]
+    missing = min(sum(max(b - a, 0.0) for a, b in (*ends, *holes)), run.length)
+    apart = bool(at[0] >= run.length or at[-1] <= 0.0)
     if not apart and missing <= 0.0:
         return
     state = "they are on another clock" if apart else "they are held at their first and last value"
+    state += ", and a hole is bridged by a straight line" if holes else ""
+    without = "".join(f", without rows from {a:.10g} to {b:.10g} s" for a, b in holes[:SHOWN])
     yield Finding(
         "inputs do not cover the run",
-        "error" if apart or missing > UNCOVERED * length else "warning",
+        "error" if apart or missing > UNCOVERED * run.length else "warning",
         f"condition {condition.name!r}",
-        f"the run lasts from 0 to {length:g} s, {condition.inputs.name} from {begins:.10g} to {ends:.10g} s",
+        f"the run lasts from 0 to {run.length:g} s, {condition.inputs.name} from {at[0]:.10g} to {at[-1]:.10g} s{without}",
         f"Outside {state}, and the model is not driven as the machine was",
         "Give inputs (key inputs) that reach over the whole measurement, or say how the clocks lie (key clock).",
     )
+
+
+def _holes(at: Series, values: Float64[np.ndarray, "T U"]) -> list[int]:
+    """Rows of a sampled series after which rows are missing for longer than a straight line is like the signal. A series of
+    corners, at intervals of its own, has no holes."""
+    gaps = np.diff(at)
+    regular = np.abs(gaps - np.median(gaps)) <= 0.5 * np.median(gaps)
+    if np.mean(regular) < SAMPLED:
+        return []
+    speed = np.diff(values, axis=0)[regular] / gaps[regular, None]
+    swing = np.maximum(values.std(axis=0), np.finfo(float).tiny)
+    longest = STRAIGHT * swing / np.maximum(np.sqrt((speed**2).mean(axis=0)), np.finfo(float).tiny)
+    return [int(i) for i in np.flatnonzero(~regular & (gaps > longest.min()))]
 
 
 def _said(study: Study, condition: Condition, measured: Record) -> Iterator[Finding]:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from itertools import product
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from itertools import combinations, product
 
 import numpy as np
 from jaxtyping import Float64
@@ -12,16 +12,23 @@ from fmucorrect.experiment import Pair
 from fmucorrect.screening.finding import Finding
 from fmucorrect.study import Study
 
-FACTORS = {
-    "1000 (mm and m, kN and N)": 1000.0,
-    "25.4 (inch and mm)": 25.4,
-    "57.3 (degree and radian)": 180.0 / np.pi,
-    "9.81 (g and m/s2, kgf and N) or 9.55 (rpm and rad/s)": 9.7,
-}
+THOUSAND = "1000 (mm and m, kN and N)"
+INCH = "25.4 (inch and mm)"
+DEGREE = "57.3 (degree and radian)"
+GRAVITY = "9.81 (g and m/s2, kgf and N) or 9.55 (rpm and rad/s)"
+FACTORS = {THOUSAND: 1000.0, INCH: 25.4, DEGREE: 180.0 / np.pi, GRAVITY: 9.7}
 NEAR = 0.2
 """Share by which sizes may differ from a factor: what the model lacks is in them too."""
 ALIKE = 0.9
-"""Correlation from which a size is compared."""
+"""Correlation from which any factor between sizes is told: below it the model may be wrong in size as well."""
+SIZED = {"angle": DEGREE, "displacement": INCH, "velocity": INCH, "acceleration": GRAVITY, "force": GRAVITY}
+"""The other factor that a quantity may be wrong by, for channels that are not ALIKE."""
+FAR = np.log(4.0)
+"""A factor of 1000 is told of any channel whose size is this near to it: midway to the next factor, 57.3."""
+MIDWAY = np.log(1.5)
+"""The same, midway from 25.4 to 57.3 and to 9.7."""
+ABOUT = 2.0
+"""Sizes whose ratio is not farther from 1 than this show that the model is of the right size."""
 GAIN = 1.33
 """Of the excitation, or its inverse, from which it is far from 1."""
 RATE = 10.0
@@ -30,27 +37,71 @@ LEFT = 0.25
 """Share of what a channel's own simulation leaves unexplained that a better assignment leaves at most."""
 MARGIN = 0.1
 """Share of the variance that it explains more at least."""
-
-
+SURE = 4.0
+"""Standard errors from which a correlation means anything. That of n independent samples is 1 / sqrt(n)."""
 VOTE = 0.5
 """Correlation from which a sign counts."""
+HALF = 0.7
+"""Correlation from which a channel follows its simulation: half of its variance."""
 MOST = 12
 """Channels whose signs are looked at together."""
+TWINS = 1e-3
+"""Share of its size by which a channel differs from another one that is the same sensor; in the simulation they differ by at
+least ten times as much."""
 
 Table = Float64[np.ndarray, "J J"]
+Values = Float64[np.ndarray, "N J"]
+Series = Float64[np.ndarray, " N"]
 
 
 def of_pairs(study: Study, pairs: Sequence[Pair]) -> tuple[Finding, ...]:
-    """Findings of the development conditions' pairs."""
-    tables = [correlations(item) for item in pairs]
-    return (*_clocks(study, pairs), *_assigned(study, pairs, tables), *_sizes(study, pairs, tables))
+    """Findings of simulation and measurement, of what all conditions have alike and of what single ones have."""
+    tables = [_sure(item, correlations(item)) for item in pairs]
+    twins = {pair: where for pair in combinations(range(len(study.channels)), 2) if (where := _twins(pairs, *pair))}
+    doubtful = {j for pair in twins for j in pair}
+    return (
+        *_clocks(study, pairs),
+        *_duplicated(study, pairs, twins),
+        *_assigned(study, pairs, tables, doubtful),
+        *_sizes(study, pairs, tables),
+    )
 
 
 def correlations(item: Pair) -> Table:
     """Of every measured channel (row) with every simulated one (column); 0 where one does not vary."""
-    measured, simulated = (x - x.mean(axis=0) for x in (item.measured, item.response))
-    sizes = np.outer(np.sqrt((measured**2).sum(axis=0)), np.sqrt((simulated**2).sum(axis=0)))
-    return (measured.T @ simulated) / np.where(sizes > 0.0, sizes, np.inf)
+    return _between(item.measured, item.response)
+
+
+def _between(one: Values, other: Values) -> Table:
+    a, b = (x - x.mean(axis=0) for x in (one, other))
+    sizes = np.outer(np.sqrt((a**2).sum(axis=0)), np.sqrt((b**2).sum(axis=0)))
+    return (a.T @ b) / np.where(sizes > 0.0, sizes, np.inf)
+
+
+def _sure(item: Pair, table: Table) -> Table:
+    """The same, 0 where that many samples correlate by chance."""
+    independent = np.minimum.outer(_turns(item.measured), _turns(item.response))
+    return np.where(np.abs(table) * np.sqrt(independent) > SURE, table, 0.0)
+
+
+def _turns(values: Values) -> Float64[np.ndarray, " J"]:
+    """How often each channel goes from one side of its mean to the other: about as many samples are independent of each other.
+    Rest, and what trembles around the mean, do not count."""
+    swing = values - values.mean(axis=0)
+    sides = [np.sign(column[np.abs(column) > 0.5 * column.std()]) for column in swing.T]
+    return np.array([1.0 + np.count_nonzero(np.diff(side)) for side in sides])
+
+
+def _where(channels: str, pairs: Sequence[Pair], having: Collection[int]) -> str:
+    """`channels`, and the conditions of these numbers where not all have it."""
+    if len(having) == len(pairs):
+        return channels
+    names = ", ".join(repr(pairs[c].condition.name) for c in sorted(having))
+    return f"condition{'s' if len(having) > 1 else ''} {names}, {channels}"
+
+
+def _how(pairs: Sequence[Pair], having: Collection[int]) -> str:
+    return "at every condition alike" if len(having) == len(pairs) else "and not so at the other conditions"
 
 
 def _clocks(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
@@ -85,49 +136,112 @@ def _clocks(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
             )
 
 
-def _assigned(study: Study, pairs: Sequence[Pair], tables: Sequence[Table]) -> Iterator[Finding]:
-    """Sensors that fit another channel better, or the other way round, at every condition."""
-    from scipy.optimize import linear_sum_assignment
+def _twins(pairs: Sequence[Pair], j: int, k: int) -> list[int]:
+    """Conditions at which two measured channels are one up to a factor, while the simulated ones are not."""
+    found: list[int] = []
+    for c, item in enumerate(pairs):
+        measured, simulated = (_apart(values[:, j], values[:, k]) for values in (item.measured, item.response))
+        if measured < TWINS and simulated > 10.0 * TWINS:
+            found.append(c)
+    return found
 
+
+def _apart(one: Series, other: Series) -> float:
+    """Share of `one` that no multiple of `other` and constant explains; 1 where one of them does not vary."""
+    a, b = one - one.mean(), other - other.mean()
+    if not a.any() or not b.any():
+        return 1.0
+    return float(np.linalg.norm(a - (a @ b) / (b @ b) * b) / np.linalg.norm(a))
+
+
+def _duplicated(study: Study, pairs: Sequence[Pair], twins: Mapping[tuple[int, int], list[int]]) -> Iterator[Finding]:
+    """Two channels that only one sensor can have measured; `recorded` tells those that are the same to the last digit."""
+    for (j, k), having in twins.items():
+        one, other = study.channels[j], study.channels[k]
+        a, b = (pairs[having[0]].measured[:, i] for i in (j, k))
+        if np.allclose(a, b, rtol=1e-9, atol=1e-9 * float(np.abs(a).max())):
+            continue
+        measured = max(_apart(pairs[c].measured[:, j], pairs[c].measured[:, k]) for c in having)
+        simulated = min(_apart(pairs[c].response[:, j], pairs[c].response[:, k]) for c in having)
+        factor = float(np.polyfit(a, b, 1)[0])
+        yield Finding(
+            "duplicated channel",
+            "warning",
+            _where(f"channels {one.name!r} and {other.name!r}", pairs, having),
+            f"column {other.measurement!r} is {factor:.4g} times {one.measurement!r}, but for {100 * measured:.1g} % of its "
+            f"size; simulated they differ by {100 * simulated:.2g} %",
+            "One sensor was recorded twice, and the other not at all",
+            "Name the other sensor's column (key measurement).",
+        )
+
+
+def _assigned(
+    study: Study, pairs: Sequence[Pair], tables: Sequence[Table], doubtful: Collection[int]
+) -> Iterator[Finding]:
+    """Sensors that fit another channel better, or the other way round: at every condition, or in single ones against the
+    others. doubtful: channels that are not looked at."""
     if not tables:
         return
-    mean = np.mean(tables, axis=0)
-    rows, columns = linear_sum_assignment(-np.abs(mean))
-    taken = {int(c): int(r) for r, c in zip(rows, columns, strict=True)}  # simulated channel -> measured channel
-    swapped = {j for j, row in taken.items() if row != j and all(_better(table, j, row) for table in tables)}
-    turned = _reversed(pairs, tables)
-    for j, channel in enumerate(study.channels):
-        if j in swapped:
-            other = study.channels[taken[j]]
-            sign = other.measurement_sign * (-1 if mean[taken[j], j] < 0.0 else 1)
+    everywhere, every = _wrong(pairs, tables), range(len(pairs))
+    found = {(j, row): list(every) for j, row in everywhere.items()}
+    for c in every if len(pairs) > 1 else ():
+        others = [table for d, table in enumerate(tables) if d != c]
+        wrong = _wrong([pairs[c]], [tables[c]])
+        for j, row in wrong.items():
+            if j not in everywhere and any(_right(tables[c], other, j, row) for other in others):
+                found.setdefault((j, row), []).append(c)
+    for (j, row), having in sorted(found.items()):
+        if j in doubtful:
+            continue
+        channel, other = study.channels[j], study.channels[row]
+        own, its = (float(np.mean([correlations(pairs[c])[i, j] for c in having])) for i in (j, row))
+        seen = f"column {channel.measurement!r} correlates {own:+.2f} with its simulation"
+        if row != j:
+            sign = other.measurement_sign * (-1 if its < 0.0 else 1)
             keys = f'measurement = "{other.measurement}"'
             keys += f" and measurement_sign = {sign}" if sign != channel.measurement_sign else ""
-            seen = (
-                f"column {channel.measurement!r} correlates {mean[j, j]:+.2f} with its simulation, "
-                f"{other.measurement!r} {mean[taken[j], j]:+.2f}"
-            )
-        elif j in turned:
-            keys = f"measurement_sign = {-channel.measurement_sign}"
-            seen = f"column {channel.measurement!r} correlates {mean[j, j]:+.2f} with its simulation"
-            if mean[j, j] > -0.5:
-                seen += ", and with the other sensors the other way round than simulated"
+            seen += f", {other.measurement!r} {its:+.2f}"
         else:
-            continue
+            keys = f"measurement_sign = {-channel.measurement_sign}"
+            if own > -0.5:
+                seen += ", and with the other sensors the other way round than simulated"
+        remedy = f"Write {keys} for this channel."
+        if len(having) < len(pairs):
+            remedy = f"In the record of that condition, name its columns as they are (what would mend it: {keys})."
         yield Finding(
-            "sensors swapped" if j in swapped else "sensor reversed",
+            "sensor reversed" if row == j else "sensors swapped",
             "warning",
-            f"channel {channel.name!r}",
-            f"{seen}, at every condition alike",
+            _where(f"channel {channel.name!r}", pairs, having),
+            f"{seen}, {_how(pairs, having)}",
             "The cables, names or directions of sensors are not as the study says",
-            f"Write {keys} for this channel.",
+            remedy,
         )
+
+
+def _wrong(pairs: Sequence[Pair], tables: Sequence[Table]) -> dict[int, int]:
+    """Channels that fit another measured channel (its number) better than their own at all of these conditions, or their own
+    (that number) the other way round."""
+    from scipy.optimize import linear_sum_assignment
+
+    rows, columns = linear_sum_assignment(-np.abs(np.mean(tables, axis=0)))
+    taken = {int(c): int(r) for r, c in zip(rows, columns, strict=True)}  # simulated channel -> measured channel
+    swapped = {j: row for j, row in taken.items() if row != j and all(_better(table, j, row) for table in tables)}
+    return {j: j for j in _reversed(pairs, tables)} | swapped
+
+
+def _right(here: Table, there: Table, j: int, row: int) -> bool:
+    """Whether what is wrong with channel j here is right at another condition: there it follows its own simulation, and the
+    mistake alone makes the difference."""
+    if row != j:
+        return bool(there[j, j] > HALF and _fits(there, j, j, row) and abs(here[row, j]) > HALF)
+    return bool(there[j, j] > HALF and abs(here[j, j] + there[j, j]) < NEAR)
 
 
 def _reversed(pairs: Sequence[Pair], tables: Sequence[Table]) -> set[int]:
     """Channels whose sign disagrees, at every condition, with their simulation and with how the others go with them."""
     votes: list[Table] = []
     for item, table in zip(pairs, tables, strict=True):
-        vote = _among(item.measured) * _among(item.response)
+        vote = _between(item.measured, item.measured) * _between(item.response, item.response)
         np.fill_diagonal(vote, np.diag(table))
         votes.append(np.where(np.abs(vote) > VOTE, vote, 0.0))
     count = len(tables[0])
@@ -153,41 +267,68 @@ def _agreement(vote: Table, signs: Float64[np.ndarray, " J"]) -> float:
     return float(signs @ own + (signs @ vote @ signs - own.sum()) / 2.0)
 
 
-def _among(values: Float64[np.ndarray, "N J"]) -> Table:
-    """Correlations of channels among themselves."""
-    centred = values - values.mean(axis=0)
-    sizes = np.sqrt((centred**2).sum(axis=0))
-    return (centred.T @ centred) / np.where(np.outer(sizes, sizes) > 0.0, np.outer(sizes, sizes), np.inf)
-
-
 def _better(table: Table, j: int, row: int) -> bool:
     """Whether measured channel `row` explains simulated channel j clearly better than its own does."""
-    own, other = 1.0 - table[j, j] ** 2, 1.0 - table[row, j] ** 2
-    return bool(other < LEFT * own and own - other > MARGIN)
+    return _fits(table, j, row, j)
+
+
+def _fits(table: Table, j: int, row: int, than: int) -> bool:
+    """Whether measured channel `row` explains simulated channel j clearly better than the measured channel `than` does."""
+    one, other = 1.0 - table[row, j] ** 2, 1.0 - table[than, j] ** 2
+    return bool(one < LEFT * other and other - one > MARGIN)
 
 
 def _sizes(study: Study, pairs: Sequence[Pair], tables: Sequence[Table]) -> Iterator[Finding]:
-    """Channels that are larger or smaller than simulated by a factor between units, at every condition."""
+    """Channels that are larger or smaller than simulated by a factor between units."""
+    if not pairs:
+        return
+    ratios = np.array([_size(item, item.measured) / _size(item, item.response) for item in pairs])
     for j, channel in enumerate(study.channels):
-        if not pairs or any(abs(table[j, j]) < ALIKE for table in tables):
-            continue
-        ratios = [float(item.measured[:, j].std() / item.response[:, j].std()) for item in pairs]
-        ratio = float(np.exp(np.mean(np.log(ratios))))
-        factor = _factor(ratio)
-        if factor and all(_factor(one) == factor for one in ratios):
+        near, own = [_factor(ratio) for ratio in ratios[:, j]], [table[j, j] for table in tables]
+        sure = {name for name, r in zip(near, own, strict=True) if abs(r) > ALIKE}
+        large = [_factor(ratio, (THOUSAND,), FAR) for ratio in ratios[:, j]]
+        wide = [_factor(ratio, near=MIDWAY) for ratio in ratios[:, j]]
+        likely = [name if name.endswith(SIZED[channel.quantity]) else "" for name in wide]
+        sure |= {*large, *_beside_others(ratios, j, likely)}
+        for factor in sorted(sure - {""}):
+            having = [c for c in range(len(pairs)) if factor in (wide[c], large[c])]
+            ratio = float(np.exp(np.mean(np.log(ratios[having, j]))))
             yield Finding(
                 "factor between units",
                 "warning",
-                f"channel {channel.name!r}",
-                f"measured over simulated is {ratio:.4g} at every condition, near {factor}",
+                _where(f"channel {channel.name!r}", pairs, having),
+                f"measured over simulated is {ratio:.4g}, {_how(pairs, having)}, near {factor}",
                 "A unit is wrong in the file, in the FMU or in the study",
-                f"Correct the unit of column {channel.measurement!r} in the file, or unit and simulation of the channel.",
+                f"Correct the unit of column {channel.measurement!r} in the file (or say it by units in [records]), "
+                "or unit and simulation of the channel.",
             )
 
 
-def _factor(ratio: float) -> str:
-    """The factor between units that a ratio, or its inverse, is near; "" for none."""
-    for name, factor in FACTORS.items():
-        if ratio > 0.0 and abs(abs(np.log(ratio)) - np.log(factor)) < NEAR:
+def _size(item: Pair, values: Values) -> Float64[np.ndarray, " J"]:
+    """What 99 % of the samples do not leave, about the median, while the excitation is steady where that is known; NaN where
+    that is nothing. Single spikes are no size."""
+    part = values if item.steady is None else values[item.steady]
+    size = np.quantile(np.abs(part - np.median(part, axis=0)), 0.99, axis=0)
+    return np.where(size > 0.0, size, np.nan)
+
+
+def _beside_others(ratios: Float64[np.ndarray, "C J"], j: int, likely: Sequence[str]) -> set[str]:
+    """The factor of a channel whose correlation tells nothing, `likely` at each condition: where all other channels have about
+    the size of their simulation, and it has the factor at every condition, of several, or its own size at all others. A
+    resonance that is not where the model has it makes a single such ratio too."""
+    about = np.abs(np.log(ratios)) < np.log(ABOUT)
+    others = np.delete(about, j, axis=1)
+    found: set[str] = set()
+    for factor in set(likely) - {""} if others.size and len(ratios) > 1 else ():
+        having = np.array([name == factor for name in likely])
+        if others[having].all() and about[~having, j].all():
+            found.add(factor)
+    return found
+
+
+def _factor(ratio: float, names: Collection[str] = tuple(FACTORS), near: float = NEAR) -> str:
+    """The factor between units, of those named, that a ratio, or its inverse, is near; "" for none."""
+    for name in names:
+        if ratio > 0.0 and abs(abs(np.log(ratio)) - np.log(FACTORS[name])) < near:
             return name if ratio > 1.0 else f"1 / {name}"
     return ""
