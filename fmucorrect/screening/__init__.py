@@ -3,10 +3,10 @@
     checked = screen(study)      # raises StudyError with every finding that leaves nothing sensible to do
     checked.warnings             # what stands in the page, checked.pairs: the development conditions, simulated
 
-finding.py says what a finding is, recorded.py looks at files alone, same.py finds one record inside another, simulated.py
-holds simulation and measurement against each other. Of evaluation conditions only what no training could use is looked at, and
-nothing but a finding comes of it: whether they are held out at all, whether their channels live, their inputs cover the run,
-and their sensors, signs and units are those of the others.
+finding.py says what a finding is, recorded.py looks at files alone, lifeless.py at whether a channel lives, same.py finds one
+record inside another, simulated.py holds simulation and measurement against each other. Of evaluation conditions only what no
+training could use is looked at, and nothing but a finding comes of it: whether they are held out at all, whether their channels
+live, their inputs cover the run, and their sensors, signs and units are those of the others.
 """
 
 from __future__ import annotations

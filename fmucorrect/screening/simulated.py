@@ -56,7 +56,7 @@ Series = Float64[np.ndarray, " N"]
 
 def of_pairs(study: Study, pairs: Sequence[Pair]) -> tuple[Finding, ...]:
     """Findings of simulation and measurement, of what all conditions have alike and of what single ones have."""
-    tables = [_sure(item, correlations(item)) for item in pairs]
+    tables = [_sure(item.measured, item.response) for item in pairs]
     twins = {pair: where for pair in combinations(range(len(study.channels)), 2) if (where := _twins(pairs, *pair))}
     doubtful = {j for pair in twins for j in pair}
     return (
@@ -78,9 +78,9 @@ def _between(one: Values, other: Values) -> Table:
     return (a.T @ b) / np.where(sizes > 0.0, sizes, np.inf)
 
 
-def _sure(item: Pair, table: Table) -> Table:
-    """The same, 0 where that many samples correlate by chance."""
-    independent = np.minimum.outer(_turns(item.measured), _turns(item.response))
+def _sure(one: Values, other: Values) -> Table:
+    """The same of any channels, 0 where that many samples correlate by chance."""
+    table, independent = _between(one, other), np.minimum.outer(_turns(one), _turns(other))
     return np.where(np.abs(table) * np.sqrt(independent) > SURE, table, 0.0)
 
 
@@ -241,7 +241,7 @@ def _reversed(pairs: Sequence[Pair], tables: Sequence[Table]) -> set[int]:
     """Channels whose sign disagrees, at every condition, with their simulation and with how the others go with them."""
     votes: list[Table] = []
     for item, table in zip(pairs, tables, strict=True):
-        vote = _between(item.measured, item.measured) * _between(item.response, item.response)
+        vote = _sure(item.measured, item.measured) * _sure(item.response, item.response)
         np.fill_diagonal(vote, np.diag(table))
         votes.append(np.where(np.abs(vote) > VOTE, vote, 0.0))
     count = len(tables[0])
