@@ -154,13 +154,16 @@ def _critical_speed(document: Mapping[str, Any]) -> Found:
             ):
                 if not section.get(needed):
                     yield ("critical_speed", needed), f"is missing: [critical_speed.{key}] needs to know {what}"
-    match section.get("bifurcation"):
-        case {"speeds": [int() | float() as low, int() | float() as high], "step": int() | float() as step} if step > 0:
-            if high - low > MOST_SPEEDS * step:
-                yield (
-                    ("critical_speed", "bifurcation", "step"),
-                    f"makes more than {MOST_SPEEDS} speeds of {low} to {high} km/h",
-                )
+    steps = section.get("bifurcation")
+    speeds, step = (steps.get("speeds"), steps.get("step")) if isinstance(steps, dict) else (None, None)
+    match speeds, step:
+        case [int() | float() as low, int() | float() as high], int() | float() if (
+            high - low > MOST_SPEEDS * step > 0.0
+        ):
+            text = f"makes more than {MOST_SPEEDS} speeds of {low} to {high} km/h"
+            yield ("critical_speed", "bifurcation", "step"), text
+        case _:
+            pass
 
 
 def _those(name: str, known: Iterable[str]) -> str:

@@ -14,7 +14,10 @@ UNITS = {"u": "mm", "f": "N", "x": "mm", "y": "mm", "v": "m/s", "a": "m/s2"}
 VARIABLES = {  # by value reference, as the C code counts them; u and f are inputs
     "restarting": ("u", "f", "x", "y", "v", "a", "restarts"),
     "clock": ("u", "f", "x", "misses", "apart", "steps", "end", "shortest", "longest"),
+    "far": ("u", "f", "x", "v"),
 }
+FIRST = {"far": 2**30}
+"""The value reference of the first variable, where it is not 0."""
 FED: Mapping[str, tuple[str, ...]] = {"y": ("u",), "a": ("u", "f")}
 """The outputs that inputs reach at once."""
 _BASES = {"mm": 'm="1" factor="0.001"', "N": 'kg="1" m="1" s="-2"', "m/s": 'm="1" s="-1"', "m/s2": 'm="1" s="-2"'}
@@ -33,25 +36,28 @@ def foreign(path: Path, model: str, fmi: int, *, stated: bool = True, constant: 
 
 
 def _description(model: str, fmi: int, stated: bool, constant: bool) -> str:
-    names = VARIABLES[model]
+    names, first = VARIABLES[model], FIRST.get(model, 0)
     variables, structure = "", ""
     for i, name in enumerate(names):
         unit = f' unit="{UNITS[name]}"' if name in UNITS else ""
         unit += ' start="0"' if i < 2 else ""
-        head = f'name="{name}" valueReference="{i}" causality="{"input" if i < 2 else "output"}"'
+        head = f'name="{name}" valueReference="{first + i}" causality="{"input" if i < 2 else "output"}"'
         variables += (
             f"<ScalarVariable {head}><Real{unit}/></ScalarVariable>" if fmi == 2 else f"<Float64 {head}{unit}/>"
         )
         if i >= 2:
-            known = [str(names.index(fed) + (fmi == 2)) for fed in FED.get(name, ())]
+            known = [str(names.index(fed) + (1 if fmi == 2 else first)) for fed in FED.get(name, ())]
             depends = f' dependencies="{" ".join(known)}"' if stated else ""
             structure += (
-                f'<Unknown index="{i + 1}"{depends}/>' if fmi == 2 else f'<Output valueReference="{i}"{depends}/>'
+                f'<Unknown index="{i + 1}"{depends}/>'
+                if fmi == 2
+                else f'<Output valueReference="{first + i}"{depends}/>'
             )
     if fmi == 2:
         structure = f"<Outputs>{structure}</Outputs>"
     units = "".join(f'<Unit name="{name}"><BaseUnit {base}/></Unit>' for name, base in _BASES.items())
     flag = "" if constant else ' canHandleVariableCommunicationStepSize="true"'
+    flag += ' canBeInstantiatedOnlyOncePerProcess="true"' if model == "far" else ""
     token = "guid" if fmi == 2 else "instantiationToken"
     return f"""<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="{fmi}.0" modelName="{model}" {token}="{{{model}}}">

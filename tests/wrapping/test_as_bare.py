@@ -20,7 +20,7 @@ from odd import MS, Host, folder, plain, wrapped
 
 from fmucorrect import bundle
 from fmucorrect.effects import Effects, ForceEffect, write
-from fmucorrect.fmu import FmuStepper
+from fmucorrect.fmu import FmuStepper, IsolatedStepper, open_fmu
 from fmucorrect.signals import Channel, Condition
 from fmucorrect.stepper import CorrectedStepper
 from fmucorrect.study import Joint
@@ -317,3 +317,16 @@ def test_an_early_end_is_told_on_the_hosts_clock(fmi: int) -> None:
         assert begin < reached < begin + size
         assert host.step(begin + size - reached)[0] == "ok"  # the rest of it, from where it was told to be
         assert host.get("steps")[0] == 32
+
+
+@SAME
+def test_value_references_from_two_to_the_thirty_and_one_instance(fmi: int) -> None:
+    """In a process of its own, since the solver bears one instance in each."""
+    fmu, path = made("far", fmi, "x"), bare("far", fmi)
+    rows = []
+    for one in (path, fmu):
+        with IsolatedStepper(one, (*channels("x"), Channel("v", "m/s")), inputs=("u",)) as stepper:
+            stepper.reset(Condition("far"))
+            rows.append([stepper.step(k * MS, U[k : k + 1]).simulated for k in range(COUNT)])
+    same(np.array(rows[1]), np.array(rows[0]))
+    assert min(v.reference for v in open_fmu(fmu).variables.values()) == 2**30

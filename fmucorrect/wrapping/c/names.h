@@ -27,6 +27,7 @@
 #define variable_get OWN(variable_get)
 #define variable_set OWN(variable_set)
 #define variables_touched OWN(variables_touched)
+#define variables_jumped OWN(variables_jumped)
 
 /* inner_*.c */
 #define inner_open OWN(inner_open)

@@ -246,3 +246,22 @@ fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReferenc
     REFUSE_WITHOUT_INSTANCE;
     return (fmi2Status)wrapper_log(c, STATUS_ERROR, "derivatives of outputs are not provided");
 }
+
+/* Of model exchange, which is not offered: some hosts look for all functions of the standard before they call one. */
+#define NOT_OFFERED(name, parameters)                                                                                    \
+    fmi2Status name parameters                                                                                           \
+    {                                                                                                                    \
+        REFUSE_WITHOUT_INSTANCE;                                                                                         \
+        return (fmi2Status)wrapper_log(c, STATUS_ERROR, "this FMU is for co-simulation only");                           \
+    }
+
+NOT_OFFERED(fmi2EnterEventMode, (fmi2Component c))
+NOT_OFFERED(fmi2NewDiscreteStates, (fmi2Component c, fmi2EventInfo *info))
+NOT_OFFERED(fmi2EnterContinuousTimeMode, (fmi2Component c))
+NOT_OFFERED(fmi2CompletedIntegratorStep, (fmi2Component c, fmi2Boolean no_set_state, fmi2Boolean *event, fmi2Boolean *terminate))
+NOT_OFFERED(fmi2SetTime, (fmi2Component c, fmi2Real time))
+NOT_OFFERED(fmi2SetContinuousStates, (fmi2Component c, const fmi2Real states[], size_t n))
+NOT_OFFERED(fmi2GetDerivatives, (fmi2Component c, fmi2Real derivatives[], size_t n))
+NOT_OFFERED(fmi2GetEventIndicators, (fmi2Component c, fmi2Real indicators[], size_t n))
+NOT_OFFERED(fmi2GetContinuousStates, (fmi2Component c, fmi2Real states[], size_t n))
+NOT_OFFERED(fmi2GetNominalsOfContinuousStates, (fmi2Component c, fmi2Real nominals[], size_t n))

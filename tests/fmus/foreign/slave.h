@@ -1,5 +1,6 @@
 /* FMI 2.0 and 3.0 around a small model, for solvers that behave as commercial exporters' do: what the file that includes this must
- * define is Model, COUNT (variables, by value reference), and model_start, model_get, model_set and model_step. */
+ * define is Model, COUNT (variables, by value reference from FIRST on, 0 unless it says otherwise), and model_start, model_get,
+ * model_set and model_step. INSTANCES: so many a process may be made. */
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdlib.h>
@@ -11,6 +12,13 @@
 #define EXPORT __attribute__((visibility("default")))
 #endif
 
+#ifndef FIRST
+#define FIRST 0u
+#endif
+#ifndef INSTANCES
+#define INSTANCES 1000
+#endif
+
 enum { OK, WARNING, DISCARD, ERROR };
 
 static void model_start(Model *self, double time);
@@ -18,18 +26,23 @@ static double model_get(Model *self, unsigned reference);
 static void model_set(Model *self, unsigned reference, double value);
 static int model_step(Model *self, double time, double size);
 
+static int instances = 0; /* ever made: what a tool leaves behind in its process is not made good by freeing */
 #define M Model *self
 #define ACCESS                                                                                                           \
     for (size_t i = 0; i < n; i++)                                                                                       \
-        if (references[i] >= COUNT)                                                                                      \
+        if (references[i] - FIRST >= COUNT)                                                                                      \
             return ERROR;                                                                                                \
         else
-#define GET ACCESS values[i] = model_get(self, references[i]); return OK
-#define SET ACCESS model_set(self, references[i], values[i]); return OK
+#define GET ACCESS values[i] = model_get(self, references[i] - FIRST); return OK
+#define SET ACCESS model_set(self, references[i] - FIRST, values[i]); return OK
+
+EXPORT const char *fmi2GetTypesPlatform(void) { return "default"; }
+EXPORT const char *fmi2GetVersion(void) { return "2.0"; }
+EXPORT const char *fmi3GetVersion(void) { return "3.0"; }
 
 EXPORT void *fmi2Instantiate(const char *name, int type, const char *guid, const char *resources, const void *callbacks, int visible, int logging)
 {
-    return calloc(1, sizeof(Model));
+    return instances++ < INSTANCES ? calloc(1, sizeof(Model)) : NULL;
 }
 EXPORT void fmi2FreeInstance(M) { free(self); }
 EXPORT int fmi2SetDebugLogging(M, int on, size_t n, const char *const categories[]) { return OK; }
@@ -45,7 +58,7 @@ EXPORT int fmi2DoStep(M, double time, double size, int no_set_state) { return mo
 EXPORT void *fmi3InstantiateCoSimulation(const char *name, const char *token, const char *resources, bool visible, bool logging, bool event,
                                          bool early, const unsigned required[], size_t n, void *environment, void *log, void *update)
 {
-    return calloc(1, sizeof(Model));
+    return instances++ < INSTANCES ? calloc(1, sizeof(Model)) : NULL;
 }
 EXPORT void fmi3FreeInstance(M) { free(self); }
 EXPORT int fmi3SetDebugLogging(M, bool on, size_t n, const char *const categories[]) { return OK; }
@@ -68,7 +81,7 @@ EXPORT int fmi3DoStep(M, double time, double size, bool no_set_state, bool *even
 REFUSED(fmi2CancelStep) REFUSED(fmi2DeSerializeFMUstate) REFUSED(fmi2FreeFMUstate) REFUSED(fmi2GetBoolean)
 REFUSED(fmi2GetBooleanStatus) REFUSED(fmi2GetDirectionalDerivative) REFUSED(fmi2GetFMUstate) REFUSED(fmi2GetInteger)
 REFUSED(fmi2GetIntegerStatus) REFUSED(fmi2GetRealOutputDerivatives) REFUSED(fmi2GetRealStatus) REFUSED(fmi2GetStatus)
-REFUSED(fmi2GetString) REFUSED(fmi2GetStringStatus) REFUSED(fmi2GetTypesPlatform) REFUSED(fmi2GetVersion)
+REFUSED(fmi2GetString) REFUSED(fmi2GetStringStatus)
 REFUSED(fmi2SerializeFMUstate) REFUSED(fmi2SerializedFMUstateSize) REFUSED(fmi2SetBoolean) REFUSED(fmi2SetFMUstate)
 REFUSED(fmi2SetInteger) REFUSED(fmi2SetRealInputDerivatives) REFUSED(fmi2SetString)
 REFUSED(fmi3ActivateModelPartition) REFUSED(fmi3CompletedIntegratorStep) REFUSED(fmi3DeserializeFMUState)
@@ -82,7 +95,7 @@ REFUSED(fmi3GetIntervalFraction) REFUSED(fmi3GetNominalsOfContinuousStates) REFU
 REFUSED(fmi3GetNumberOfEventIndicators) REFUSED(fmi3GetNumberOfVariableDependencies) REFUSED(fmi3GetOutputDerivatives)
 REFUSED(fmi3GetShiftDecimal) REFUSED(fmi3GetShiftFraction) REFUSED(fmi3GetString) REFUSED(fmi3GetUInt16)
 REFUSED(fmi3GetUInt32) REFUSED(fmi3GetUInt64) REFUSED(fmi3GetUInt8) REFUSED(fmi3GetVariableDependencies)
-REFUSED(fmi3GetVersion) REFUSED(fmi3InstantiateModelExchange) REFUSED(fmi3InstantiateScheduledExecution)
+REFUSED(fmi3InstantiateModelExchange) REFUSED(fmi3InstantiateScheduledExecution)
 REFUSED(fmi3SerializeFMUState) REFUSED(fmi3SerializedFMUStateSize) REFUSED(fmi3SetBinary) REFUSED(fmi3SetBoolean)
 REFUSED(fmi3SetClock) REFUSED(fmi3SetContinuousStates) REFUSED(fmi3SetFMUState) REFUSED(fmi3SetFloat32)
 REFUSED(fmi3SetInt16) REFUSED(fmi3SetInt32) REFUSED(fmi3SetInt64) REFUSED(fmi3SetInt8) REFUSED(fmi3SetIntervalDecimal)
