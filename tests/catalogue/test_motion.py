@@ -130,9 +130,10 @@ def test_slopes_are_the_derivatives_of_the_rates(law):
     x, z, p = motion(), states(law), complete(law)
     h = 1e-6 * np.abs(z)
     central = (rates(law, x, z + h, p) - rates(law, x, z - h, p)) / (2 * h)
-    got = numeric._rows(numeric._slopes(law), law, x, z, p)
+    got = numeric._rows(numeric._slopes(law), law, numeric._given(law, x, p), z)
     np.testing.assert_allclose(got, central, rtol=1e-5, atol=1e-5 * np.abs(central).max())
-    at_rest = numeric._rows(numeric._slopes(law), law, x, 0 * z, p | ({"exponent": 1.0} if "exponent" in p else {}))
+    given = numeric._given(law, x, p | ({"exponent": 1.0} if "exponent" in p else {}))
+    at_rest = numeric._rows(numeric._slopes(law), law, given, 0 * z)
     assert np.isfinite(at_rest).all()
 
 
