@@ -12,7 +12,7 @@ from typing import Any, NoReturn, TypeVar
 
 import numpy as np
 
-from fmucorrect.errors import BundleError
+from fmucorrect.errors import BundleError, unrepeated
 from fmucorrect.signals import Channel
 
 FORMAT = 1
@@ -101,20 +101,13 @@ class Info:
 def parse(text: str, where: str) -> dict[str, Any]:
     """The JSON as it stands: a table, no key twice, only numbers that JSON knows, not too deep. Raises BundleError."""
 
-    def pairs(rows: list[tuple[str, Any]]) -> dict[str, Any]:
-        table = dict(rows)
-        if len(table) < len(rows):
-            names = [key for key, _ in rows]
-            raise ValueError(f"{next(key for key in names if names.count(key) > 1)!a} is there twice")
-        return table
-
     def constant(name: str) -> NoReturn:
         raise ValueError(f"{name} is no number of JSON")
 
     if len(text) > LARGEST_TEXT:
         raise BundleError("the metadata is too large", where=where, expected=f"at most {LARGEST_TEXT} characters")
     try:
-        data = json.loads(text, object_pairs_hook=pairs, parse_constant=constant)
+        data = json.loads(text, object_pairs_hook=unrepeated, parse_constant=constant)
     except (ValueError, RecursionError) as error:
         raise BundleError(f"the metadata is no JSON that can be used: {error}", where=where) from error
     level: list[Any] = [data]

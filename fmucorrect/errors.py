@@ -47,6 +47,16 @@ def few(names: Sequence[str]) -> str:
     return mark.join(names[:SHOWN]) + more
 
 
+def unrepeated(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """The object of these keys and values, for json's object_pairs_hook. Raises ValueError that names a key that repeats, as
+    one of its values would be lost."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        names = [name for name, _ in pairs]
+        raise ValueError(f"the key {next(name for name in names if names.count(name) > 1)!a} stands twice in an object")
+    return found
+
+
 class FmucorrectError(Exception):
     """Base of the tree. `FmucorrectError(what, where=..., expected=..., got=..., remedy=...)` joins what is known.
 

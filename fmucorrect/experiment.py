@@ -140,10 +140,10 @@ def pair(
     count = len(study.channels)
     step = study.simulation.step_ns / NANOSECONDS
     offset, rate, told = None, 0.0, known.told
-    start = known.place(int(measured.t_ns[0]))
+    start, defined = known.place(int(measured.t_ns[0])), sources.defined(study)
     if start is None:
         assert study.excitation is not None
-        offset = _register(simulated, measured, study.excitation.simulation, step, sources.defined(study))
+        offset = _register(simulated, measured, study.excitation.simulation, step, defined)
         rate = clock_rate(offset, len(measured) * step, step)
         start = at_rate(offset, rate)
         told = _registered(offset, rate)
@@ -167,7 +167,7 @@ def pair(
         ratio,
         rate,
         told,
-        sources.defined(study),
+        defined,
     )
 
 

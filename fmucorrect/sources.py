@@ -67,7 +67,7 @@ def fmu_of(study: Study) -> Path:
 
 def defined(study: Study) -> Mapping[str, units.Unit]:
     """The units that the study's FMU declares itself."""
-    return units.NONE if study.fmu is None else open_fmu(study.fmu).defined
+    return units.NONE if study.fmu is None else open_fmu(study.fmu, warn=False).defined
 
 
 def driving(study: Study, condition: Condition) -> tuple[Variable, ...]:

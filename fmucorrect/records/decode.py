@@ -9,6 +9,7 @@ from typing import Any, Protocol, cast, runtime_checkable
 import numpy as np
 from jaxtyping import Float64, Int64
 
+from fmucorrect.errors import unrepeated
 from fmucorrect.records.bulk import Layout, Messages
 from fmucorrect.records.source import MOST_COLUMNS
 
@@ -60,7 +61,7 @@ class JsonDecoder:
         """Every number by its path."""
         found: dict[str, float] = {}
         try:
-            _numbers(found, self.left, "", json.loads(payload, object_pairs_hook=_once), DEEPEST)
+            _numbers(found, self.left, "", json.loads(payload, object_pairs_hook=unrepeated), DEEPEST)
         except RecursionError:
             raise ValueError("the JSON is nested too deep") from None
         return found
@@ -72,15 +73,6 @@ class JsonDecoder:
     def complete(self, names: Collection[str]) -> bool:
         """False: JSON promises nothing."""
         return False
-
-
-def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """An object, none of whose keys repeats: of two values one would be lost."""
-    found = dict(pairs)
-    if len(found) < len(pairs):
-        names = [name for name, _ in pairs]
-        raise ValueError(f"the key {next(name for name in names if names.count(name) > 1)!r} stands twice in an object")
-    return found
 
 
 def _numbers(found: dict[str, float], left: dict[str, str], path: str, value: Any, deeper: int) -> None:

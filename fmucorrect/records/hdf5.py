@@ -17,7 +17,7 @@ import numpy as np
 
 from fmucorrect.errors import MissingExtra, RecordError
 from fmucorrect.records.child import ChildSource
-from fmucorrect.records.packed import physical
+from fmucorrect.records.packed import physical, text_of
 from fmucorrect.records.structures import Tables, Unreadable
 from fmucorrect.signals import AS_IT_IS, Reading
 
@@ -120,7 +120,7 @@ def _value(h5py: Any, item: Any, lost: list[str]) -> Any:
         return Unreadable("neither numbers nor a group")
     if item.external or item.is_virtual:
         return Unreadable("numbers kept in another file")
-    if _text(item.attrs.get("NAME", "")).startswith(_BARE_DIMENSION):
+    if text_of(item.attrs.get("NAME", "")).startswith(_BARE_DIMENSION):
         return Unreadable("a dimension of NetCDF without values")
     there, why = _written(item)
     if why:
@@ -178,9 +178,5 @@ def _array(values: Any, attributes: dict[str, Any], there: np.ndarray | None) ->
 def _unit(attributes: Any) -> str:
     for key in attributes:
         if key.lower() in _UNITS:
-            return _text(attributes[key])
+            return text_of(attributes[key])
     return ""
-
-
-def _text(value: Any) -> str:
-    return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)

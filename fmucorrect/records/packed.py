@@ -31,7 +31,7 @@ def physical(values: np.ndarray, attributes: Mapping[str, Any]) -> np.ndarray | 
                 return Unreadable(f"its {key} is no number")
     if any(told[key].size != 1 for key in _SCALING if key in told):
         return Unreadable("its scale_factor or add_offset is no single number")
-    unsigned = values.dtype.kind == "i" and _text(attributes.get("_Unsigned", "")).lower() == "true"
+    unsigned = values.dtype.kind == "i" and text_of(attributes.get("_Unsigned", "")).lower() == "true"
     if unsigned:
         values = values.astype(f"u{values.dtype.itemsize}")
     missing = np.zeros(values.shape, bool)
@@ -67,9 +67,10 @@ def _numbers(value: Any) -> np.ndarray:
     array = np.atleast_1d(np.asarray(value))
     if array.dtype.kind in "fiu" and array.size:
         return array
-    return np.array([float(_text(value))])
+    return np.array([float(text_of(value))])
 
 
-def _text(value: Any) -> str:
+def text_of(value: Any) -> str:
+    """An attribute as text, whatever string type it has."""
     value = value.item() if isinstance(value, np.ndarray) and value.size == 1 else value
     return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)

@@ -225,7 +225,7 @@ def _wrong(pairs: Sequence[Pair], tables: Sequence[Table]) -> dict[int, int]:
 
     rows, columns = linear_sum_assignment(-np.abs(np.mean(tables, axis=0)))
     taken = {int(c): int(r) for r, c in zip(rows, columns, strict=True)}  # simulated channel -> measured channel
-    swapped = {j: row for j, row in taken.items() if row != j and all(_better(table, j, row) for table in tables)}
+    swapped = {j: row for j, row in taken.items() if row != j and all(_fits(table, j, row, j) for table in tables)}
     return {j: j for j in _reversed(pairs, tables)} | swapped
 
 
@@ -265,11 +265,6 @@ def _agreement(vote: Table, signs: Float64[np.ndarray, " J"]) -> float:
     """How well simulation and measurement go together with these signs: each channel's own, and every two of them."""
     own = np.diag(vote)
     return float(signs @ own + (signs @ vote @ signs - own.sum()) / 2.0)
-
-
-def _better(table: Table, j: int, row: int) -> bool:
-    """Whether measured channel `row` explains simulated channel j clearly better than its own does."""
-    return _fits(table, j, row, j)
 
 
 def _fits(table: Table, j: int, row: int, than: int) -> bool:
