@@ -2,7 +2,8 @@
 
 Read and written whole. Samples that the file marks invalid are NaN. A group whose master is an angle, a distance or an
 index has no time and is left out. Reading is done in a process of its own (`fmucorrect.records.child`): asammdf can
-take the interpreter down with it on a damaged file.
+take the interpreter down with it on a damaged file. Whether the stated numbers of records agree with the data, which it does
+not ask, `mdf_blocks` tells as damage.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from fmucorrect.errors import MissingExtra, RecordError
-from fmucorrect.records import naming, seconds
+from fmucorrect.records import mdf_blocks, naming, seconds
 from fmucorrect.records.child import ChildSource
 from fmucorrect.records.contents import Column, Extent, Topic
 from fmucorrect.records.source import Block, extent_of
@@ -68,7 +69,6 @@ class Mdf4Source:
 
     format = "MDF"
     truncated = False
-    damage = ""
 
     @staticmethod
     def load() -> None:
@@ -84,6 +84,7 @@ class Mdf4Source:
         except Exception as error:  # asammdf raises its own and struct's errors on damaged files
             raise RecordError(f"this cannot be read as MDF: {error}", where=path) from error
         self.format = f"MDF {self._file.version}"
+        self.damage = mdf_blocks.disagreement(path)
         self._notes = _noted(str(self._file.header.comment or "")) if self._is_v4() else {}
         self._groups: dict[str, dict[str, tuple[int, int]]] = {}
         self._times: dict[str, tuple[int, int, int]] = {}
