@@ -9,12 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import butter, sosfilt
 
 from fmucorrect.errors import RecordError, StudyError
 from fmucorrect.experiment import Pair, pair
 from fmucorrect.records import writer
 from fmucorrect.registration import resample
 from fmucorrect.screening import of_pairs, of_records, screen
+from fmucorrect.screening.floor import COMMON, shared_noise
 from fmucorrect.screening.recorded import clipped, dominant
 from fmucorrect.screening.simulated import correlations
 from fmucorrect.signals import Channel, Record
@@ -312,6 +314,58 @@ def test_an_evaluation_that_development_has_seen(tmp_path: Path, copy: str) -> N
             out.write("/log", replace(record, t_ns=record.t_ns + 7_000_000_000))
     with pytest.raises(StudyError, match="evaluation record seen in development"):
         screen(study)
+
+
+@pytest.mark.parametrize("change", ["larger", "filtered", "thinned", "reversed", "noisy", "all"])
+def test_a_changed_copy_keeps_its_noise(tmp_path: Path, change: str) -> None:
+    study = make(tmp_path)
+    source, target = (tmp_path / f"meas_{name}.csv" for name in ("two", "held"))
+    from fmucorrect import records
+
+    record = records.read(source)
+    values = record.values
+    if change in ("larger", "all"):
+        values = 1.08 * values
+    if change in ("filtered", "all"):
+        values = sosfilt(butter(2, 0.4, output="sos"), values, axis=0)
+    if change in ("reversed", "all"):
+        values = values[::-1]
+    if change in ("noisy", "all"):
+        values = values + 0.01 * values.std(axis=0) * np.random.default_rng(9).normal(size=values.shape)
+    every = 4 if change == "thinned" else 1
+    target.unlink()
+    with writer(target) as out:
+        out.write("/log", replace(record, t_ns=record.t_ns[::every], values=np.ascontiguousarray(values[::every])))
+    (finding,) = of_records(study)
+    assert finding.kind == "evaluation record seen in development"
+    assert finding.level == ("warning" if change == "all" else "error")
+
+
+@pytest.mark.parametrize("kind", ["tone", "steps", "corners", "friction", "walk"])
+@pytest.mark.parametrize("noise", [1e-4, 1e-3, 1e-2, 5e-2])
+def test_a_repeated_excitation_is_no_shared_noise(kind: str, noise: float) -> None:
+    t = np.arange(6000) * 0.01
+    tone = np.sin(2.0 * np.pi * 1.3 * t)
+    signal = {
+        "tone": tone,
+        "steps": np.sign(tone),
+        "corners": np.arcsin(tone),
+        "friction": np.clip(3.0 * tone, -1.0, 1.0) + tone,
+        "walk": np.cumsum(np.random.default_rng(1).normal(size=len(t))),
+    }[kind]
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        one, other = (
+            Record(
+                np.arange(len(t)) * 10_000_000,
+                (signal + noise * signal.std() * rng.normal(size=len(t)))[:, None],
+                (Channel("x", unit="mm"),),
+            )
+            for _ in range(2)
+        )
+        assert shared_noise(one, other) is None
+        found = shared_noise(one, one)
+        assert found is None or found.coherence > COMMON
 
 
 def test_a_second_run_of_the_same_experiment_is_no_copy(tmp_path: Path) -> None:

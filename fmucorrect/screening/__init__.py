@@ -4,9 +4,10 @@
     checked.warnings             # what stands in the page, checked.pairs: the development conditions, simulated
 
 finding.py says what a finding is, recorded.py looks at files alone, lifeless.py at whether a channel lives, same.py finds one
-record inside another, simulated.py holds simulation and measurement against each other. Of evaluation conditions only what no
-training could use is looked at, and nothing but a finding comes of it: whether they are held out at all, whether their channels
-live, their inputs cover the run, and their sensors, signs and units are those of the others.
+record inside another, floor.py the noise that a changed copy keeps, simulated.py holds simulation and measurement against each
+other. Of evaluation conditions only what no training could use is looked at, and nothing but a finding comes of it: whether
+they are held out at all, whether their channels live, their inputs cover the run, and their sensors, signs and units are those
+of the others.
 """
 
 from __future__ import annotations

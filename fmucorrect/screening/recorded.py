@@ -15,6 +15,7 @@ from fmucorrect.clocks import clock
 from fmucorrect.errors import SHOWN
 from fmucorrect.experiment import read_samples
 from fmucorrect.screening.finding import Finding
+from fmucorrect.screening.floor import COMMON, shared_noise
 from fmucorrect.screening.lifeless import alone, few_values, frozen, stuck
 from fmucorrect.screening.same import COPIED, overlap
 from fmucorrect.signals import NANOSECONDS, Channel, Condition, Reading, Record
@@ -97,9 +98,22 @@ def _held_out(study: Study, measured: Mapping[str, Record]) -> Iterator[Finding]
                 f"{100 * found.share:.0f} % of the stretches compared, down to their noise, are in "
                 f"{known.measurement.name} of {known.name!r} too, from {found.at:.3g} s on"
                 + (f", scaled by {found.scale:.4g}" if scaled else "")
+                + (", backwards" if found.reversed else "")
             )
+            seen += "" if found.noisy else ". They have no noise that would tell a copy from a second run"
             sure = found.likeness > COPIED and (found.noisy or not scaled)
-            yield Finding(kind, "error" if sure else "warning", where, seen, text, mend)
+            if sure or not (shared := shared_noise(a, b)):
+                yield Finding(kind, "error" if sure else "warning", where, seen, text, mend)
+                continue
+        elif not (shared := shared_noise(a, b)):
+            continue
+        seen = (
+            f"its noise, which no second run repeats, is {100 * shared.coherence:.0f} % coherent with that of "
+            f"{known.measurement.name} of {known.name!r} for {shared.seconds:.3g} s"
+            + (", backwards" if shared.reversed else "")
+            + (f", from {shared.at:.3g} s on" if shared.at > 0.0 else "")
+        )
+        yield Finding(kind, "error" if shared.coherence > COMMON else "warning", where, seen, text, mend)
 
 
 def _digest(path: Path) -> str:

@@ -6,7 +6,9 @@ takes from both what is predictable; in what it leaves, only the same samples co
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from jaxtyping import Float64
@@ -28,6 +30,11 @@ may come again with a repeated excitation."""
 PREDICTED = 1e-5
 """Share of a signal's size below which what is left is rounding, and no noise that could tell two runs apart."""
 
+THINNED = 16
+"""Rows of which one may have been kept."""
+
+Values = Float64[np.ndarray, "T C"]
+Others = Float64[np.ndarray, "U C"]
 Series = Float64[np.ndarray, " T"]
 Other = Float64[np.ndarray, " U"]
 
@@ -42,12 +49,29 @@ class Overlap:
     scale: float
     noisy: bool
     likeness: float
+    reversed: bool = False
 
 
 def overlap(known: Record, other: Record) -> Overlap | None:
     """Stretches of `other` that `known` has, in all their (same) channels; None where there are none."""
     step = max(known.step_ns, other.step_ns)
-    a, b = resample(known, step).values, resample(other, step).values
+    for a, b in product(at_step(known, step), at_step(other, step)):
+        for backwards in (False, True):
+            if found := _overlap(a, b[::-1] if backwards else b, step):
+                return replace(found, reversed=backwards)
+    return None
+
+
+def at_step(record: Record, step_ns: int) -> Iterator[Values]:
+    """Values of a record at a longer interval: filtered, and where that is a whole number of its own, as every so many rows."""
+    yield resample(record, step_ns).values
+    every = round(step_ns / record.step_ns)
+    if 1 < every <= THINNED and abs(every * record.step_ns - step_ns) * len(record) < step_ns:
+        for first in range(every):
+            yield record.values[first::every]
+
+
+def _overlap(a: Values, b: Others, step: int) -> Overlap | None:
     live = [c for c in range(a.shape[1]) if np.ptp(a[:, c]) > 0.0 and np.ptp(b[:, c]) > 0.0]
     if not live or min(len(a), len(b)) < SHORTEST + ORDER:
         return None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable
 from pathlib import Path
+from typing import Literal
 
 import asammdf
 import numpy as np
@@ -17,7 +18,9 @@ from fmucorrect.records.mdf_blocks import disagreement
 ROWS = 50
 
 
-def written(path: Path, version: str, compression: int = 0, invalid: bool = False, pieces: int = 0) -> Path:
+def written(
+    path: Path, version: str, compression: Literal[0, 1, 2] = 0, invalid: bool = False, pieces: int = 0
+) -> Path:
     """Two groups of different rates, with numbers and text. pieces: bytes of a data block, 0 for one that holds all."""
     with asammdf.MDF(version=version) as file:
         if pieces:
@@ -45,10 +48,10 @@ def counts(path: Path) -> list[int]:
 @pytest.mark.parametrize("version", ["3.00", "3.30", "4.00", "4.10", "4.11", "4.20"])
 def test_a_number_of_records_that_lost_a_bit_disagrees_with_the_data(version: str, tmp_path: Path) -> None:
     four = version >= "4"
-    for compression, invalid, pieces in (
-        (0, False, 0),
-        *(((1, True, 0), (2, False, 200), (0, True, 200)) if four else ()),
-    ):
+    modes: list[tuple[Literal[0, 1, 2], bool, int]] = [(0, False, 0)]
+    if four:
+        modes += [(1, True, 0), (2, False, 200), (0, True, 200)]
+    for compression, invalid, pieces in modes:
         path = written(tmp_path / ("run.mf4" if four else "run.mdf"), version, compression, invalid, pieces)
         assert not disagreement(str(path))
         whole = path.read_bytes()
