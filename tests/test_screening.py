@@ -17,6 +17,7 @@ from fmucorrect.records import writer
 from fmucorrect.registration import resample
 from fmucorrect.screening import of_pairs, of_records, screen
 from fmucorrect.screening.floor import COMMON, shared_noise
+from fmucorrect.screening.lifeless import spikes
 from fmucorrect.screening.recorded import clipped, dominant
 from fmucorrect.screening.simulated import correlations
 from fmucorrect.signals import Channel, Record
@@ -270,6 +271,30 @@ def test_rest_coarse_steps_and_friction_are_no_dead_sensor(tmp_path: Path, kept:
     assert [finding.kind for finding in found if finding.kind != "clipped channel"] == []
 
 
+@pytest.mark.parametrize(("to", "told"), [(0.0, "3 of them are 0"), (200.0, "3 single samples")])
+def test_single_samples_far_from_their_neighbours(tmp_path: Path, to: float, told: str) -> None:
+    def spiked(m: Table) -> np.ndarray:
+        values = m["s2"] + 40.0
+        values[[1000, 2500, 4000]] = to
+        return values
+
+    (one, two) = of_records(make(tmp_path, changed(s2=spiked)))
+    assert one.kind == two.kind == "spikes"
+    assert one.level == "warning"
+    assert told in one.seen
+    assert "at 10, 25, 40 s" in one.seen
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_motion_that_is_no_spike(seed: int) -> None:
+    rng, t = np.random.default_rng(seed), np.arange(20_000) * 1e-3
+    wave = np.sin(2.0 * np.pi * 1.3 * t)
+    noise = rng.normal(size=len(t))
+    for values in (wave, np.clip(wave, -0.5, 0.5), np.round(wave * 5.0), wave + 0.1 * noise, noise, np.cumsum(noise)):
+        assert len(spikes(values)) == 0
+        assert len(spikes(np.round(values + 0.01 * noise, 2))) == 0
+
+
 @pytest.mark.parametrize("factor", [1.0001, -1.0, 0.7])
 @pytest.mark.parametrize("noise", [0.0, 1e-5])
 def test_one_sensor_recorded_twice(tmp_path: Path, factor: float, noise: float) -> None:
@@ -327,7 +352,7 @@ def test_a_changed_copy_keeps_its_noise(tmp_path: Path, change: str) -> None:
     if change in ("larger", "all"):
         values = 1.08 * values
     if change in ("filtered", "all"):
-        values = sosfilt(butter(2, 0.4, output="sos"), values, axis=0)
+        values = np.asarray(sosfilt(butter(2, 0.4, output="sos"), values, axis=0))
     if change in ("reversed", "all"):
         values = values[::-1]
     if change in ("noisy", "all"):

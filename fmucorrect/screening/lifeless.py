@@ -23,6 +23,10 @@ AT_SPEED = 0.3
 MOVES = 0.5
 """Share of its own spread by which another column moves meanwhile."""
 
+OUT_AND_BACK, USUAL, DIGITS, SEEN = 20.0, 0.9, 3.0, 0.1
+"""A spike goes out and back within a sample by that many times what this share of all samples stays below, by more steps of the
+converter than that, and by that share of the column's spread."""
+
 Series = Float64[np.ndarray, " T"]
 Values = Float64[np.ndarray, "T C"]
 
@@ -49,6 +53,19 @@ def _autocorrelation(values: Series, lag: int) -> float:
     swing = values - values.mean()
     power = float(swing @ swing)
     return float(swing[lag:] @ swing[:-lag]) / power if power > 0.0 else 0.0
+
+
+def spikes(values: Series) -> np.ndarray:
+    """Rows at which a column goes out and back within one sample as it never does else: no motion of what has a mass."""
+    steps = np.diff(values)
+    if len(values) < ENOUGH or not steps.any():
+        return np.zeros(0, np.int64)
+    away = np.where(steps[:-1] * steps[1:] < 0.0, np.minimum(np.abs(steps[:-1]), np.abs(steps[1:])), 0.0)
+    digit = float(np.abs(steps)[steps != 0.0].min())
+    low, high = np.quantile(values, (0.01, 0.99))  # spikes are no spread
+    least = max(OUT_AND_BACK * float(np.quantile(away, USUAL)), DIGITS * digit, SEEN * float(high - low))
+    alike = np.abs(steps[:-1] + steps[1:]) < 0.5 * away  # its two neighbours, of which each has a jump beside it too
+    return np.flatnonzero((away > least) & alike) + 1
 
 
 def stuck(values: Values, j: int) -> slice | None:

@@ -16,7 +16,7 @@ from fmucorrect.errors import SHOWN
 from fmucorrect.experiment import read_samples
 from fmucorrect.screening.finding import Finding
 from fmucorrect.screening.floor import COMMON, shared_noise
-from fmucorrect.screening.lifeless import alone, few_values, frozen, stuck
+from fmucorrect.screening.lifeless import alone, few_values, frozen, spikes, stuck
 from fmucorrect.screening.same import COPIED, overlap
 from fmucorrect.signals import NANOSECONDS, Channel, Condition, Reading, Record
 from fmucorrect.sources import damages, driving
@@ -122,7 +122,7 @@ def _digest(path: Path) -> str:
 
 
 def _channels(study: Study, condition: Condition, measured: Record) -> Iterator[Finding]:
-    """Channels that are dead, all along or for a part; in development also the same, or clipped."""
+    """Channels that are dead, all along or for a part, or have spikes; in development also the same, or clipped."""
     columns = [(channel, measured[channel.name]) for channel in study.channels]
     held = condition.role == "evaluation"
     for channel, values in columns:
@@ -157,6 +157,7 @@ def _channels(study: Study, condition: Condition, measured: Record) -> Iterator[
                 "The range of sensor or converter was too small; what lies beyond is lost",
                 "Use a record of a larger range (key measurement), or leave the condition out.",
             )
+        yield from _spikes(measured, channel, where)
     for (one, first), (other, second) in () if held else combinations(columns, 2):
         if np.ptp(first) > 0.0 and np.allclose(first, second, rtol=1e-9, atol=1e-9 * float(np.abs(first).max())):
             yield Finding(
@@ -167,6 +168,24 @@ def _channels(study: Study, condition: Condition, measured: Record) -> Iterator[
                 "One sensor was recorded twice, and the other not at all",
                 "Name the other sensor's column (key measurement).",
             )
+
+
+def _spikes(measured: Record, channel: Channel, where: str) -> Iterator[Finding]:
+    """Single samples far from their neighbours."""
+    values = measured[channel.name]
+    if channel.quantity not in MASSIVE or not len(rows := spikes(values)):
+        return
+    zero = int(np.count_nonzero(values[rows] == 0.0))
+    at = ", ".join(f"{(measured.t_ns[i] - measured.t_ns[0]) / NANOSECONDS:.6g}" for i in rows[:SHOWN])
+    yield Finding(
+        "spikes",
+        "warning",
+        where,
+        f"{len(rows)} single samples of column {channel.measurement!r} leave their neighbours and come back, at {at} s of the "
+        f"record{' and later' if len(rows) > SHOWN else ''}" + (f"; {zero} of them are 0" if zero else ""),
+        "What has a mass does not move so: the logger lost these samples, or a contact is loose",
+        "Take the record from its logger again, or mend it before it is read.",
+    )
 
 
 def _lifeless(measured: Record, channel: Channel) -> tuple[str, str, str] | None:

@@ -50,7 +50,7 @@ def test_a_number_of_records_that_lost_a_bit_disagrees_with_the_data(version: st
     four = version >= "4"
     modes: list[tuple[Literal[0, 1, 2], bool, int]] = [(0, False, 0)]
     if four:
-        modes += [(1, True, 0), (2, False, 200), (0, True, 200)]
+        modes.extend([(1, True, 0), (2, False, 200), (0, True, 200)])
     for compression, invalid, pieces in modes:
         path = written(tmp_path / ("run.mf4" if four else "run.mdf"), version, compression, invalid, pieces)
         assert not disagreement(str(path))
