@@ -40,7 +40,18 @@ if TYPE_CHECKING:
     from fmucorrect.records import describe, read, stream, writer
     from fmucorrect.registration import Offset, find_offset, resample
     from fmucorrect.signals import Channel, Condition, Reading, Record, join
-    from fmucorrect.stepper import CorrectedStepper, Corrector, ReplayStepper, Status, Step, Stepper, Window, grid, run
+    from fmucorrect.stepper import (
+        CorrectedStepper,
+        Corrector,
+        CorrectorRun,
+        ReplayStepper,
+        Status,
+        Step,
+        Stepper,
+        Window,
+        grid,
+        run,
+    )
     from fmucorrect.study import Study, check_study, load_study
     from fmucorrect.training.protocol import train
     from fmucorrect.wrapping.package import Wrapped, wrap
@@ -74,6 +85,7 @@ _NAMES = {
     "stepper": (
         "CorrectedStepper",
         "Corrector",
+        "CorrectorRun",
         "ReplayStepper",
         "Status",
         "Step",
@@ -113,6 +125,7 @@ __all__ = [  # noqa: RUF022 (as a reader looks for them)
     "ReplayStepper",
     "CorrectedStepper",
     "Corrector",
+    "CorrectorRun",
     "Stepper",
     "Step",
     "Status",

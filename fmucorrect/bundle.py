@@ -5,6 +5,9 @@ amplitude deg, frequency Hz; `time` float64 (N, 1): s since the excitation began
 `sigma` float32 (N, J) in the channels' units, `in_envelope` float32 (N, 1) in [0, 1]; further outputs may follow.
 `metadata_props["fmucorrect"]` is JSON (bundle_metadata.py); `metadata_props["fmucorrect_sha256"]`, the last field of the
 file, seals everything before it.
+
+Format 2, for what remembers more than a window: one more input `state` and one more output `next_state`, float32 (N, S). The
+state is zero at first; it moves on at the first sample whose window is full, and once at each one after.
 """
 
 from __future__ import annotations
@@ -14,7 +17,7 @@ import hashlib
 import json
 import os
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -27,7 +30,7 @@ from fmucorrect import bundle_graph, bundle_metadata
 from fmucorrect.bundle_metadata import Info as Info
 from fmucorrect.errors import BundleError
 from fmucorrect.signals import Channel
-from fmucorrect.stepper import Correction
+from fmucorrect.stepper import Correction, Window
 
 if TYPE_CHECKING:
     import onnxruntime
@@ -44,7 +47,7 @@ LONGEST = 20.0
 
 
 def seal(graph: bytes, info: Info, golden: Mapping[str, np.ndarray]) -> bytes:
-    """A serialised ONNX model without metadata, made a bundle. golden: the three inputs and the four outputs, few rows.
+    """A serialised ONNX model without metadata, made a bundle. golden: all inputs and all outputs of the contract, few rows.
 
     ONNX is protobuf: fields that are appended belong to the same message, so that the graph's bytes stay as they are.
     """
@@ -85,50 +88,111 @@ class Bundle:
     def uncorrected(self) -> Float32[np.ndarray, " J"]:
         return self._uncorrected
 
+    def start(self) -> Run:
+        return Run(self._session, self.info, str(self.path))
+
+
+@final
+class Run:
+    """A stepper.CorrectorRun. ONNX Runtime reads and writes arrays that stay where they are; the state goes to and fro between
+    two of them."""
+
+    def __init__(self, session: onnxruntime.InferenceSession, info: Info, where: str) -> None:
+        self._session, self._where, self._recurrent = session, where, info.state > 0
+        self._count = count = len(info.channels)
+        self.window = Window(info.rows, count)
+        self.condition, self.seconds = np.zeros((1, 3), np.float32), np.zeros((1, 1))
+        self._said = np.zeros(2 * count + 1, np.float32)  # corrected, sigma, in_envelope
+        self._corrected, self._last = self._said[None, :count], self.window.array[:, -1]
+        self.answer = Correction(np.zeros((1, count), np.float32), self._said[None, count:-1], self._said[-1:])
+        self._states = np.zeros((2, 1, info.state), np.float32)
+        self._turn = 0  # of the two, the one that is the state now
+        self._bindings = self._bind(0), self._bind(1)
+        # whether each number is finite: looking for a zero byte takes a tenth of numpy's all()
+        self._flags = flags = bytearray(len(self._said) + info.state)
+        whether = np.frombuffer(flags, bool)
+        self._finite = whether[: len(self._said)], whether[len(self._said) :]
+
+    def _bind(self, turn: int) -> onnxruntime.IOBinding:
+        OrtValue, binding = _runtime().OrtValue, self._session.io_binding()
+        inputs = {"window": self.window.array, "condition": self.condition, "time": self.seconds}
+        outputs = {"corrected": self._corrected, "sigma": self.answer.sigma, "in_envelope": self.answer.inside[None]}
+        if self._recurrent:
+            inputs["state"], outputs["next_state"] = self._states[turn], self._states[1 - turn]
+        for name, array in inputs.items():
+            binding.bind_ortvalue_input(name, OrtValue.ortvalue_from_numpy(array))
+        for name, array in outputs.items():
+            binding.bind_ortvalue_output(name, OrtValue.ortvalue_from_numpy(array))
+        return binding
+
+    @property
+    def state(self) -> Float32[np.ndarray, " S"]:
+        return self._states[self._turn, 0]
+
+    def reset(self) -> None:
+        self.window.clear()
+        self._states[:] = 0.0
+
+    def step(self) -> bool:
+        self._session.run_with_iobinding(self._bindings[self._turn])
+        np.subtract(self._corrected, self._last, self.answer.delta)
+        np.isfinite(self._said, self._finite[0])
+        if self._recurrent:
+            self._turn = turn = 1 - self._turn
+            np.isfinite(self._states[turn, 0], self._finite[1])
+        return 0 not in self._flags
+
     def correct(
         self,
         windows: Float32[np.ndarray, "N W J"],
         condition: Float32[np.ndarray, "3"],
         seconds: Float64[np.ndarray, " N"],
     ) -> Correction:
+        said = (self._in_turn if self._recurrent else self._at_once)(windows, condition, seconds)
+        delta = said[:, : self._count] - windows[: len(said), -1]
+        sound = len(said)
+        if not np.isfinite(said).all() or not np.isfinite(self.state).all():
+            wrong = np.flatnonzero(~np.isfinite(said).all(1))
+            sound = int(wrong[0]) if len(wrong) else sound - 1
+            self._said[:], self.answer.delta[0] = said[sound], delta[sound]
+        return Correction(delta[:sound], said[:sound, self._count : -1], said[:sound, -1])
+
+    def _in_turn(self, windows: np.ndarray, condition: np.ndarray, seconds: np.ndarray) -> np.ndarray:
+        """What step() would find in self._said, row by row: the state of one is needed for the next. Ends after the first that
+        is not finite, or whose state is not."""
+        said = np.empty((len(windows), len(self._said)), np.float32)
+        window, second = self.window.array[0], self.seconds[0]
+        (mine, finite), states, turn = self._finite, self._states[:, 0], self._turn
+        compute, bindings, one, flags = self._session.run_with_iobinding, self._bindings, self._said, self._flags
+        self.condition[0] = condition
+        done = 0
+        for row in range(len(windows)):
+            window[:] = windows[row]
+            second[0] = seconds[row]
+            compute(bindings[turn])
+            said[row] = one
+            done, turn = row + 1, 1 - turn
+            np.isfinite(states[turn], finite)
+            np.isfinite(one, mine)
+            if 0 in flags:
+                break
+        self._turn = turn
+        return said[:done]
+
+    def _at_once(self, windows: np.ndarray, condition: np.ndarray, seconds: np.ndarray) -> np.ndarray:
+        """The same in as few calls as there is room for in the cache."""
         count, rows, channels = windows.shape
-        delta, sigma = np.empty((count, channels), np.float32), np.empty((count, channels), np.float32)
-        inside = np.empty(count, np.float32)
+        said = np.empty((count, len(self._said)), np.float32)
         block = np.empty((min(count, CHUNK), rows, channels), np.float32)
         conditions = np.tile(condition, (len(block), 1))
         for start in range(0, count, CHUNK):
-            part = slice(start, min(start + CHUNK, count))
-            size = part.stop - start
-            block[:size] = windows[part]
-            feed = {"window": block[:size], "condition": conditions[:size], "time": seconds[part, None]}
-            corrected, sigma[part], envelope = _run(self._session, OUTPUTS, feed, str(self.path))
-            np.subtract(corrected, block[:size, -1], out=delta[part])
-            inside[part] = envelope[:, 0]
-        return Correction(delta, sigma, inside)
-
-    def bind(
-        self,
-        window: Float32[np.ndarray, "1 W J"],
-        condition: Float32[np.ndarray, "1 3"],
-        seconds: Float64[np.ndarray, "1 1"],
-    ) -> tuple[Callable[[], object], Correction]:
-        OrtValue = _runtime().OrtValue
-        binding = self._session.io_binding()
-        shared = {"window": window, "condition": condition, "time": seconds}
-        for name, array in shared.items():
-            binding.bind_ortvalue_input(name, OrtValue.ortvalue_from_numpy(array))
-        channels = window.shape[2]
-        corrected, sigma, inside = (np.zeros((1, n), np.float32) for n in (channels, channels, 1))
-        for name, array in zip(OUTPUTS, (corrected, sigma, inside), strict=True):
-            binding.bind_ortvalue_output(name, OrtValue.ortvalue_from_numpy(array))
-        delta, last = np.zeros_like(corrected), window[:, -1]
-        run, subtract = self._session.run_with_iobinding, np.subtract
-
-        def correct() -> None:
-            run(binding)
-            subtract(corrected, last, delta)
-
-        return correct, Correction(delta, sigma, inside[0])
+            part = said[start : start + CHUNK]
+            size = len(part)
+            block[:size] = windows[start : start + size]
+            feed = {"window": block[:size], "condition": conditions[:size], "time": seconds[start : start + size, None]}
+            answers = _run(self._session, OUTPUTS, feed, self._where)
+            part[:, :channels], part[:, channels:-1], part[:, -1:] = answers
+        return said
 
 
 def load(path: str | Path) -> Bundle:
@@ -159,9 +223,9 @@ def load(path: str | Path) -> Bundle:
     trial = _session(content, where, trial=True)
     _check_contract(trial, info, where)
     golden = bundle_metadata.golden(data, info, where)
-    _replay(trial, golden, where)
+    _replay(trial, info, golden, where)
     session = _session(content, where)
-    _replay(session, golden, where)
+    _replay(session, info, golden, where)
     return Bundle(session, info, path, golden)
 
 
@@ -213,32 +277,31 @@ def _runtime() -> Any:
 
 
 def _check_contract(session: onnxruntime.InferenceSession, info: Info, where: str) -> None:
-    rows, channels = info.rows, len(info.channels)
-    expected = {"window": ("float", [rows, channels]), "condition": ("float", [3]), "time": ("double", [1])}
     found = {item.name: (item.type, list(item.shape)) for item in session.get_inputs()}
-    for name, (kind, shape) in expected.items():
+    for name, row in info.inputs.items():
+        kind = "double" if name == "time" else "float"
         if name not in found:
             raise BundleError(f"input {name!r} is missing", where=where, got=sorted(found))
-        if found[name][0] != f"tensor({kind})" or found[name][1][1:] != shape:
+        if found[name][0] != f"tensor({kind})" or found[name][1][1:] != list(row):
             raise BundleError(
                 f"input {name!r} has another type or shape",
                 where=where,
-                expected=f"{kind} (N, {', '.join(map(str, shape))})",
+                expected=f"{kind} (N, {', '.join(map(str, row))})",
                 got=found[name],
             )
-    others = sorted(set(found) - set(expected))
+    others = sorted(set(found) - set(info.inputs))
     if others:
         raise BundleError("it has further inputs, which nobody feeds", where=where, got=others)
     outputs = {item.name: item.type for item in session.get_outputs()}
-    missing = set(bundle_metadata.OUTPUTS) - set(outputs)
+    missing = set(info.outputs) - set(outputs)
     if missing:
         raise BundleError(f"outputs are missing: {', '.join(sorted(missing))}", where=where, got=sorted(outputs))
-    wrong = [name for name in bundle_metadata.OUTPUTS if outputs[name] != "tensor(float)"]
+    wrong = [name for name in info.outputs if outputs[name] != "tensor(float)"]
     if wrong:
         raise BundleError(f"output {wrong[0]!r} has another type", where=where, expected="float", got=outputs[wrong[0]])
 
 
-def _replay(session: onnxruntime.InferenceSession, golden: Mapping[str, np.ndarray], where: str) -> None:
+def _replay(session: onnxruntime.InferenceSession, info: Info, golden: Mapping[str, np.ndarray], where: str) -> None:
     """All outputs that the golden pair holds, of all its rows at once and of the first alone; the others in their shapes."""
     outputs = [item.name for item in session.get_outputs()]
     options = _runtime().RunOptions()
@@ -247,11 +310,10 @@ def _replay(session: onnxruntime.InferenceSession, golden: Mapping[str, np.ndarr
     clock.start()
     try:
         for count in dict.fromkeys((1, len(golden["time"]))):
-            feed = {name: golden[name][:count] for name in bundle_metadata.INPUTS}
+            feed = {name: golden[name][:count] for name in info.inputs}
             answers = dict(zip(outputs, _run(session, outputs, feed, where, options), strict=True))
-            for name in bundle_metadata.OUTPUTS:
-                got = answers[name]
-                shape = (count, 1 if name == "in_envelope" else golden["corrected"].shape[1])
+            for name, row in info.outputs.items():
+                got, shape = answers[name], (count, *row)
                 if got.shape != shape:
                     raise BundleError(f"output {name!r} has another shape", where=where, expected=shape, got=got.shape)
                 if name not in golden:

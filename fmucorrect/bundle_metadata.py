@@ -15,15 +15,19 @@ import numpy as np
 from fmucorrect.errors import BundleError, unrepeated
 from fmucorrect.signals import Channel
 
-FORMAT = 1
-INPUTS = ("window", "condition", "time")
+FORMATS = (1, 2)
+"""2: there is a state; without one a bundle is of format 1, which older versions read."""
 OUTPUTS = ("corrected", "baseline", "sigma", "in_envelope")
+STATE, NEXT_STATE = "state", "next_state"
+"""A further input and output of format 2."""
 
 LONGEST = 1000
 """Characters of a name or another short text: names go into C, XML and tables."""
 CHANNELS, ROWS, CONDITIONS, ENTRIES = 1000, 100_000, 10_000, 100_000
 """At most, of channels, rows of a window, conditions, and entries of any other table: far beyond any use, and small enough
 for whatever loops over them."""
+STATES = 4096
+"""At most, of numbers in the state: ten times any use, and a wrapped FMU keeps two of them in every copy of its own state."""
 LONGEST_STEP = 10**12
 """ns, a thousand seconds between samples."""
 LARGEST_TEXT = 64 << 20
@@ -44,7 +48,7 @@ class Info:
     four corners outer low, inner low, inner high, outer high: inside the inner ones the correction is whole, beyond the
     outer ones it is nothing. conditions: those trained on, with the FMU start values of each. parameters: FMU start values
     of all of them, in the FMU's own units. units: of variables that the FMU leaves without one, as the study knew them.
-    evaluation: figures, for people.
+    evaluation: figures, for people. state: S, numbers that the network hands on from sample to sample, 0 for none.
     """
 
     name: str
@@ -59,6 +63,19 @@ class Info:
     evaluation: Mapping[str, Any] = field(default_factory=dict)
     parameters: Mapping[str, float] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
+    state: int = 0
+
+    @property
+    def inputs(self) -> dict[str, tuple[int, ...]]:
+        """The network's inputs and the shape of one row of each."""
+        found = {"window": (self.rows, len(self.channels)), "condition": (3,), "time": (1,)}
+        return found | ({STATE: (self.state,)} if self.state else {})
+
+    @property
+    def outputs(self) -> dict[str, tuple[int, ...]]:
+        """The outputs likewise."""
+        found = {name: (1 if name == "in_envelope" else len(self.channels),) for name in OUTPUTS}
+        return found | ({NEXT_STATE: (self.state,)} if self.state else {})
 
     @property
     def features(self) -> Mapping[str, str]:
@@ -69,13 +86,17 @@ class Info:
         return {key: unit for key, unit in FEATURES.items() if key in found}
 
     def to_json(self) -> dict[str, Any]:
-        return {"format": FORMAT, **asdict(self)}
+        data = {"format": 2 if self.state else 1, **asdict(self)}
+        if not self.state:
+            del data[STATE]
+        return data
 
     @staticmethod
     def from_json(data: Mapping[str, Any], where: str) -> Info:
         """Raises BundleError where the format is another one, or a key is missing or of another type, size or range."""
-        if data.get("format") != FORMAT or isinstance(data["format"], bool):
-            raise BundleError("bundle of another format", where=where, expected=FORMAT, got=_shown(data.get("format")))
+        version = data.get("format")
+        if not _is_whole(version) or version not in FORMATS:
+            raise BundleError("bundle of another format", where=where, expected="1 or 2", got=_shown(version))
         top = _Table(dict(data), where, "")
         channels = tuple(_channel(row) for row in top.rows("channels", CHANNELS))
         names = [channel.name for channel in channels]
@@ -95,6 +116,7 @@ class Info:
             evaluation=top.table("evaluation").data,
             parameters=top.table("parameters").all(_Table.number) if "parameters" in data else {},
             units=top.table("units").all(_Table.text) if "units" in data else {},
+            state=top.whole(STATE, STATES) if version == 2 else 0,
         )
 
 
@@ -129,13 +151,16 @@ def golden(data: Mapping[str, Any], info: Info, where: str) -> dict[str, np.ndar
     shape = top.table("time").data.get("shape")
     if not (isinstance(shape, list) and len(shape) == 2 and _is_whole(shape[0]) and 1 <= shape[0] <= ROWS):
         top.wrong("time", "a shape (N, 1)", shape)
-    n, channels = int(shape[0]), len(info.channels)
-    shapes = {"window": (n, info.rows, channels), "condition": (n, 3), "time": (n, 1), "in_envelope": (n, 1)}
-    names = [*INPUTS, *(name for name in OUTPUTS if name in top.data or name == "corrected")]
-    unknown = sorted(set(top.data) - set(names))
+    known = info.inputs | info.outputs
+    needed = {*info.inputs, *(info.outputs if info.state else ("corrected",))}
+    unknown = sorted(set(top.data) - set(known))
     if unknown:
-        top.wrong(unknown[0], f"one of {', '.join((*INPUTS, *OUTPUTS))}", "another name")
-    return {name: _array(top.table(name), name, shapes.get(name, (n, channels))) for name in names}
+        top.wrong(unknown[0], f"one of {', '.join(known)}", "another name")
+    return {
+        name: _array(top.table(name), name, (int(shape[0]), *row))
+        for name, row in known.items()
+        if name in top.data or name in needed
+    }
 
 
 def _array(entry: _Table, name: str, shape: tuple[int, ...]) -> np.ndarray:

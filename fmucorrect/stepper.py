@@ -83,8 +83,46 @@ class Correction(NamedTuple):
 
 
 @runtime_checkable
+class CorrectorRun(Protocol):
+    """A corrector at work on one run of samples, with all that it remembers of them.
+
+    step() reads window, condition (1, 3) and seconds (1, 1) since the excitation began, and overwrites answer, of one row, and
+    state (S,), S = 0 where the window is all that it needs.
+    """
+
+    @property
+    def window(self) -> Window: ...
+    @property
+    def condition(self) -> Float32[np.ndarray, "1 3"]: ...
+    @property
+    def seconds(self) -> Float64[np.ndarray, "1 1"]: ...
+    @property
+    def answer(self) -> Correction: ...
+    @property
+    def state(self) -> Float32[np.ndarray, " S"]: ...
+
+    def reset(self) -> None:
+        """Forget every sample: the window is empty, the state zero."""
+        ...
+
+    def step(self) -> bool:
+        """Correct the window as it stands, which is full, and move the state on. False where answer or state is not finite."""
+        ...
+
+    def correct(
+        self,
+        windows: Float32[np.ndarray, "N W J"],
+        condition: Float32[np.ndarray, " 3"],
+        seconds: Float64[np.ndarray, " N"],
+    ) -> Correction:
+        """The same for N windows in turn. Ends before the first for which step() would say False; answer and state are what it
+        would leave."""
+        ...
+
+
+@runtime_checkable
 class Corrector(Protocol):
-    """What CorrectedStepper asks of a corrector; `bundle.Bundle` is the one that ships.
+    """What CorrectedStepper asks of a corrector; `bundle.Bundle` is the one that ships. Any number of runs share it.
 
     channels: J channels with their units. rows: W. step_ns: sample time. uncorrected: (J,) standard deviation of the
     uncorrected simulation against measurement, said while there is no correction.
@@ -99,22 +137,8 @@ class Corrector(Protocol):
     @property
     def uncorrected(self) -> Float32[np.ndarray, " J"]: ...
 
-    def correct(
-        self,
-        windows: Float32[np.ndarray, "N W J"],
-        condition: Float32[np.ndarray, " 3"],
-        seconds: Float64[np.ndarray, " N"],
-    ) -> Correction:
-        """Correct N windows at once; seconds since the excitation began."""
-        ...
-
-    def bind(
-        self,
-        window: Float32[np.ndarray, "1 W J"],
-        condition: Float32[np.ndarray, "1 3"],
-        seconds: Float64[np.ndarray, "1 1"],
-    ) -> tuple[Callable[[], object], Correction]:
-        """A call that corrects what these three arrays hold at that moment, and the one-row answer that it overwrites."""
+    def start(self) -> CorrectorRun:
+        """A run of its own."""
         ...
 
 
@@ -236,11 +260,9 @@ class CorrectedStepper:
         self._plant, self._corrector, self._step_ns = plant, corrector, corrector.step_ns
         self._columns = _match(plant.channels, corrector.channels)
         self._same = self._columns == list(range(len(plant.channels)))
-        self._window = Window(corrector.rows, len(corrector.channels))
-        self._features = np.zeros((1, 3), np.float32)
-        self._seconds = np.zeros((1, 1))
-        self._correct, answer = corrector.bind(self._window.array, self._features, self._seconds)
-        self._delta, self._sigma, self._inside = answer.delta[0], answer.sigma[0], answer.inside
+        self._run = run = corrector.start()
+        self._window, self._seconds, self._correct = run.window, run.seconds, run.step
+        self._delta, self._sigma, self._inside = run.answer.delta[0], run.answer.sigma[0], run.answer.inside
         self._uncorrected = corrector.uncorrected.astype(np.float64)
         self._start_ns = 0
         self._last_ns: int | None = None
@@ -251,8 +273,8 @@ class CorrectedStepper:
 
     def reset(self, condition: Condition) -> None:
         self._plant.reset(condition)
-        self._window.clear()
-        self._features[0] = condition.features
+        self._run.reset()
+        self._run.condition[0] = condition.features
         self._start_ns = condition.start_ns
         self._last_ns = None
 
@@ -268,7 +290,8 @@ class CorrectedStepper:
         if not self._window.push(simulated):
             return Step(t_ns, simulated, simulated, self._uncorrected, Status.WARMUP)
         self._seconds[0, 0] = (t_ns - self._start_ns) / NANOSECONDS
-        self._correct()
+        if not self._correct():
+            raise self._not_corrected(t_ns)
         status = _OK if self._inside[0] >= 1.0 else _OUTSIDE
         return Step(t_ns, simulated, simulated + self._delta, self._sigma.astype(np.float64), status)
 
@@ -304,17 +327,24 @@ class CorrectedStepper:
         start = len(plant) - len(windows)
         corrected, sigma = simulated.copy(), np.tile(self._uncorrected, (len(plant), 1))
         status = np.full(len(plant), float(Status.WARMUP))
+        done = start
         if len(windows):
             seconds = (plant.t_ns[start:] - self._start_ns) / NANOSECONDS
-            delta, spread, inside = self._corrector.correct(windows, self._features[0], seconds)
-            corrected[start:] += delta
-            sigma[start:] = spread
-            status[start:] = np.where(inside >= 1.0, float(Status.OK), float(Status.OUTSIDE))
-        return replace(
+            delta, spread, inside = self._run.correct(windows, self._run.condition[0], seconds)
+            done += len(delta)
+            corrected[start:done] += delta
+            sigma[start:done] = spread
+            status[start:done] = np.where(inside >= 1.0, float(Status.OK), float(Status.OUTSIDE))
+        result = replace(
             plant,
             values=np.concatenate([plant.values, corrected, sigma, status[:, None]], axis=1),
             channels=(*plant.channels, *corrected_channels(self.channels)),
         )
+        if done < len(plant):
+            error = self._not_corrected(int(plant.t_ns[done]))
+            error.finished = result.rows(0, done) if done else None
+            raise error
+        return result
 
     def close(self) -> None:
         self._plant.close()
@@ -335,6 +365,20 @@ class CorrectedStepper:
             f"channel {self.channels[column].name!r} is {simulated[row, column]} at t = {t_ns[row] / NANOSECONDS:.9g} s",
             expected="finite numbers",
             remedy="Look at the simulation there; a corrector is never fed what the solver could not compute.",
+        )
+
+    def _not_corrected(self, t_ns: int) -> SignalError:
+        """What the run that has just failed says."""
+        answer, state = self._run.answer, self._run.state
+        said = {f"the correction of channel {c.name!r}": v for c, v in zip(self.channels, answer.delta[0], strict=True)}
+        said |= {f"the sigma of channel {c.name!r}": v for c, v in zip(self.channels, answer.sigma[0], strict=True)}
+        said |= {"the share that the envelope admits": answer.inside[0]}
+        said |= {f"number {i} of the corrector's state": v for i, v in enumerate(state)}
+        what = next(name for name, value in said.items() if not math.isfinite(value))
+        return SignalError(
+            f"{what} is {said[what]} at t = {t_ns / NANOSECONDS:.9g} s",
+            expected="finite numbers",
+            remedy="Look at the simulation up to there; the network cannot compute with it, or its state grows.",
         )
 
     def _wrong_step(self, got: int, t_ns: int) -> SignalError:

@@ -72,6 +72,7 @@ def _bundle(model: Bundle) -> dict[str, Any]:
         "name": info.name,
         "channels": {channel.name: channel.unit for channel in info.channels},
         "window": info.rows,
+        **({"state": info.state} if info.state else {}),
         "step": info.step_ns / NANOSECONDS,
         "envelope": {key: list(corners) for key, corners in info.envelope.items()},
         "trained on": [dict(condition) for condition in info.conditions],

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from fmucorrect.signals import Channel, Condition, Record
-from fmucorrect.stepper import Correction, Status, Step
+from fmucorrect.stepper import Correction, Status, Step, Window
 
 CHANNELS = (Channel("FW", unit="mm", quantity="displacement"), Channel("FB", unit="mm", quantity="displacement"))
 STEP_NS = 1_000_000
@@ -67,13 +67,33 @@ class LinearCorrector:
             delta += weight * windows[:, row]
         return Correction(delta * inside[:, None], np.full_like(delta, 0.1), inside)
 
-    def bind(
-        self, window: np.ndarray, condition: np.ndarray, seconds: np.ndarray
-    ) -> tuple[Callable[[], object], Correction]:
-        answer = self.correct(window, condition[0], seconds[:, 0])
+    def start(self) -> ClosedRun:
+        return ClosedRun(self, Window(self.rows, len(self.channels)))
 
-        def correct() -> None:
-            for old, new in zip(answer, self.correct(window, condition[0], seconds[:, 0]), strict=True):
-                old[:] = new
 
-        return correct, answer
+@dataclass
+class ClosedRun:
+    """A CorrectorRun of a corrector that needs no state."""
+
+    corrector: LinearCorrector
+    window: Window
+
+    def __post_init__(self) -> None:
+        self.condition, self.seconds = np.zeros((1, 3), np.float32), np.zeros((1, 1))
+        self.state = np.zeros(0, np.float32)
+        self.answer = self.corrector.correct(self.window.array, self.condition[0], self.seconds[0])
+
+    def reset(self) -> None:
+        self.window.clear()
+
+    def step(self) -> bool:
+        for old, new in zip(
+            self.answer,
+            self.corrector.correct(self.window.array, self.condition[0], self.seconds[0]),
+            strict=True,
+        ):
+            old[:] = new
+        return True
+
+    def correct(self, windows: np.ndarray, condition: np.ndarray, seconds: np.ndarray) -> Correction:
+        return self.corrector.correct(windows, condition, seconds)

@@ -40,7 +40,7 @@ def outcome(folder: Path, content: bytes) -> str:
     try:
         model = bundle.load(path)
         windows = np.zeros((2, model.rows, len(model.channels)), np.float32)
-        model.correct(windows, np.zeros(3, np.float32), np.zeros(2))
+        model.start().correct(windows, np.zeros(3, np.float32), np.zeros(2))
     except BundleError as error:
         return str(error)
     finally:

@@ -151,7 +151,7 @@ def _answered(
     condition: Float32[np.ndarray, "3"],
     seconds: Float64[np.ndarray, " N"],
 ) -> Questions:
-    answer = bundle.correct(windows, condition, seconds)
+    answer = bundle.start().correct(windows, condition, seconds)
     right = Answers(answer.delta, answer.sigma, answer.inside[:, None])
     return Questions(windows, np.tile(condition, (len(windows), 1)), seconds, right)
 

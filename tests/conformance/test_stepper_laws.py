@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
+import bundles
 import numpy as np
 import pytest
 from plants import CHANNELS, STEP_NS, LinearCorrector, SinePlant
 
+from fmucorrect import bundle
 from fmucorrect.fmu import FmuStepper, IsolatedStepper
 from fmucorrect.signals import Channel, Condition, Record
 from fmucorrect.stepper import CorrectedStepper, ReplayStepper, Stepper
@@ -22,6 +26,14 @@ def fmu(name: str, kind: Callable[..., Stepper] = FmuStepper) -> Stepper:
     return kind(FMUS / "oscillator" / name, channels, inputs=("base.d",), parameters={"masses": 2.0, "x1": 0.001})
 
 
+@cache
+def recurrent() -> bundle.Bundle:
+    """A corrector that remembers."""
+    with tempfile.TemporaryDirectory() as folder:
+        bank = bundles.Filter.random(6, len(CHANNELS))
+        return bundle.load(bundles.make_recurrent(Path(folder) / "filter.onnx", bank, CHANNELS, step_ns=STEP_NS))
+
+
 STEPPERS: dict[str, tuple[Callable[[], Stepper], int]] = {
     "closed form": (SinePlant, 0),
     "log": (lambda: ReplayStepper(CHANNELS), 2),
@@ -29,6 +41,8 @@ STEPPERS: dict[str, tuple[Callable[[], Stepper], int]] = {
     "FMI 3.0": (lambda: fmu("oscillator_fmi3.fmu"), 1),
     "FMI 2.0, isolated": (lambda: fmu("oscillator.fmu", IsolatedStepper), 1),
     "corrected closed form": (lambda: CorrectedStepper(SinePlant(), LinearCorrector()), 0),
+    "corrected with a state": (lambda: CorrectedStepper(SinePlant(), recurrent()), 0),
+    "corrected FMU with a state": (lambda: CorrectedStepper(fmu("oscillator.fmu"), recurrent()), 1),
     "corrected FMU": (lambda: CorrectedStepper(fmu("oscillator.fmu"), LinearCorrector()), 1),
     "corrected FMU, isolated": (lambda: CorrectedStepper(fmu("oscillator.fmu", IsolatedStepper), LinearCorrector()), 1),
 }

@@ -55,28 +55,28 @@ def test_torch_equals_onnx_to_a_nanometre(name: str, request: pytest.FixtureRequ
 def test_rows_and_batches_agree(trained: Trained, tmp_path: Path) -> None:
     model = bundle.load(save(trained, tmp_path))
     inputs = random_inputs(3 * bundle.CHUNK // 2, SMALL.window, 2)
-    many = model.correct(inputs["window"], inputs["condition"][0], inputs["time"][:, 0])
-    window, condition, seconds = inputs["window"][:1].copy(), inputs["condition"][:1].copy(), inputs["time"][:1].copy()
-    correct, answer = model.bind(window, condition, seconds)
+    many = model.start().correct(inputs["window"], inputs["condition"][0], inputs["time"][:, 0])
+    run = model.start()
+    run.condition[:] = inputs["condition"][:1]
     for i in range(0, len(inputs["window"]), 97):
-        window[:], seconds[:] = inputs["window"][i], inputs["time"][i]
-        correct()
-        assert np.abs(answer.delta[0] - many.delta[i]).max() <= 1e-6
-        assert np.abs(answer.sigma[0] - many.sigma[i]).max() <= 1e-6
+        run.window.array[:], run.seconds[:] = inputs["window"][i], inputs["time"][i]
+        assert run.step()
+        assert np.abs(run.answer.delta[0] - many.delta[i]).max() <= 1e-6
+        assert np.abs(run.answer.sigma[0] - many.sigma[i]).max() <= 1e-6
 
 
 def test_outside_the_envelope_nothing_is_added(trained: Trained, tmp_path: Path) -> None:
     model = bundle.load(save(trained, tmp_path))
     windows = random_inputs(50, SMALL.window, 2)["window"]
-    far = model.correct(windows, np.array([500.0, 0.03, 2.0], np.float32), np.zeros(50))
+    far = model.start().correct(windows, np.array([500.0, 0.03, 2.0], np.float32), np.zeros(50))
     assert not far.delta.any()
     assert not far.inside.any()
     assert np.allclose(far.sigma, model.uncorrected)
-    wrong_frequency = model.correct(windows, np.array([330.0, 0.03, 3.0], np.float32), np.zeros(50))
+    wrong_frequency = model.start().correct(windows, np.array([330.0, 0.03, 3.0], np.float32), np.zeros(50))
     assert not wrong_frequency.delta.any()
-    large = model.correct(100.0 * windows, np.array([330.0, 0.03, 2.0], np.float32), np.zeros(50))
+    large = model.start().correct(100.0 * windows, np.array([330.0, 0.03, 2.0], np.float32), np.zeros(50))
     assert not large.delta.any()
-    near = model.correct(windows * 0.1, np.array([330.0, 0.03, 2.0], np.float32), np.zeros(50))
+    near = model.start().correct(windows * 0.1, np.array([330.0, 0.03, 2.0], np.float32), np.zeros(50))
     assert near.delta.any()
     assert (near.inside == 1.0).all()
 

@@ -33,13 +33,13 @@ def measure(quick: bool) -> list[Row]:
     count = 3000 if quick else 20_000
     rows = rng.normal(size=(count, len(model.channels))) * 0.5
     stepper = CorrectedStepper(ReplayStepper(model.channels), model)
-    window = np.zeros((1, model.rows, len(model.channels)), np.float32) + 0.1
-    correct, _ = model.bind(window, np.array([CONDITION.features], np.float32), np.zeros((1, 1)))
+    bound = model.start()
+    bound.window.array[:], bound.condition[:] = 0.1, CONDITION.features
     whole, alone = [], []
     for _ in range(3 if quick else 7):  # in turn, so that both see the same machine
         stepper.reset(CONDITION)
         whole.append(median_us(lambda i: stepper.step(i * model.step_ns, rows[i]), count))
-        alone.append(median_us(lambda _: correct(), count))
+        alone.append(median_us(lambda _: bound.step(), count))
     rate, limit = batch_rate(model, quick)
     call, blas = "bound arrays, no copies", "batched replay / BLAS on as many multiply-adds"
     return [
