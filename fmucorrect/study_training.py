@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from annotated_types import Ge, Gt, MinLen
 
@@ -104,19 +104,27 @@ class Proposed:
     alignment: bool = True
 
 
+Family = Literal["nothing", "amplitude", "linear", "window", "recurrent"]
+FAMILIES: tuple[Family, ...] = get_args(Family)
+"""Of correctors, the simplest first."""
+
+
 @dataclass(frozen=True)
 class Corrector:
-    """[training.corrector], what `train` fits and exports: the paper's chain on histories instead of raw time, an ensemble.
+    """[training.corrector], what `train` fits and exports. families: those that are tried, beside nothing at all, which always
+    is; leaving conditions out chooses.
 
-    baseline_width: hidden neurons of each member's TDNN. history: window features (principal components of the development
-    windows) that a residual network sees. widths: its hidden layers, tanh. members: networks that are averaged; their spread
-    widens the band. phase: whether they also see sine and cosine of the excitation's phase; the history carries it already,
-    and then the corrector needs no clock. epochs: candidates for the length of training, of which leave-one-speed-out
-    chooses. learning_rate, weight_decay: of AdamW, the rate on a one-cycle schedule. batch: windows a step. stride: every how
-    many samples a window is trained on; neighbours at 1 kHz say the same. trials: of optuna's search over learning rate,
-    weight decay, widths and window features, judged by leave-one-speed-out; 0: none, the numbers above hold.
+    The others are of the family "window": the paper's chain on histories instead of raw time, an ensemble. baseline_width:
+    hidden neurons of each member's TDNN. history: window features (principal components of the development windows) that a
+    residual network sees. widths: its hidden layers, tanh. members: networks that are averaged; their spread widens the band.
+    phase: whether they also see sine and cosine of the excitation's phase; the history carries it already, and then the
+    corrector needs no clock. epochs: candidates for the length of training, of which leave-one-speed-out chooses.
+    learning_rate, weight_decay: of AdamW, the rate on a one-cycle schedule. batch: windows a step. stride: every how many
+    samples a window is trained on; neighbours at 1 kHz say the same. trials: of optuna's search over learning rate, weight
+    decay, widths and window features, judged by leave-one-speed-out; 0: none, the numbers above hold.
     """
 
+    families: Annotated[tuple[Family, ...], MinLen(1)] = FAMILIES
     baseline_width: Count = 16
     baseline_epochs: Count = 100
     history: Count = 12
@@ -132,6 +140,26 @@ class Corrector:
 
 
 @dataclass(frozen=True)
+class Recurrent:
+    """[training.recurrent], the family with a memory of its own (training/recurrent.py).
+
+    history: oscillators of the first bank for each channel. answer: of the second bank for each of the `signals` that the
+    network gives. width: of its two hidden layers. members: networks that are averaged; one
+    stands for them where conditions are left out. steps: of the optimiser, a record each.
+    learning_rate, weight_decay: of AdamW, the rate on a one-cycle schedule.
+    """
+
+    history: Count = 6
+    answer: Count = 8
+    signals: Count = 4
+    width: Count = 24
+    members: Count = 2
+    steps: Count = 400
+    learning_rate: Positive = 1e-2
+    weight_decay: Weight = 1e-4
+
+
+@dataclass(frozen=True)
 class Training:
     """[training]. window: W, rows of history. decimation: the paper's cases are trained on every so-manieth sample, a uniform
     grid of that step, on which their differences are taken. seed: of everything that is drawn."""
@@ -144,3 +172,4 @@ class Training:
     tdnn_residual: TdnnResidual = TdnnResidual()
     proposed: Proposed = Proposed()
     corrector: Corrector = Corrector()
+    recurrent: Recurrent = Recurrent()

@@ -53,15 +53,16 @@ def train(
 ) -> None:
     """Train a corrector on the development conditions of a STUDY, then score it on all.
 
-    TDNN baseline, amplitude factor and residual correction, several members, with a calibrated band; leaving one speed out
-    chooses the length of the training. The evaluation conditions are opened when the corrector is finished. Settings:
-    the study's [training] table. Killed, the same command goes on from OUT/work. Needs fmucorrect[train].
+    Tried are nothing at all, an amplitude factor, a linear filter, a network on a window and a recurrent one; leaving one
+    speed out at a time chooses the simplest of the best, and calibrates its band. The evaluation conditions are opened when
+    the corrector is finished. Settings: the study's [training] table. Killed, the same command goes on from OUT/work. Needs
+    fmucorrect[train].
 
     Example: fmucorrect train study.toml -o model
     """
     from fmucorrect.report import training_page
 
-    protocol, results, tasks = _training("protocol", "results", "tasks")
+    protocol, results, tasks, verdicts = _training("protocol", "results", "tasks", "verdict")
     the_study = open_study(study, allow_damaged).with_step_timeout(step_timeout)
     protocol.require_two(the_study)  # before there is a folder
     _claim(out, "train", (*results.FILES, "train.html"), [the_study], overwrite)
@@ -69,7 +70,8 @@ def train(
     with progress_bar(protocol.total_epochs(the_study, chosen), "epoch", the_study.name) as advance:
         shop = tasks.Workshop(out / "work", tasks.CORES, scheduler, device, advance)
         done = results.train_into(out, the_study, chosen, f"fmucorrect train {study.name} --seed {chosen.seed}", shop)
-    page = out / "train.html"
+    page, selection = out / "train.html", done.trained.selection
+    said = verdicts.verdict(selection, done.evaluations)
     training_page.write_page(
         page,
         f"{the_study.name}: corrector",
@@ -77,12 +79,14 @@ def train(
         results.curves(done.trained),
         results.facts(done.trained),
         warnings=[finding.to_json() for finding in done.trained.warnings],
+        tried=training_page.Tried(said, verdicts.conditions(selection), verdicts.table(selection)),
     )
     if as_json:
         say(json.dumps(results.figures(done.evaluations, done.trained), indent=1))
     else:
         say(
-            f"{results.lines(done.evaluations)}\n\nRead  {out / 'card.md'}\nopen  {page}\nuse   {out / 'corrector.onnx'}"
+            f"{said}\n\n{results.lines(done.evaluations)}\n\n"
+            f"Read  {out / 'card.md'}\nopen  {page}\nuse   {out / 'corrector.onnx'}"
         )
 
 

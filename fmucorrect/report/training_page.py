@@ -38,6 +38,16 @@ class Verdict:
     word: str
 
 
+@dataclass(frozen=True)
+class Tried:
+    """What a training tried. verdict: in words. conditions: that were left out, the columns. rows: name of a corrector, NRMSE
+    (%) of each condition when it was left out, their mean."""
+
+    verdict: str
+    conditions: Sequence[str]
+    rows: Sequence[tuple[str, Sequence[float], float]]
+
+
 def write_page(
     path: Path,
     title: str,
@@ -46,11 +56,12 @@ def write_page(
     selection: Sequence[tuple[str, str]],
     before_after_note: str = "",
     warnings: Sequence[Mapping[str, str]] = (),
+    tried: Tried | None = None,
 ) -> None:
     """Write the page of `fmucorrect train`. comparisons: every condition, development and evaluation. curves: loss curves
-    as cases[].curves of compare.json. selection: what was chosen and how, terms and text. warnings: of the gate. Raises
-    OSError."""
-    build(title, comparisons, curves, selection, before_after_note, warnings).write(path)
+    as cases[].curves of compare.json. selection: what was chosen and how, terms and text. warnings: of the gate. tried: the
+    page begins with it. Raises OSError."""
+    build(title, comparisons, curves, selection, before_after_note, warnings, tried).write(path)
 
 
 def build(
@@ -60,11 +71,16 @@ def build(
     selection: Sequence[tuple[str, str]],
     before_after_note: str = "",
     warnings: Sequence[Mapping[str, str]] = (),
+    tried: Tried | None = None,
 ) -> Page:
     """The page, ready to be written."""
     unseen = [item for item in comparisons if item.condition.role == "evaluation"]
-    page = Page(title, lead(comparisons), kicker="fmucorrect train")
+    page = Page(
+        title, f"{tried.verdict} {lead(comparisons)}" if tried else lead(comparisons), kicker="fmucorrect train"
+    )
     page.warnings(warnings)
+    if tried:
+        _tried(page, tried)
     if comparisons:
         _tiles(page, unseen or comparisons, bool(unseen))
         _conditions(page, comparisons, before_after_note)
@@ -102,6 +118,17 @@ def lead(comparisons: Sequence[Comparison]) -> str:
     where = ", ".join(_name(item) for item in unseen)
     verb = "falls" if after < before else "rises"
     return f"{text} At {where}, held out of everything, the error (NRMSE) {verb} from {before:.2f} % to {after:.2f} %."
+
+
+def _tried(page: Page, tried: Tried) -> None:
+    page.section(
+        "What was tried",
+        "NRMSE, %, of each development condition when its speed was left out of the fit. Taken is the simplest within one "
+        "standard error of the best.",
+    )
+    rows = [Row((name, *(f"{v:.2f}" for v in values), f"{mean:.2f}")) for name, values, mean in tried.rows]
+    page.table(["Corrector", *tried.conditions, "mean"], rows)
+    page.end()
 
 
 def losses(page: Page, trainings: Sequence[drawn.Training]) -> None:

@@ -9,6 +9,9 @@ from fmucorrect.bundle import Bundle
 from fmucorrect.comparison import BAND_90, Comparison
 from fmucorrect.errors import one_line
 from fmucorrect.training.protocol import Trained
+from fmucorrect.training.recurrent import Recurrent
+from fmucorrect.training.verdict import conditions, table, verdict
+from fmucorrect.training.window import Ensemble
 
 _MEANS = re.compile(r"[\\`*\[\]<>|&#!~]|(?<![A-Za-z0-9])_|_(?![A-Za-z0-9])")
 """What Markdown and HTML would take for their own."""
@@ -32,10 +35,14 @@ def card(trained: Trained, bundle: Bundle, evaluations: Sequence[Comparison], co
     lines = [
         f"# {_plain(info.name)}: corrector",
         "",
+        verdict(selection, evaluations),
+        "",
         f"Corrects {', '.join(names)} ({unit}) of a simulation sampled every {info.step_ns / 1e6:g} ms, from "
-        f"the last {info.rows} samples and the operating condition. Made by `{_code(command)}`.",
+        f"the last {info.rows} samples{', its own state' * bool(info.state)} and the operating condition. "
+        f"Made by `{_code(command)}`.",
         "",
         *_seen(trained),
+        *_tried(trained),
         "## How good it is",
         "",
         "Scores over all measured samples after warm-up; R2, NRMSE and NMAE as in the paper (range and mean of the "
@@ -69,18 +76,14 @@ def card(trained: Trained, bundle: Bundle, evaluations: Sequence[Comparison], co
             f"- {_plain(e.condition.name)}: "
             + ", ".join(f"{100 * c:.1f} ({100 * x:.1f}) %" for c, x in zip(e.within(BAND_90), excited, strict=True))
         )
-    fields = ", ".join(f"{key} {value:.2f} %" for key, value in selection.errors.items())
-    left = ", ".join(f"{_plain(key)} {value:.2f} %" for key, value in selection.held_out.items())
     band = selection.band
     lines += [
         "",
         "## How it was chosen",
         "",
         *_search(trained),
-        f"- {settings.corrector}, window {settings.window}, seed {settings.seed}; {trained.parameters} trained numbers.",
-        f"- Amplitude factor rho of each member {', '.join(f'{rho:.5f}' for rho in trained.rho)} (eq. alignment_fit).",
-        f"- Epochs of the residual networks by leave-one-speed-out over {len(info.conditions)} development conditions, mean "
-        f"held-out NRMSE: {fields}; taken: {selection.epochs}. At that choice, each condition left out: {left}.",
+        f"- Seed {settings.seed}; {trained.fitted.parameters} trained numbers.",
+        *_settings(trained),
         "- sigma = floor + size * mean |response| + deviation * the members' mean deviation, fitted to the errors of these "
         "folds and scaled so that 90 % of them lie within 1.645 sigma (split conformal with a local scale). A measured band, "
         "no guarantee: neighbouring samples err alike, and the folds are few. "
@@ -89,7 +92,6 @@ def card(trained: Trained, bundle: Bundle, evaluations: Sequence[Comparison], co
             for c, f, s, d in zip(info.channels, band.floor, band.size, band.deviation, strict=True)
         )
         + ".",
-        "- Phase features: " + ("used." if settings.corrector.phase else "not used; the history carries the phase."),
         "",
         "## Where it may be used",
         "",
@@ -111,6 +113,47 @@ def card(trained: Trained, bundle: Bundle, evaluations: Sequence[Comparison], co
         "",
     ]
     return "\n".join(lines)
+
+
+def _tried(trained: Trained) -> list[str]:
+    """Every family at every condition that was left out of it."""
+    names = [_plain(name) for name in conditions(trained.selection)]
+    return [
+        "## What was tried",
+        "",
+        "NRMSE, %, of each development condition when its speed was left out. Taken is the simplest within one standard error "
+        "of the best.",
+        "",
+        "| corrector | " + " | ".join(names) + " | mean |",
+        "|---|" + "---|" * (len(names) + 1),
+        *(
+            f"| {name} | " + " | ".join(f"{value:.2f}" for value in values) + f" | {mean:.2f} |"
+            for name, values, mean in table(trained.selection)
+        ),
+        "",
+    ]
+
+
+def _settings(trained: Trained) -> list[str]:
+    """Of the family that was taken."""
+    settings, selection, fitted = trained.training, trained.selection, trained.fitted
+    if isinstance(fitted, Ensemble):
+        fields = ", ".join(f"{key} {value:.2f} %" for key, value in selection.errors.items())
+        rho = ", ".join(f"{member.rho:.5f}" for member in fitted.members)
+        phase = "used." if settings.corrector.phase else "not used; the history carries the phase."
+        return [
+            f"- {settings.corrector}, window {settings.window}.",
+            f"- Amplitude factor rho of each member {rho} (eq. alignment_fit).",
+            f"- Epochs by leaving one speed out, mean held-out NRMSE: {fields}; taken: {selection.epochs}.",
+            f"- Phase features: {phase}",
+        ]
+    if isinstance(fitted, Recurrent):
+        pace = fitted.see.pace
+        return [
+            f"- {settings.recurrent}.",
+            f"- Trained on every {pace.stride}. sample; oscillators of {1e3 * pace.fast:.3g} ms to {pace.slow:.3g} s at first.",
+        ]
+    return [f"- {fitted.rows} rows of history."] if selection.family == "linear" else []
 
 
 def _seen(trained: Trained) -> list[str]:

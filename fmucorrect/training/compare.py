@@ -14,7 +14,7 @@ import numpy as np
 
 from fmucorrect.experiment import pair
 from fmucorrect.study import Study
-from fmucorrect.study_training import Training
+from fmucorrect.study_training import Family, Training
 from fmucorrect.training.ablation import VARIANTS, ablation_table, budget, fit_variants
 from fmucorrect.training.cases import CASES, Case, Fitted, chosen_epochs, fit_case, needed, resolved
 from fmucorrect.training.compare_table import (
@@ -29,9 +29,19 @@ from fmucorrect.training.compare_table import (
     scores_of,
 )
 from fmucorrect.training.data import Samples, samples
-from fmucorrect.training.protocol import refit, screened, total_epochs
+from fmucorrect.training.families import refit
+from fmucorrect.training.protocol import screened, total_epochs
 from fmucorrect.training.selection import folds, select
 from fmucorrect.training.tasks import Task, Workshop
+
+SEES: dict[Family, str] = {
+    "nothing": "simulation",
+    "amplitude": "simulation",
+    "linear": "window, speed",
+    "window": "window features, speed, aligned TDNN",
+    "recurrent": "simulation so far, speed",
+}
+"""What the corrector of a family sees."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +60,8 @@ def compare_study(study: Study, training: Training, seeds: Sequence[int], ablate
     development = [samples(item, training.window) for item in pairs]
     by_case = _fit(development, needed(training), seeds, workshop)
     selection = select(development, training, workshop)
-    ours = [refit(development, replace(training, seed=s), selection.epochs, workshop) for s in seeds]
+    family, epochs = selection.family, selection.epochs
+    ours = [refit(family, development, replace(training, seed=s), epochs, workshop) for s in seeds]
     ablation = fit_variants(development, needed(training), seeds, workshop) if ablate else None
     # everything is fitted; from here on the evaluation conditions may be seen
     held = [samples(pair(study, condition), training.window) for condition in study.evaluation]
@@ -73,21 +84,21 @@ def compare_study(study: Study, training: Training, seeds: Sequence[int], ablate
                 histories |= {f"{case.key}/{name}": values for name, values in said.items()}
         row["curves"] = fits.curves
         rows.append(row)
-    error = selection.errors[selection.epochs]
+    error = float(np.mean(list(selection.held_out.values())))
     row = row_of(
         "corrector",
-        f"fmucorrect's corrector, {training.corrector.members} members",
+        f"fmucorrect's corrector, family {family}",
         "ours",
-        "window features, speed, aligned TDNN",
+        SEES[family],
         ours[0][0].parameters,
-        {"residual": selection.epochs},
+        {family: epochs} if epochs else {},
         error,
     )
-    for seed, (ensemble, curves) in zip(seeds, ours, strict=True):
-        said = {item.name: ensemble.responses(item) for item in held}
+    for seed, (fitted, curves) in zip(seeds, ours, strict=True):
+        said = {item.name: fitted.responses(item) for item in held}
         scores = {
             i.name: scores_of(i, said[i.name].mean(0), band_of(selection.band, said[i.name]))
-            | hour_later(ensemble, i, said[i.name].mean(0))
+            | hour_later(fitted, i, said[i.name].mean(0))
             for i in held
         }
         row["runs"].append(run_of(seed, None, scores))
@@ -119,8 +130,9 @@ def total(study: Study, training: Training, seeds: int, ablate: bool) -> int:
     speeds = len({condition.speed for condition in study.development})
     parts = speeds if speeds > 1 else len(study.development)
     count = sum((parts + (seeds if case.epochs(training) else 1)) * _length(case, training) for case in CASES)
-    members = training.corrector.members * max(training.corrector.epochs)
-    count += total_epochs(study, training) + (seeds - 1) * members
+    count += total_epochs(study, training) * (
+        2 if seeds > 1 else 1
+    )  # the refits of further seeds are fewer than its folds
     return count + ablate * len(VARIANTS) * seeds * sum(budget(training.proposed))
 
 

@@ -12,9 +12,9 @@ import numpy as np
 from fmucorrect.comparison import BAND_90, ORACLE_LIMIT
 from fmucorrect.metrics import Scores, oracle_lag, score
 from fmucorrect.training.data import Samples
+from fmucorrect.training.deployed import Band
 from fmucorrect.training.loop import Curve
 from fmucorrect.training.model import Model
-from fmucorrect.training.networks import Band
 
 PAPER = (
     {"case": "uncorrected", "r2": -0.8263, "nrmse": 14.5355, "nmae": 6.2129},
@@ -79,7 +79,7 @@ def hour_later(model: Model, item: Samples, said: np.ndarray) -> dict[str, Any]:
 
 
 def band_of(band: Band, responses: np.ndarray) -> np.ndarray:
-    """(N, J), as networks.Corrector has it."""
+    """(N, J), as deployed.Corrector has it."""
     mean = responses.mean(axis=0)
     level = np.abs(mean).mean(axis=1, keepdims=True)
     spread = np.abs(responses - mean).mean(axis=0)

@@ -19,13 +19,15 @@ from fmucorrect.stepper import Window
 class Samples:
     """One condition as the networks see it: N complete windows and what was measured at their last rows.
 
-    history: (W - 1 + N, J), the simulated rows that the windows are made of, mm or the channels' units. window: W. condition:
+    before: (B, J) rows of the simulation before the history, from its beginning. history: (W - 1 + N, J), the simulated rows
+    that the windows are made of, mm or the channels' units. window: W. condition:
     (3,) speed km/h, amplitude deg, frequency Hz. seconds: (N,) since the excitation began. simulated, measured: (N, J) at the
     last rows. acceleration: (N, A) m/s2, of the channels `equipped`, their numbers. channels: names. metres: (J,) what one of
     each channel's units is in SI, the paper's gamma_q. step: s between rows.
     """
 
     name: str
+    before: Float32[np.ndarray, "B J"]
     history: Float32[np.ndarray, "H J"]
     window: int
     condition: Float32[np.ndarray, "3"]
@@ -42,6 +44,11 @@ class Samples:
     def windows(self) -> Float32[np.ndarray, "N W J"]:
         """Oldest row first; a view."""
         return Window(self.window, self.history.shape[1]).extend(self.history.astype(np.float64))
+
+    @property
+    def whole(self) -> Float64[np.ndarray, "H J"]:
+        """The simulation from its beginning; its last N rows are those that were measured."""
+        return np.concatenate([self.before, self.history]).astype(np.float64)
 
     @property
     def speed(self) -> float:
@@ -61,6 +68,7 @@ def samples(pair: Pair, rows: int) -> Samples:
     kept = slice(first - pair.rows.start, None)
     return Samples(
         name=pair.condition.name,
+        before=simulated[: first - rows + 1].astype(np.float32),
         history=simulated[first - rows + 1 : last].astype(np.float32),
         window=rows,
         condition=np.array(pair.condition.features, np.float32),

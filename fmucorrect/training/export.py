@@ -1,8 +1,9 @@
-"""The trained chain as one ONNX graph: the arithmetic of networks.Corrector, node by node, and nothing else."""
+"""The corrector as one ONNX graph: the arithmetic of deployed.Corrector and its head, node by node, and nothing else."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -10,10 +11,15 @@ import torch
 from onnx import TensorProto, checker, helper, numpy_helper
 
 from fmucorrect.bundle import Info, seal
-from fmucorrect.training.networks import FREQUENCY_STEPS, Corrector
+from fmucorrect.training.deployed import FREQUENCY_STEPS, Corrector
+from fmucorrect.training.linear import LinearHead
+from fmucorrect.training.networks import WindowHead
+from fmucorrect.training.recurrent import RecurrentHead
 
 OPSET = 18
 IR_VERSION = 9
+STATES = 0.1
+"""Standard deviation of the states in a golden pair; those of a motion are of the order of 1 or less."""
 
 
 def to_bundle(
@@ -25,10 +31,17 @@ def to_bundle(
         "condition": np.tile(condition.astype(np.float32), (len(windows), 1)),
         "time": np.ascontiguousarray(seconds[:, None], np.float64),
     }
+    if corrector.head.state:
+        golden["state"] = np.random.default_rng(0).normal(scale=STATES, size=(len(windows), corrector.head.state))
+        golden["state"] = golden["state"].astype(np.float32)
     with torch.no_grad():
-        outputs = corrector(*(torch.from_numpy(golden[name]) for name in ("window", "condition", "time")))
-    golden |= {name: values.numpy() for name, values in outputs._asdict().items()}
+        outputs = corrector(*(torch.from_numpy(values) for values in golden.values()))
+    golden |= {name: values.numpy() for name, values in outputs._asdict().items() if values is not None}
     return seal(graph(corrector, info.rows, len(info.channels)), info, golden)
+
+
+Add = Callable[..., str]
+"""Adds a node: kind, inputs, output, attributes; gives the output's name."""
 
 
 def graph(corrector: Corrector, rows: int, channels: int) -> bytes:
@@ -39,20 +52,22 @@ def graph(corrector: Corrector, rows: int, channels: int) -> bytes:
         nodes.append(helper.make_node(kind, inputs, [output], **attributes))
         return output
 
-    weights = {name: tensor.numpy() for name, tensor in corrector.tensors().items()}
+    head = corrector.head
     constants: dict[str, np.ndarray] = {}
     parts = [add("Flatten", ["window"], "history", axis=1), "condition"]
-    if corrector.phase:
+    if head.phase:
         parts.append(_phase(add, constants))
     x = add("Concat", parts, "x", axis=1)
-    hidden = add("Tanh", [add("Gemm", [x, "A", "a"], "hidden_0")], "tanh_0")
-    bases = add("Gemm", [hidden, "B", "b"], "bases")
+    if isinstance(head, WindowHead):
+        responses, bases = _window(add, x, head)
+    elif isinstance(head, RecurrentHead):
+        responses, bases = _recurrent(add, x)
+    else:
+        assert isinstance(head, LinearHead)
+        responses, bases = _linear(add, x, head)
     add("MatMul", [bases, "S"], "baseline")
-    for i in range(1, corrector.layers + 1):
-        hidden = add("Tanh", [add("Gemm", [hidden, f"C{i}", f"c{i}"], f"hidden_{i}")], f"tanh_{i}")
     outside = add("Relu", [add("Gemm", [x, "R", "r"], "ramps")], "outside")
     inside = add("Relu", [add("Gemm", [outside, "v", "one"], "share")], "in_envelope")
-    responses = add("Gemm", [hidden, "D", bases], "responses")
     response = add("MatMul", [responses, "S"], "response")
     delta = add("Mul", [inside, add("Gemm", [outside, "minus_Q", response], "lead")], "delta")
     add("Gemm", [outside, "Q", delta], "corrected")
@@ -62,6 +77,10 @@ def graph(corrector: Corrector, rows: int, channels: int) -> bytes:
     def tensor(name: str, kind: int, *shape: int) -> Any:
         return helper.make_tensor_value_info(name, kind, ["N", *shape])
 
+    used = {name for node in nodes for name in node.input}
+    weights = {name: tensor.numpy() for name, tensor in corrector.tensors().items() if name in used}
+    state = [tensor("state", TensorProto.FLOAT, head.state)] if head.state else []
+    after = [tensor("next_state", TensorProto.FLOAT, head.state)] if head.state else []
     model = helper.make_model(
         helper.make_graph(
             nodes,
@@ -70,9 +89,10 @@ def graph(corrector: Corrector, rows: int, channels: int) -> bytes:
                 tensor("window", TensorProto.FLOAT, rows, channels),
                 tensor("condition", TensorProto.FLOAT, 3),
                 tensor("time", TensorProto.DOUBLE, 1),
+                *state,
             ],
             [tensor(name, TensorProto.FLOAT, channels) for name in ("corrected", "baseline", "sigma")]
-            + [tensor("in_envelope", TensorProto.FLOAT, 1)],
+            + [tensor("in_envelope", TensorProto.FLOAT, 1), *after],
             [numpy_helper.from_array(np.asarray(value), name) for name, value in {**weights, **constants}.items()],
         ),
         opset_imports=[helper.make_opsetid("", OPSET)],
@@ -81,6 +101,38 @@ def graph(corrector: Corrector, rows: int, channels: int) -> bytes:
     model.ir_version = IR_VERSION
     checker.check_model(model, full_check=True)
     return model.SerializeToString()
+
+
+def _window(add: Add, x: str, head: WindowHead) -> tuple[str, str]:
+    """networks.WindowHead: its responses and bases."""
+    hidden = add("Tanh", [add("Gemm", [x, "A", "a"], "hidden_0")], "tanh_0")
+    bases = add("Gemm", [hidden, "B", "b"], "bases")
+    for i in range(1, head.layers + 1):
+        hidden = add("Tanh", [add("Gemm", [hidden, f"C{i}", f"c{i}"], f"hidden_{i}")], f"tanh_{i}")
+    return add("Gemm", [hidden, "D", bases], "responses"), bases
+
+
+def _linear(add: Add, x: str, head: LinearHead) -> tuple[str, str]:
+    """linear.LinearHead."""
+    responses = add("Gemm", [x, "L", "l"], "filtered")
+    if head.sloped:
+        more = add("Mul", [add("Gemm", [x, "c", "d"], "speed"), add("Gemm", [x, "M", "n"], "slope")], "sloped")
+        responses = add("Add", [responses, more], "responses")
+    return responses, add("MatMul", [x, "E"], "bases")
+
+
+def _recurrent(add: Add, x: str) -> tuple[str, str]:
+    """recurrent.RecurrentHead; next_state is an output of the graph."""
+    past = add("Gemm", ["state", "A", add("Gemm", [x, "G", "g"], "drive")], "past")
+    seen = add("Concat", [x, past], "seen", axis=1)
+    hidden = add("Tanh", [add("Gemm", [seen, "H", "h"], "hidden_0")], "tanh_0")
+    hidden = add("Tanh", [add("Gemm", [hidden, "K", "k"], "hidden_1")], "tanh_1")
+    missing = add("Gemm", [hidden, "U", "o"], "missing")
+    answer = add("Gemm", ["state", "B", add("MatMul", [missing, "F"], "push")], "answer")
+    after = add("Concat", [past, answer, missing], "next_state", axis=1)
+    return add("Gemm", [after, "O", add("Gemm", [x, "P", "p"], "direct")], "responses"), add(
+        "MatMul", [x, "E"], "bases"
+    )
 
 
 def _phase(add: Any, constants: dict[str, np.ndarray]) -> str:

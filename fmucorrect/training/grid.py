@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from fmucorrect.training.data import Samples, Scales
-from fmucorrect.training.networks import phase_features
+from fmucorrect.training.deployed import phase_features
 
 
 @dataclass(frozen=True)

@@ -78,7 +78,7 @@ def total(studies: Sequence[Study]) -> int:
 def _scored(study: Study, results: Results, item: Comparison) -> dict[str, Any]:
     """One condition: the three ways to use a model."""
     data = samples(pair(study, item.condition), results.trained.training.window)
-    network = score(results.trained.ensemble.predict(data), data.measured)
+    network = score(results.trained.fitted.predict(data), data.measured)
     outside = item.share(Status.OUTSIDE)
     return {
         "simulation": _row(item.before),

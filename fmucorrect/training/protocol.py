@@ -6,7 +6,7 @@ Evaluation conditions are never opened here; `evaluate` is apart and runs on a f
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,31 +20,28 @@ from fmucorrect.signals import Channel, Condition
 from fmucorrect.stepper import CorrectedStepper, ReplayStepper
 from fmucorrect.study import Study
 from fmucorrect.study_training import Training
-from fmucorrect.training.corrector import Ensemble, fit_member, needed, view
-from fmucorrect.training.data import Samples, Scales, samples
+from fmucorrect.training.data import Samples, Scales, samples, scales
+from fmucorrect.training.deployed import Corners, Corrector
 from fmucorrect.training.export import to_bundle
+from fmucorrect.training.families import Fitted, count, lengths, refit
 from fmucorrect.training.loop import Curve
-from fmucorrect.training.networks import Corrector
 from fmucorrect.training.search import Trial, search
-from fmucorrect.training.selection import Selection, select
-from fmucorrect.training.tasks import Task, Workshop
+from fmucorrect.training.selection import NETWORKS, Selection, families, select
+from fmucorrect.training.tasks import Workshop
 
 
 @dataclass(frozen=True)
 class Trained:
-    """A finished training. content: the bundle file's bytes. corrector: the same in torch, for comparison. ensemble: its
-    members, without envelope. rho: of each member. curves: of the refit, all members. trials: of the search, in order.
-    warnings: of the gate."""
+    """A finished training. content: the bundle file's bytes. corrector: the same in torch, for comparison. fitted: what it
+    says without envelope. curves: of the refit, all members. trials: of the search, in order. warnings: of the gate."""
 
     content: bytes
     corrector: Corrector
-    ensemble: Ensemble
+    fitted: Fitted
     selection: Selection
     training: Training
     trials: tuple[Trial, ...]
-    rho: tuple[float, ...]
     curves: tuple[Curve, ...]
-    parameters: int
     warnings: tuple[Finding, ...] = ()
 
 
@@ -59,16 +56,17 @@ def train(study: Study, training: Training | None = None, workshop: Workshop | N
     development = [samples(item, training.window) for item in checked.pairs]
     training, trials = search(development, training, workshop)
     selection = select(development, training, workshop)
-    ensemble, curves = refit(development, training, selection.epochs, workshop)
-    scales = ensemble.see.scales
-    corners = envelope(development, scales)
-    corrector = Corrector(ensemble.members, scales, corners, selection.band, training.corrector.phase)
+    fitted, curves = refit(selection.family, development, training, selection.epochs, workshop)
+    basis = scales(development, 1, training.corrector.stride)
+    corners = envelope(development, basis)
+    head = fitted.head()
+    corrector = Corrector(head, fitted.rows, basis, corners, selection.band)
     info = Info(
         name=study.name,
         channels=tuple(_for_bundle(channel) for channel in study.channels),
-        rows=training.window,
+        rows=fitted.rows,
         step_ns=study.simulation.step_ns,
-        uncorrected=tuple(float(value) for value in scales.uncorrected),
+        uncorrected=tuple(float(value) for value in basis.uncorrected),
         envelope=_named(corners, study.channels),
         conditions=tuple(map(_trained_on, study.development)),
         parameters=dict(study.parameters),
@@ -76,18 +74,20 @@ def train(study: Study, training: Training | None = None, workshop: Workshop | N
         study_hash=study.hash,
         versions=_versions(),
         evaluation={
-            "held out NRMSE by epochs, leave one speed out": {str(k): round(v, 4) for k, v in selection.errors.items()},
+            "family": selection.family,
+            "held out NRMSE by family, leave one speed out": {
+                family: round(float(np.mean(list(errors.values()))), 4) for family, errors in selection.tried.items()
+            },
             "epochs": selection.epochs,
-            "members": len(ensemble.members),
+            "members": head.members,
         },
+        state=head.state,
     )
     first = development[0]
     rows = np.linspace(0, len(first.seconds) - 1, 8).astype(int)
-    content = to_bundle(corrector, info, first.windows[rows], first.condition, first.seconds[rows])
-    rho = tuple(member.rho for member in ensemble.members)
-    return Trained(
-        content, corrector, ensemble, selection, training, trials, rho, curves, ensemble.parameters, checked.warnings
-    )
+    windows = first.windows[rows, training.window - fitted.rows :]
+    content = to_bundle(corrector, info, windows, first.condition, first.seconds[rows])
+    return Trained(content, corrector, fitted, selection, training, trials, curves, checked.warnings)
 
 
 def screened(study: Study) -> Screened:
@@ -104,34 +104,19 @@ def require_two(study: Study) -> None:
 
 
 def total_epochs(study: Study, training: Training) -> int:
-    """Epochs of `train` at most: every candidate on every fold, then the refit with the longest, all members."""
+    """Epochs of `train` at most: every candidate on every fold, then the longest refit, all members."""
+    conditions = len(study.development)
     folds = len({condition.speed for condition in study.development})
-    folds = folds if folds > 1 else len(study.development)
+    folds = folds if folds > 1 else conditions
+    total, longest = 0, 0
+    for family in NETWORKS:
+        if family not in families(training):
+            continue
+        candidates = lengths(family, conditions - conditions // folds, training)
+        total += folds * count(family, training, left_out=True) * sum(candidates)
+        longest = max(longest, count(family, training) * max(lengths(family, conditions, training)))
     settings = training.corrector
-    trials = settings.trials * min(settings.epochs) * folds
-    return trials + settings.members * (sum(settings.epochs) * folds + max(settings.epochs))
-
-
-def refit(
-    development: Sequence[Samples], training: Training, epochs: int, workshop: Workshop
-) -> tuple[Ensemble, tuple[Curve, ...]]:
-    """All members on all development conditions."""
-    members = training.corrector.members
-    tasks = [
-        Task(f"member {k + 1}", fit_member, (list(development), needed(training), k, epochs), epochs)
-        for k in range(members)
-    ]
-    results = workshop.run(tasks)
-    curves = [
-        replace(curve, stage=f"{curve.stage}, member {k + 1}")
-        for k, (_, member_curves) in enumerate(results)
-        for curve in member_curves
-    ]
-    return Ensemble(tuple(member for member, _ in results), view(development, training), training), tuple(curves)
-
-
-Corners = list[tuple[int, float, float, float, float]]
-"""Index into (q, condition); outer low, inner low, inner high, outer high."""
+    return settings.trials * min(settings.epochs) * folds + total + longest
 
 
 def envelope(development: Sequence[Samples], basis: Scales) -> Corners:
@@ -139,7 +124,7 @@ def envelope(development: Sequence[Samples], basis: Scales) -> Corners:
     and frequency: 5 % beyond, fading over another 5 % (none where a condition does not say). Response: 1.25 times the
     largest simulated response of training, fading until 1.5 times."""
     channels = len(basis.response)
-    corners: Corners = []
+    corners: list[tuple[int, float, float, float, float]] = []
     for j in range(channels):
         limit = float(basis.extent[j])
         corners.append((j, -1.5 * limit, -1.25 * limit, 1.25 * limit, 1.5 * limit))

@@ -22,6 +22,7 @@ from fmucorrect.training.card import card
 from fmucorrect.training.compare_table import against_others, curve_of
 from fmucorrect.training.protocol import Trained, evaluate, train
 from fmucorrect.training.tasks import Workshop
+from fmucorrect.training.verdict import verdict
 
 FILES = ("corrector.onnx", "card.md", "evaluation.json")
 """What `train_into` writes."""
@@ -71,19 +72,20 @@ def curves(trained: Trained) -> list[dict[str, Any]]:
 def facts(trained: Trained) -> list[tuple[str, str]]:
     """How the model was chosen, terms and text, for the page."""
     selection, settings = trained.selection, trained.training
-    named = [("Epochs", ", ".join(f"{n}: {error:.2f} %" for n, error in selection.errors.items()))]
-    named[0] = (named[0][0], f"{named[0][1]} mean held-out NRMSE, leaving one speed out; taken: {selection.epochs}")
-    held = ", ".join(f"{name}: {error:.2f} %" for name, error in selection.held_out.items())
+    epochs: list[tuple[str, str]] = []
+    if selection.family == "window":
+        errors = ", ".join(f"{n}: {error:.2f} %" for n, error in selection.errors.items())
+        epochs = [("Epochs", f"{errors} mean held-out NRMSE, leaving one speed out; taken: {selection.epochs}")]
     search = (
         f"optuna, {len(trained.trials)} trials; see card.md" if trained.trials else "as the study has them; no search"
     )
     return [
-        *named,
-        ("Each condition left out", held),
+        *epochs,
         ("Hyper-parameters", search),
         (
-            "Network",
-            f"{settings.corrector.members} members, {trained.parameters} trained numbers, seed {settings.seed}",
+            "Corrector",
+            f"family {selection.family}, {trained.corrector.head.members or 1} members, "
+            f"{trained.fitted.parameters} trained numbers, seed {settings.seed}",
         ),
         ("Band", "sigma fitted to the errors on what was left out, scaled so that 90 % of them lie within 1.645 sigma"),
     ]
@@ -106,9 +108,20 @@ def save(trained: Trained, folder: Path) -> Path:
 
 
 def figures(evaluations: Sequence[Comparison], trained: Trained) -> dict[str, Any]:
-    """Evaluations as plain numbers, for JSON, and what the gate warned of."""
-    warnings = [finding.to_json() for finding in trained.warnings]
-    return {"conditions": [_condition(item) for item in evaluations], "warnings": warnings}
+    """The verdict, what was tried (NRMSE, %, of each condition that was left out), evaluations as plain numbers, for JSON, and
+    what the gate warned of."""
+    selection = trained.selection
+    tried = {
+        family: {name: round(value, 4) for name, value in scores.items()} for family, scores in selection.tried.items()
+    }
+    return {
+        "verdict": verdict(selection, evaluations),
+        "family": selection.family,
+        "learned": round(selection.learned, 4),
+        "tried": tried,
+        "conditions": [_condition(item) for item in evaluations],
+        "warnings": [finding.to_json() for finding in trained.warnings],
+    }
 
 
 def lines(evaluations: Sequence[Comparison]) -> str:

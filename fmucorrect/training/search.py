@@ -32,7 +32,7 @@ def search(
 ) -> tuple[Training, tuple[Trial, ...]]:
     """The settings with the best of `corrector.trials` sets in them, and all trials in order; the first is what the study
     says. The sampler is seeded and every trial is kept in the workshop's folder, so that a killed search goes on."""
-    if training.corrector.trials == 0:
+    if training.corrector.trials == 0 or "window" not in training.corrector.families:
         return training, ()
     import optuna
 
@@ -54,7 +54,7 @@ def search(
             trial.suggest_float("weight_decay", *DECAYS, log=True), trial.suggest_categorical("width", WIDTHS),
             trial.suggest_categorical("history", FEATURES))  # fmt: skip
         single = replace(training, corrector=replace(settings, members=1, epochs=(min(asked.epochs),)))
-        (error,) = errors_of(leave_out(development, single, workshop)).values()
+        (error,) = errors_of(leave_out("window", development, single, workshop)).values()
         trials.append(Trial(settings.learning_rate, settings.weight_decay, settings.widths[0], settings.history, error))
         return error
 

@@ -1,4 +1,9 @@
-"""Leave one speed out: the folds, and the number of epochs and the band that they choose."""
+"""Which corrector: every family on the conditions that were left out of it, and the simplest of those that are best.
+
+One speed is left out at a time. The simplest family within one standard error of the best wins (Breiman et al.,
+Classification and Regression Trees, 1984, section 3.4.3): the error of the difference, condition by condition, since a hard
+condition is hard for all of them.
+"""
 
 from __future__ import annotations
 
@@ -7,68 +12,122 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fmucorrect.study_training import Training
-from fmucorrect.training.corrector import LeftOut, calibrate, fold, needed
+from fmucorrect.study_training import FAMILIES, Family, Training
+from fmucorrect.training.band import LeftOut, calibrate, left_out
 from fmucorrect.training.data import Samples
-from fmucorrect.training.networks import Band
+from fmucorrect.training.deployed import Band
+from fmucorrect.training.families import by_speed, count, fit_filter, fold, lengths
 from fmucorrect.training.tasks import Task, Workshop
+from fmucorrect.training.window import needed
+
+NETWORKS: tuple[Family, ...] = ("window", "recurrent")
 
 
 @dataclass(frozen=True)
 class Selection:
-    """What the folds said. by_fold: NRMSE (%) of each condition when its speed was left out, by number of epochs. epochs: the
-    number with the best mean. band: calibrated on the errors there."""
+    """What leaving conditions out said. tried: NRMSE (%) of each condition when its speed was left out, by family, the
+    simplest first. family: the one that was taken. by_fold: of the window family, NRMSE of each condition by number of epochs;
+    empty where it was not tried. epochs: of the family that was taken; 0 where it has none. band: calibrated on the errors
+    of the family that was taken."""
 
+    tried: Mapping[Family, Mapping[str, float]]
+    family: Family
     by_fold: Mapping[str, Mapping[int, float]]
     epochs: int
     band: Band
 
     @property
     def errors(self) -> dict[int, float]:
-        """Mean held-out NRMSE (%) by number of epochs."""
+        """Mean held-out NRMSE (%) of the window family by number of epochs."""
         folds = list(self.by_fold.values())
-        return {n: float(np.mean([fold[n] for fold in folds])) for n in folds[0]}
+        return {n: float(np.mean([fold[n] for fold in folds])) for n in folds[0]} if folds else {}
 
     @property
-    def held_out(self) -> dict[str, float]:
-        """NRMSE (%) of each condition when its speed was left out, at the chosen number of epochs."""
-        return {name: fold[self.epochs] for name, fold in self.by_fold.items()}
+    def held_out(self) -> Mapping[str, float]:
+        """NRMSE (%) of each condition when its speed was left out, of the family that was taken."""
+        return self.tried[self.family]
+
+    @property
+    def learned(self) -> float:
+        """Share of what the simulation lacked that was found at conditions that were left out; 0 to 1."""
+        bare, left = (float(np.mean(list(self.tried[f].values()))) for f in ("nothing", self.family))
+        return 1.0 - left / bare
+
+
+def families(training: Training) -> tuple[Family, ...]:
+    """Those that are tried, the simplest first; nothing at all is always among them."""
+    return tuple(family for family in FAMILIES if family == "nothing" or family in training.corrector.families)
 
 
 def folds(development: Sequence[Samples]) -> list[tuple[list[Samples], list[Samples]]]:
-    """Leave one speed out: the rest and what is held out; one condition out where all have the same speed."""
-    speeds = sorted({item.speed for item in development})
-    held = [[item for item in development if item.speed == speed] for speed in speeds]
-    if len(held) < 2:
-        held = [[item] for item in development]
-    return [([item for item in development if all(item is not h for h in out)], out) for out in held]
+    """The rest and what is held out."""
+    return [
+        ([item for i, item in enumerate(development) if i not in held], [development[i] for i in held])
+        for held in by_speed(development)
+    ]
 
 
-def leave_out(development: Sequence[Samples], training: Training, workshop: Workshop) -> dict[int, list[LeftOut]]:
-    """Of each candidate number of epochs, what the folds said of the speeds that they had not seen."""
-    candidates, parts = training.corrector.epochs, folds(development)
-    members = training.corrector.members
+def leave_out(
+    family: Family, development: Sequence[Samples], training: Training, workshop: Workshop
+) -> dict[int, list[LeftOut]]:
+    """What the folds said of the conditions that they had not seen, in the study's order, by number of epochs (0 where there
+    are none to choose)."""
+    parts = folds(development)
+    if family not in NETWORKS:
+        found = [
+            left_out(fit_filter(family, rest, training).responses(item), item) for rest, held in parts for item in held
+        ]
+        return {0: found}
+    candidates = lengths(family, min(len(rest) for rest, _ in parts), training)
+    members = count(family, training, left_out=True)
     tasks = [
-        Task(f"fold {held[0].speed:g} km/h, {n} epochs", fold, (rest, held, needed(training), n), n * members)
+        Task(
+            f"{family}, {', '.join(item.name for item in held)} left out, {n} epochs",
+            fold,
+            (family, rest, held, needed(training), n),
+            n * members,
+        )
         for n in candidates
         for rest, held in parts
     ]
     results: list[list[LeftOut]] = workshop.run(tasks)
-    count = len(parts)
-    return {
-        n: [item for part in results[i * count : (i + 1) * count] for item in part] for i, n in enumerate(candidates)
-    }
+    size = len(parts)
+    return {n: [item for part in results[i * size : (i + 1) * size] for item in part] for i, n in enumerate(candidates)}
 
 
 def errors_of(found: Mapping[int, Sequence[LeftOut]]) -> dict[int, float]:
-    """Mean NRMSE (%) of the speeds that were left out, by number of epochs."""
+    """Mean NRMSE (%) of the conditions that were left out, by number of epochs."""
     return {n: float(np.mean([item.nrmse for item in items])) for n, items in found.items()}
 
 
 def select(development: Sequence[Samples], training: Training, workshop: Workshop) -> Selection:
-    """The number of epochs with the smallest mean NRMSE on the speeds that were left out; the band from its errors."""
-    found = leave_out(development, training, workshop)
-    errors = errors_of(found)
-    best = min(errors, key=lambda n: errors[n])
-    by_fold = {item.name: {n: found[n][i].nrmse for n in found} for i, item in enumerate(found[best])}
-    return Selection(by_fold, best, calibrate(found[best]))
+    """Each family at its best number of epochs; of these the simplest within one standard error of the best."""
+    tried: dict[Family, list[LeftOut]] = {}
+    by_fold: dict[str, dict[int, float]] = {}
+    epochs: dict[Family, int] = {}
+    for family in families(training):
+        found = leave_out(family, development, training, workshop)
+        errors = errors_of(found)
+        best = epochs[family] = min(errors, key=lambda n: errors[n])
+        tried[family] = found[best]
+        if family == "window":
+            by_fold = {item.name: {n: found[n][i].nrmse for n in found} for i, item in enumerate(found[best])}
+    scores: dict[Family, dict[str, float]] = {
+        family: {item.name: item.nrmse for item in items} for family, items in tried.items()
+    }
+    taken = simplest(scores)
+    length = epochs[taken]
+    if taken == "recurrent":
+        (length,) = lengths(taken, len(development), training)
+    return Selection(scores, taken, by_fold, length, calibrate(tried[taken]))
+
+
+def simplest(tried: Mapping[Family, Mapping[str, float]]) -> Family:
+    """The first family whose error is within one standard error of the smallest mean."""
+    errors: dict[Family, np.ndarray] = {family: np.array(list(scores.values())) for family, scores in tried.items()}
+    best = min(errors, key=lambda family: errors[family].mean())
+    for family, values in errors.items():
+        more = values - errors[best]
+        if more.mean() <= more.std(ddof=1) / np.sqrt(len(more)):
+            return family
+    return best

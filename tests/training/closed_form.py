@@ -20,6 +20,7 @@ SMALL = Training(
     tdnn_residual=TdnnResidual(widths=(16, 16), epochs=60, tdnn_epochs=40),
     proposed=Proposed(widths=(16, 16), head_width=16, epochs=60, tdnn_epochs=40),
     corrector=Corrector(
+        families=("window",),
         baseline_width=6,
         baseline_epochs=30,
         history=4,

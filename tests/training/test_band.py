@@ -9,11 +9,12 @@ from closed_form import SMALL
 from fmucorrect.comparison import BAND_90
 from fmucorrect.experiment import pair
 from fmucorrect.study import Study
+from fmucorrect.training.band import LeftOut, calibrate
 from fmucorrect.training.compare_table import band_of
-from fmucorrect.training.corrector import LeftOut, calibrate
 from fmucorrect.training.data import samples
-from fmucorrect.training.networks import Band
-from fmucorrect.training.protocol import Trained, refit
+from fmucorrect.training.deployed import Band
+from fmucorrect.training.families import refit
+from fmucorrect.training.protocol import Trained
 from fmucorrect.training.tasks import Workshop
 
 
@@ -74,7 +75,7 @@ def test_the_exported_sigma_is_the_calibrated_one(study: Study, trained: Trained
         )
     assert (said.in_envelope == 1.0).all()
     development = [samples(pair(study, c), SMALL.window) for c in study.development]
-    ensemble, _ = refit(development, SMALL, trained.selection.epochs, Workshop())
+    ensemble, _ = refit("window", development, SMALL, trained.selection.epochs, Workshop())
     responses = ensemble.responses(item)[:, rows]
     assert np.abs(said.corrected.numpy() - responses.mean(axis=0)).max() < 1e-5
     assert np.abs(said.sigma.numpy() - band_of(trained.selection.band, responses)).max() < 1e-5

@@ -11,8 +11,8 @@ from closed_form import SMALL
 
 from fmucorrect import bundle
 from fmucorrect.study import Study
+from fmucorrect.training.deployed import phase_features
 from fmucorrect.training.export import graph
-from fmucorrect.training.networks import phase_features
 from fmucorrect.training.protocol import Trained, train
 from fmucorrect.training.results import save
 

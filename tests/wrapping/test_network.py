@@ -20,8 +20,9 @@ from fmucorrect import bundle
 from fmucorrect.bundle import Info
 from fmucorrect.errors import MissingExtra, WrapError
 from fmucorrect.training.data import Scales
+from fmucorrect.training.deployed import Band, Corrector
 from fmucorrect.training.export import to_bundle
-from fmucorrect.training.networks import Band, Baseline, Corrector, Member, Residual
+from fmucorrect.training.networks import Baseline, Member, Residual, WindowHead
 from fmucorrect.wrapping import compiler, graph, network, proof
 
 ROOT = Path(__file__).resolve().parent.parent.parent
@@ -71,7 +72,7 @@ def phase(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
     windows = np.random.default_rng(1).normal(size=(4, ROWS, channels), scale=2e-3).astype(np.float32)
     content = to_bundle(
-        Corrector(members, scales, envelope, band, phase=True),
+        Corrector(WindowHead(members, scales, phase=True), ROWS, scales, envelope, band),
         info,
         windows,
         np.array([330.0, 0.03, 1.3]),

@@ -1,4 +1,4 @@
-"""What `train` fits: the paper's chain on window features instead of raw time, several members, and a calibrated band."""
+"""The window family: the paper's chain on window features instead of raw time, several members."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from fmucorrect.comparison import BAND_90
-from fmucorrect.metrics import score
 from fmucorrect.study_training import Training
 from fmucorrect.training.data import Samples, scales
 from fmucorrect.training.grid import Inputs, inputs
 from fmucorrect.training.loop import Curve, Run, Terms, minimise
 from fmucorrect.training.mlp import parameters
-from fmucorrect.training.networks import Band, Baseline, Member, Residual
+from fmucorrect.training.networks import Baseline, Member, Residual, WindowHead
 from fmucorrect.training.tasks import Context
 from fmucorrect.training.tdnn import window_and_speed
 
 
 def needed(training: Training) -> Training:
     """What the corrector's fits depend on: another epoch of a compared case makes no other corrector."""
-    return Training(window=training.window, seed=training.seed, corrector=training.corrector)
+    return Training(
+        window=training.window, seed=training.seed, corrector=training.corrector, recurrent=training.recurrent
+    )
 
 
 def view(development: Sequence[Samples], training: Training) -> Inputs:
@@ -116,6 +116,14 @@ class Ensemble:
     def parameters(self) -> int:
         return sum(parameters(member.baseline, member.residual) for member in self.members)
 
+    @property
+    def rows(self) -> int:
+        """W."""
+        return self.training.window
+
+    def head(self) -> WindowHead:
+        return WindowHead(self.members, self.see.scales, self.training.corrector.phase)
+
     def responses(self, item: Samples, stride: int = 1) -> Float[np.ndarray, "K N J"]:
         """What each member says (eq. multifidelity), in the channels' units, without envelope."""
         said: list[np.ndarray] = []
@@ -128,82 +136,6 @@ class Ensemble:
     def predict(self, item: Samples, stride: int = 1) -> np.ndarray:
         """Their mean, (N, J)."""
         return self.responses(item, stride).mean(axis=0)
-
-
-@dataclass(frozen=True)
-class LeftOut:
-    """What one fold said of a condition that it had not seen. name: its. mean: (N, J). error: measured - mean. deviation:
-    (N, J) mean absolute deviation of the members from their mean."""
-
-    name: str
-    mean: Float[np.ndarray, "N J"]
-    error: Float[np.ndarray, "N J"]
-    deviation: Float[np.ndarray, "N J"]
-    nrmse: float
-
-
-def fold(
-    context: Context, rest: Sequence[Samples], held: Sequence[Samples], training: Training, epochs: int
-) -> list[LeftOut]:
-    """Fit all members to the rest, and say what they make of what was held out."""
-    members: list[Member] = []
-    for number in range(training.corrector.members):
-        checkpoint = None if context.checkpoint is None else context.checkpoint.with_suffix(f".{number}.checkpoint")
-        inner = Context(checkpoint, context.tick, context.device)
-        members.append(fit_member(inner, rest, training, number, epochs)[0])
-        # the next member begins; this one is in memory and, until the fold is done, in its checkpoint
-    ensemble = Ensemble(tuple(members), view(rest, training), training)
-    if context.checkpoint is not None:
-        for number in range(training.corrector.members):
-            context.checkpoint.with_suffix(f".{number}.checkpoint").unlink(missing_ok=True)
-    return [left_out(ensemble, item) for item in held]
-
-
-def left_out(ensemble: Ensemble, item: Samples) -> LeftOut:
-    """One condition that the ensemble was not fitted to."""
-    responses = ensemble.responses(item)
-    mean = responses.mean(axis=0)
-    return LeftOut(
-        item.name,
-        mean,
-        item.measured - mean,
-        np.abs(responses - mean).mean(axis=0),
-        score(mean, item.measured).mean_nrmse,
-    )
-
-
-def calibrate(folds: Sequence[LeftOut]) -> Band:
-    """A band that holds 90 % of the errors on conditions that were left out (split conformal prediction with a local scale;
-    Lei et al., Distribution-free predictive inference for regression, JASA 2018).
-
-    The local scale grows with the size of the response and with the members' disagreement: reweighted non-negative least
-    squares of the absolute error on 1, the mean |response| of all channels, and the deviation, for each channel. It is then
-    multiplied so that 90 % of the left-out errors, every condition counting alike, lie within 1.645 sigma. Errors of
-    neighbouring samples are alike, and the folds are few: the band is a measured one, no guarantee.
-    """
-    from scipy.optimize import nnls
-
-    channels = folds[0].error.shape[1]
-    floor, size, deviation = (np.zeros(channels) for _ in range(3))
-    weight = np.concatenate([np.full(len(f.error), 1.0 / len(f.error)) for f in folds])
-    level = np.concatenate([np.abs(f.mean).mean(axis=1) for f in folds])
-    for j in range(channels):
-        error = np.abs(np.concatenate([f.error[:, j] for f in folds]))
-        spread = np.concatenate([f.deviation[:, j] for f in folds])
-        design = np.stack([np.ones_like(level), level, spread], axis=1)
-        least = 1e-3 * float(np.average(error, weights=weight))
-        local, shape = np.ones_like(error), np.zeros(3)
-        for _ in range(5):  # each sample counts relative to the scale that it is found to have
-            root = np.sqrt(weight) / local
-            shape, _ = nnls(design * root[:, None], error * root)
-            local = np.maximum(design @ shape, least)
-        shape[0] = max(shape[0], least)
-        ratio = error / (design @ shape)
-        order = np.argsort(ratio)
-        share = np.cumsum(weight[order]) / weight.sum()
-        quantile = ratio[order][np.searchsorted(share, 0.9)]
-        floor[j], size[j], deviation[j] = shape * quantile / BAND_90
-    return Band(tuple(floor.tolist()), tuple(size.tolist()), tuple(deviation.tolist()))
 
 
 def _inputs(member: Member, see: Inputs, item: Samples, training: Training, stride: int = 1) -> tuple[Tensor, Tensor]:

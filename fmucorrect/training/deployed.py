@@ -1,0 +1,170 @@
+"""The deployed corrector: what a family's head says of a row, inside its envelope and with its band, as one arithmetic.
+
+    x      = (window, condition, [sin, cos of the phase])  flat, in the channels' units
+    Y, Z   = head(x, state)                                responses and aligned simulation: the members' mean, then each
+                                                           one's deviation from it
+    y      = S' Y,  base = S' Z
+    s      = T' |Y| + t                                    calibrated band: grows with the response and the deviations
+    V      = relu(R' x + r)                                how far outside the envelope; then q+ and q-, the window's last row
+    inside = relu(1 - v' V)                                1 inside the training envelope, fading to 0
+    delta  = inside (y - q),  corrected = q + delta,  sigma = inside (s - s_u) + s_u,  q = Q' V
+
+Heads: networks.WindowHead, linear.LinearHead, recurrent.RecurrentHead. Training, torch and ONNX (export.py) use the same
+tensors.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol, runtime_checkable
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from fmucorrect.training.data import Scales
+
+FREQUENCY_STEPS = 1e4
+"""A condition comes as float32; its frequency is taken to the nearest 0.1 mHz in double precision, so that 1.3 Hz means
+1.3 Hz, and the phase stays exact for as long as a co-simulation runs."""
+Corners = Sequence[tuple[int, float, float, float, float]]
+"""Index into (q, condition); outer low, inner low, inner high, outer high."""
+
+
+class Said(NamedTuple):
+    """What a head says. responses: (N, J + K J), the mean of K members, then each one's deviation; K = 0 without members.
+    bases: the same of the aligned simulation. next_state: (N, S), of a head that has one."""
+
+    responses: Float[Tensor, "N R"]
+    bases: Float[Tensor, "N R"]
+    next_state: Float[Tensor, "N S"] | None = None
+
+
+@runtime_checkable
+class Head(Protocol):
+    """What a family deploys: an nn.Module with float32 buffers. members: K. state: S, 0 without. phase: whether x ends with
+    sine and cosine of the excitation's phase."""
+
+    members: int
+    state: int
+    phase: bool
+
+    def __call__(self, x: Float[Tensor, "N X"], state: Float[Tensor, "N S"] | None = None) -> Said: ...
+
+
+class Outputs(NamedTuple):
+    """corrected, baseline, sigma: (N, J), the channels' units. in_envelope: (N, 1). next_state: (N, S), of a head that has
+    one."""
+
+    corrected: Float[Tensor, "N J"]
+    baseline: Float[Tensor, "N J"]
+    sigma: Float[Tensor, "N J"]
+    in_envelope: Float[Tensor, "N 1"]
+    next_state: Float[Tensor, "N S"] | None = None
+
+
+@dataclass(frozen=True)
+class Band:
+    """The calibrated standard deviation of each channel, (J,) each:
+
+    sigma = floor + size * (mean |response| of all channels) + deviation * (mean |deviation| of the members from their mean).
+    floor in the channels' units. A band of +-1.645 sigma is meant to hold 90 %.
+    """
+
+    floor: tuple[float, ...]
+    size: tuple[float, ...]
+    deviation: tuple[float, ...]
+
+
+class Corrector(nn.Module):
+    """The deployed arithmetic; export.py writes these very tensors into the ONNX graph."""
+
+    def __init__(self, head: Head, rows: int, scales: Scales, envelope: Corners, band: Band) -> None:
+        """rows: W."""
+        super().__init__()
+        self.head, self.rows = head, rows
+        channels = len(scales.response)
+        history = rows * channels
+        tensors = _envelope(envelope, channels, history, history + 3 + 2 * head.phase)
+        uncorrected = torch.tensor(scales.uncorrected)
+        tensors["S"] = torch.eye(channels * (1 + head.members), channels, dtype=torch.float64)
+        size = torch.tensor(band.size, dtype=torch.float64).expand(channels, channels) / channels
+        deviation = torch.diag(torch.tensor(band.deviation, dtype=torch.float64)) / max(head.members, 1)
+        tensors["T"] = torch.cat([size, deviation.repeat(head.members, 1)])
+        tensors["t"] = torch.tensor(band.floor, dtype=torch.float64) - uncorrected
+        tensors["s_u"] = uncorrected
+        for name, tensor in tensors.items():
+            self.register_buffer(name, tensor.detach().float().contiguous())
+
+    def tensors(self) -> dict[str, Tensor]:
+        """Every weight by its name in the formulae, float32."""
+        return {name.removeprefix("head."): tensor for name, tensor in self.named_buffers()}
+
+    def forward(
+        self,
+        window: Float[Tensor, "N W J"],
+        condition: Float[Tensor, "N 3"],
+        time: Float[Tensor, "N 1"],
+        state: Float[Tensor, "N S"] | None = None,
+    ) -> Outputs:
+        t = self.tensors()
+        parts = [window.flatten(1), condition]
+        if self.head.phase:
+            parts.append(phase_features(condition, time))
+        x = torch.cat(parts, 1)
+        said = self.head(x, state)
+        outside = torch.relu(torch.addmm(t["r"], x, t["R"]))
+        inside = torch.relu(torch.addmm(t["one"], outside, t["v"]))
+        lead = torch.addmm(said.responses @ t["S"], outside, t["minus_Q"])
+        delta = inside * lead
+        corrected = torch.addmm(delta, outside, t["Q"])
+        sigma = inside * torch.addmm(t["t"], said.responses.abs(), t["T"]) + t["s_u"]
+        return Outputs(corrected, said.bases @ t["S"], sigma, inside, said.next_state)
+
+
+def _envelope(
+    corners: Sequence[tuple[int, float, float, float, float]], channels: int, history: int, inputs: int
+) -> dict[str, Tensor]:
+    """R, r, v, Q and their company. A violation counts 1 where an outer corner is reached; violations add up."""
+    count = 2 * len(corners)
+    ramps = torch.zeros(inputs, count + 2 * channels, dtype=torch.float64)
+    levels = torch.zeros(count + 2 * channels, dtype=torch.float64)
+    for i, (index, low, inner_low, inner_high, high) in enumerate(corners):
+        row = history - channels + index
+        ramps[row, 2 * i], levels[2 * i] = -1.0 / (inner_low - low), inner_low / (inner_low - low)
+        ramps[row, 2 * i + 1], levels[2 * i + 1] = 1.0 / (high - inner_high), -inner_high / (high - inner_high)
+    eye = torch.eye(channels, dtype=torch.float64)
+    ramps[history - channels : history, count:] = torch.cat([eye, -eye], 1)
+    last = torch.cat([torch.zeros(count, channels, dtype=torch.float64), eye, -eye])
+    sum_up = torch.zeros(count + 2 * channels, 1, dtype=torch.float64)
+    sum_up[:count] = -1.0
+    return {"R": ramps, "r": levels, "v": sum_up, "one": torch.ones(1), "Q": last, "minus_Q": -last}
+
+
+def spread(members: int, channels: int) -> Tensor:
+    """(K J, J + K J): what the members say side by side becomes their mean, then each one's deviation from it."""
+    eye = torch.eye(channels, dtype=torch.float64)
+    mean = eye.repeat(members, 1) / members
+    return torch.cat([mean, torch.eye(members * channels, dtype=torch.float64) - mean.repeat(1, members)], 1)
+
+
+def weight(layer: nn.Module) -> Tensor:
+    """(inputs, outputs), double."""
+    assert isinstance(layer, nn.Linear)
+    return layer.weight.double().T
+
+
+def bias(layer: nn.Module) -> Tensor:
+    """(outputs,), double."""
+    assert isinstance(layer, nn.Linear)
+    return layer.bias.double()
+
+
+def phase_features(condition: Float[Tensor, "N 3"], time: Float[Tensor, "N 1"]) -> Float[Tensor, "N 2"]:
+    """Sine and cosine of 2 pi f t, the cycles counted in double precision; zero before the excitation begins."""
+    frequency = torch.round(condition[:, 2:].double() * FREQUENCY_STEPS) / FREQUENCY_STEPS
+    cycles = frequency * time
+    angle = ((cycles - torch.floor(cycles)) * (2.0 * math.pi)).float()
+    return torch.cat([torch.sin(angle), torch.cos(angle)], 1) * (time >= 0.0).float()

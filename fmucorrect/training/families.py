@@ -1,0 +1,137 @@
+"""Families of correctors, from nothing to recurrent: what each is, fitted to some conditions, and what it says of others.
+
+A family is what a user would try next where the one before it does not do: nothing at all, one amplitude factor, a linear
+filter, a network on a window, a network with a memory of its own. What is fitted can say what it makes of a condition, and
+gives the head that is deployed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float
+
+from fmucorrect.study_training import Family, Training
+from fmucorrect.training import linear, recurrent, window
+from fmucorrect.training.band import LeftOut, left_out
+from fmucorrect.training.data import Samples, scales
+from fmucorrect.training.deployed import Head
+from fmucorrect.training.linear import Filter
+from fmucorrect.training.loop import Curve
+from fmucorrect.training.recurrent import Oscillators, Recurrent
+from fmucorrect.training.tasks import Context, Task, Workshop
+from fmucorrect.training.window import Ensemble, Member, needed
+
+
+@runtime_checkable
+class Fitted(Protocol):
+    """A fitted corrector: a frozen dataclass. parameters: how many numbers were fitted. rows: W."""
+
+    @property
+    def parameters(self) -> int: ...
+    @property
+    def rows(self) -> int: ...
+
+    def responses(self, item: Samples, stride: int = 1) -> Float[np.ndarray, "K N J"]:
+        """What each of K members makes of every stride-th row of a condition, in the channels' units."""
+        ...
+
+    def predict(self, item: Samples, stride: int = 1) -> Float[np.ndarray, "N J"]:
+        """The mean of that."""
+        ...
+
+    def head(self) -> Head: ...
+
+
+def by_speed(items: Sequence[Samples]) -> list[list[int]]:
+    """Which conditions are left out together: those of one speed; each alone where all have the same."""
+    speeds = sorted({item.speed for item in items})
+    held = [[i for i, item in enumerate(items) if item.speed == speed] for speed in speeds]
+    return held if len(held) > 1 else [[i] for i in range(len(items))]
+
+
+def fit_filter(family: Family, development: Sequence[Samples], training: Training) -> Filter:
+    """One of the families that are fitted in closed form."""
+    stride = training.corrector.stride
+    basis = scales(development, 1, stride)
+    if family == "nothing":
+        return linear.nothing(basis)
+    if family == "amplitude":
+        return linear.amplitude(development, basis)
+    folds = by_speed(development) if len(development) > 1 else []
+    return linear.fit_filter(development, folds, basis, stride)
+
+
+def fit_member(
+    context: Context, family: Family, development: Sequence[Samples], training: Training, number: int, epochs: int
+) -> tuple[Member | Oscillators, list[Curve]]:
+    """One member of a family of networks."""
+    if family == "window":
+        return window.fit_member(context, development, training, number, epochs)
+    basis = scales(development, 1, training.corrector.stride)
+    return recurrent.fit_member(context, development, training, basis, number, epochs)
+
+
+def together(
+    family: Family, members: Sequence[Member | Oscillators], development: Sequence[Samples], training: Training
+) -> Ensemble | Recurrent:
+    """The members that were fitted to the same conditions."""
+    if family == "window":
+        found = tuple(member for member in members if isinstance(member, Member))
+        return Ensemble(found, window.view(development, training), training)
+    basis = scales(development, 1, training.corrector.stride)
+    networks = tuple(member for member in members if isinstance(member, Oscillators))
+    return Recurrent(networks, recurrent.view(development, training, basis))
+
+
+def count(family: Family, training: Training, left_out: bool = False) -> int:
+    """Members of a family of networks. left_out: where conditions are left out; there one recurrent network stands for all,
+    since they differ little and take long."""
+    if family == "window":
+        return training.corrector.members
+    return 1 if left_out else training.recurrent.members
+
+
+def lengths(family: Family, development: int, training: Training) -> tuple[int, ...]:
+    """Candidates for the number of epochs, of which leaving conditions out chooses; of one there is nothing to choose."""
+    return training.corrector.epochs if family == "window" else (-(-training.recurrent.steps // development),)
+
+
+def fold(
+    context: Context, family: Family, rest: Sequence[Samples], held: Sequence[Samples], training: Training, epochs: int
+) -> list[LeftOut]:
+    """Fit all members to the rest, and say what they make of what was held out."""
+    members: list[Member | Oscillators] = []
+    names = [f".{number}.checkpoint" for number in range(count(family, training, left_out=True))]
+    for number, name in enumerate(names):
+        checkpoint = None if context.checkpoint is None else context.checkpoint.with_suffix(name)
+        inner = Context(checkpoint, context.tick, context.device)
+        members.append(fit_member(inner, family, rest, training, number, epochs)[0])
+        # the next member begins; this one is in memory and, until the fold is done, in its checkpoint
+    fitted = together(family, members, rest, training)
+    if context.checkpoint is not None:
+        for name in names:
+            context.checkpoint.with_suffix(name).unlink(missing_ok=True)
+    return [left_out(fitted.responses(item), item) for item in held]
+
+
+def refit(
+    family: Family, development: Sequence[Samples], training: Training, epochs: int, workshop: Workshop
+) -> tuple[Fitted, tuple[Curve, ...]]:
+    """The chosen family on all development conditions."""
+    if family not in ("window", "recurrent"):
+        return fit_filter(family, development, training), ()
+    tasks = [
+        Task(f"member {k + 1}", fit_member, (family, list(development), needed(training), k, epochs), epochs)
+        for k in range(count(family, training))
+    ]
+    results = workshop.run(tasks)
+    curves = [
+        replace(curve, stage=f"{curve.stage}, member {k + 1}")
+        for k, (_, member_curves) in enumerate(results)
+        for curve in member_curves
+    ]
+    return together(family, [member for member, _ in results], development, training), tuple(curves)

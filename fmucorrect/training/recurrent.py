@@ -1,0 +1,449 @@
+"""The recurrent family: a bank of oscillators, a network behind it, and a bank of oscillators behind the network.
+
+    p_t = lambda p_(t-1) + g (q_(t-1) + q_t) / 2            first bank, fixed: the simulation's past on all time scales
+    u_t = network(q_t, p_t, speed)                          what is missing, as forces and displacements without a name
+    r_t = mu r_(t-1) + g (u_(t-1) + u_t) / 2                second bank, trained: how the mechanism answers to them
+    y_t = q_t + D' (r_t, u_t, q_t, p_t) + d                 linear
+
+A missing force is a static law of the motion, and acts through the modes of the mechanism: this order of parts is that of a
+discrepancy (a Wiener-Hammerstein structure; of linear recurrent units see Orvieto et al., Resurrecting recurrent neural
+networks for long sequences, ICML 2023). lambda and mu are complex, |.| < 1, so that a state always dies out. Training runs
+on every `stride`-th sample, as the motion's own spectrum allows; what is deployed has the same poles at the sample time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Complex128, Float, Float64
+from scipy.signal import lfilter
+from torch import Tensor, nn
+
+from fmucorrect.study_training import Training
+from fmucorrect.training.data import FLOOR, Samples, Scales
+from fmucorrect.training.deployed import Said, bias, spread, weight
+from fmucorrect.training.loop import Curve, Run, Terms, minimise
+from fmucorrect.training.mlp import parameters, tanh
+from fmucorrect.training.tasks import Context
+
+OVERSAMPLING = 10.0
+"""Samples a period of the fastest motion that counts, in training: at 10, a straight line between two is off by 5 % at most;
+the last layer's own fit, at every sample, makes up for what that does to phases."""
+FASTEST = 0.99
+"""Share of the power of the simulated velocities that lies below the fastest motion that counts."""
+SLOWEST = 0.01
+"""Share of the power of what the simulation lacks that lies below the slowest motion of it."""
+DAMPING = 0.25
+"""Damping ratio of all oscillators at first: neighbours on the logarithmic scale of frequencies overlap."""
+STEEPEST = 1.0
+"""Largest norm of a gradient that is taken whole; a pole near the unit circle makes steeper ones."""
+RIDGE = 1e-6
+"""Penalty of the last layer's own fit, as a share of the mean power of a feature."""
+
+
+@dataclass(frozen=True)
+class Pace:
+    """stride: every how many samples are trained on. fast, slow: s, time constants of the oscillators."""
+
+    stride: int
+    fast: float
+    slow: float
+
+
+def pace(development: Sequence[Samples]) -> Pace:
+    """From the spectra of the simulated velocities and of what the simulation lacks."""
+    step = development[0].step
+    count = max(len(item.whole) for item in development)
+    frequency = np.fft.rfftfreq(count, step)
+    motion, lacking = np.zeros(len(frequency)), np.zeros(len(frequency))
+    for item in development:
+        velocity = np.diff(item.whole, axis=0)
+        motion += _spectrum(velocity / (velocity.std(axis=0) + 1e-300), count)
+        rest = item.measured - item.simulated
+        lacking += _spectrum((rest - rest.mean(axis=0)) / (rest.std(axis=0) + 1e-300), count)
+    top = _below(frequency, motion, FASTEST)
+    bottom = max(_below(frequency, lacking, SLOWEST), frequency[1])
+    stride = max(1, int(1.0 / (step * OVERSAMPLING * top)))
+    fast = 2.0 * step * stride
+    return Pace(stride, fast, max(1.0 / (2.0 * math.pi * bottom), 10.0 * fast))
+
+
+def _spectrum(values: Float64[np.ndarray, "T J"], count: int) -> Float64[np.ndarray, " F"]:
+    return (np.abs(np.fft.rfft(values, count, axis=0)) ** 2).sum(axis=1)
+
+
+def _below(frequency: np.ndarray, power: np.ndarray, share: float) -> float:
+    """Hz"""
+    total = np.cumsum(power)
+    return float(max(frequency[min(np.searchsorted(total, share * total[-1]), len(total) - 1)], frequency[1]))
+
+
+class _Bank(torch.autograd.Function):
+    """y_t = lambda y_(t-1) + x_t for each pole: (T, M), (P,), (P,) to real and imaginary part (T, P, M). The gradient is the
+    same recurrence with the conjugate pole, backwards."""
+
+    @staticmethod
+    def forward(ctx: Any, x: Tensor, real: Tensor, imaginary: Tensor) -> tuple[Tensor, Tensor]:  # type: ignore[override]
+        ctx.poles = _complex(real, imaginary)
+        ctx.answer = _answers(x.detach().numpy(), ctx.poles)
+        return _parts(ctx.answer)
+
+    @staticmethod
+    def backward(ctx: Any, real: Tensor, imaginary: Tensor) -> tuple[Tensor, Tensor, Tensor]:  # type: ignore[override]
+        back = _complex(real, imaginary)[::-1]
+        on_x = np.zeros(back[:, 0].shape, np.float32)
+        on_poles = np.zeros(len(ctx.poles), np.complex64)
+        for i, pole in enumerate(ctx.poles):
+            adjoint = _answer(back[:, i], pole.conj())[::-1]
+            on_x += np.real(adjoint)
+            on_poles[i] = np.vdot(ctx.answer[:-1, i], adjoint[1:])
+        return torch.from_numpy(on_x), *_parts(on_poles)
+
+
+def _complex(real: Tensor, imaginary: Tensor) -> np.ndarray:
+    """complex64"""
+    return (real.detach().numpy() + np.complex64(1j) * imaginary.detach().numpy()).astype(np.complex64)
+
+
+def _parts(values: np.ndarray) -> tuple[Tensor, Tensor]:
+    return torch.from_numpy(np.real(values).copy()), torch.from_numpy(np.imag(values).copy())
+
+
+def _answer(x: np.ndarray, pole: Any) -> np.ndarray:
+    """One pole's, (T, M), complex, of the precision of the pole."""
+    kind = np.asarray(pole).dtype
+    return np.asarray(lfilter(np.ones(1, kind), np.array([1.0, -pole], kind), x.astype(kind), axis=0))
+
+
+def _answers(x: np.ndarray, poles: np.ndarray) -> np.ndarray:
+    """(T, P, M)"""
+    said = np.empty((len(x), len(poles), x.shape[1]), poles.dtype)
+    for i, pole in enumerate(poles):
+        said[:, i] = _answer(x, pole)
+    return said
+
+
+@dataclass(frozen=True)
+class View:
+    """Scales of the development conditions, and the first bank. step: s. centre, size: (J,) of the simulation. poles: (P,)
+    at the sample time. feature: (J + 2 P J,) sizes of (q, p). lacking: (J,) size of what the simulation lacks. speed: km/h,
+    centre and span; speeds: whether it plays a part."""
+
+    pace: Pace
+    step: float
+    centre: Float64[np.ndarray, " J"]
+    size: Float64[np.ndarray, " J"]
+    poles: Complex128[np.ndarray, " P"]
+    feature: Float64[np.ndarray, " F"]
+    lacking: Float64[np.ndarray, " J"]
+    speed: tuple[float, float]
+    speeds: bool
+
+    def features(self, item: Samples) -> Float64[np.ndarray, "R F"]:
+        """(q, p) of all rows of the simulation but the first, at which no step has ended yet."""
+        return _features(item, self.centre, self.size, self.poles) / self.feature
+
+    def condition(self, item: Samples) -> Float[Tensor, " C"]:
+        """The scaled speed, or nothing."""
+        return torch.full((int(self.speeds),), (item.speed - self.speed[0]) / self.speed[1])
+
+
+def _features(item: Samples, centre: np.ndarray, size: np.ndarray, poles: np.ndarray) -> np.ndarray:
+    q = (item.whole - centre) / size
+    past = _answers(0.5 * (q[1:] + q[:-1]), poles) * (1.0 - np.abs(poles))[:, None]
+    flat = past.reshape(len(past), -1)
+    return np.concatenate([q[1:], flat.real, flat.imag], axis=1)
+
+
+def view(development: Sequence[Samples], training: Training, scales: Scales) -> View:
+    """From the development conditions, or those of a fold, alone."""
+    chosen = pace(development)
+    step = development[0].step
+    whole = np.concatenate([item.whole for item in development])
+    centre, size = whole.mean(axis=0), whole.std(axis=0)
+    omega = 1.0 / np.geomspace(chosen.fast, chosen.slow, training.recurrent.history)
+    poles = np.exp(step * omega * (-DAMPING + 1j * math.sqrt(1.0 - DAMPING**2)))
+    raw = np.concatenate([_features(item, centre, size, poles) for item in development]).std(axis=0)
+    lacking = np.concatenate([item.measured - item.simulated for item in development]).std(axis=0)
+    speeds = len({item.speed for item in development}) > 1
+    return View(chosen, step, centre, size, poles, np.maximum(raw, FLOOR * raw.max()), lacking, scales.speed, speeds)
+
+
+class Oscillators(nn.Module):
+    """The network and the second bank. rate: ln of 1/s, damping: its logit, (P,) each."""
+
+    def __init__(self, inputs: int, conditions: int, channels: int, training: Training, chosen: Pace) -> None:
+        super().__init__()
+        settings = training.recurrent
+        omega = 1.0 / np.geomspace(chosen.fast, chosen.slow, settings.answer)
+        self.rate = nn.Parameter(torch.from_numpy(np.log(omega)).float())
+        self.damping = nn.Parameter(torch.full((settings.answer,), math.log(DAMPING / (1.0 - DAMPING))))
+        self.first = nn.Linear(inputs + conditions, settings.width)
+        self.second = nn.Linear(settings.width, settings.width)
+        self.missing = nn.Linear(settings.width, settings.signals)
+        self.out = nn.Linear(settings.signals * (2 * settings.answer + 1) + inputs, channels)
+        nn.init.zeros_(self.out.weight)
+        nn.init.zeros_(self.out.bias)
+
+    def poles(self, step: float) -> tuple[Tensor, Tensor, Tensor]:
+        """Modulus, real and imaginary part at a sample time."""
+        omega, damping = torch.exp(self.rate), torch.sigmoid(self.damping)
+        modulus = torch.exp(-damping * omega * step)
+        angle = omega * step * torch.sqrt(1.0 - damping**2)
+        return modulus, modulus * torch.cos(angle), modulus * torch.sin(angle)
+
+    def inner(
+        self, features: Float[Tensor, "T F"], condition: Float[Tensor, " C"], step: float
+    ) -> Float[Tensor, "T O"]:
+        """What the last layer sees: (r, u, q, p)."""
+        seen = torch.cat([features, condition.expand(len(features), -1)], 1)
+        u = self.missing(tanh(self.second(tanh(self.first(seen)))))
+        modulus, real, imaginary = self.poles(step)
+        before = torch.cat([torch.zeros_like(u[:1]), u[:-1]])
+        re, im = _Bank.apply(0.5 * (u + before), real, imaginary)  # type: ignore[misc]
+        gain = (1.0 - modulus)[:, None]
+        return torch.cat([(re * gain).flatten(1), (im * gain).flatten(1), u, features], 1)
+
+    def forward(
+        self, features: Float[Tensor, "T F"], condition: Float[Tensor, " C"], step: float
+    ) -> Float[Tensor, "T J"]:
+        return self.out(self.inner(features, condition, step))
+
+
+def fit_member(
+    context: Context, development: Sequence[Samples], training: Training, scales: Scales, member: int, epochs: int
+) -> tuple[Oscillators, list[Curve]]:
+    """One network to the development conditions, a record a step of the optimiser, then the last layer at every sample."""
+    settings, see = training.recurrent, view(development, training, scales)
+    run = Run(1000 * training.seed + 7 * member + 3, every=10, checkpoint=context.checkpoint)
+    run.tick = context.tick
+    stride, channels = see.pace.stride, len(see.lacking)
+    features = [see.features(item) for item in development]
+    torch.manual_seed(run.seed)
+    network = Oscillators(features[0].shape[1], int(see.speeds), channels, training, see.pace)
+    seen = [torch.from_numpy(values[::stride]).float() for values in features]
+    conditions = [see.condition(item) for item in development]
+    targets = [_target(item, see, len(values)) for item, values in zip(development, features, strict=True)]
+    poles = [network.rate, network.damping]
+    others = [p for name, p in network.named_parameters() if name not in ("rate", "damping")]
+    groups = [{"params": others, "weight_decay": settings.weight_decay}, {"params": poles, "weight_decay": 0.0}]
+    optimiser = torch.optim.AdamW(groups, lr=settings.learning_rate)
+    count = max(epochs * len(development), 4)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, settings.learning_rate, total_steps=count, pct_start=0.1)
+    optimiser.register_step_pre_hook(lambda *_: _shortened(network))
+
+    def steps(epoch: int) -> Iterator[Terms]:
+        order = torch.randperm(len(seen), generator=torch.Generator().manual_seed(1_000_003 * run.seed + epoch))
+        for i in order.tolist():
+            first, target = targets[i]
+            said = network(seen[i], conditions[i], see.step * stride)[-(-first // stride) :]
+            yield {"residual": ((said - target[-first % stride :: stride]) ** 2).mean()}
+
+    minimise(run, "recurrent", network, optimiser, steps, epochs, schedule)
+    _last_layer(network, see, features, conditions, targets)
+    return network, run.curves
+
+
+def _shortened(network: nn.Module) -> None:
+    torch.nn.utils.clip_grad_norm_(network.parameters(), STEEPEST)
+
+
+def _target(item: Samples, see: View, rows: int) -> tuple[int, Float[Tensor, "N J"]]:
+    """The first of the rows that were measured, and what is to be said from there on."""
+    lacking = torch.from_numpy((item.measured - item.simulated) / see.lacking).float()
+    first = rows - len(lacking)
+    return max(first, 0), lacking[max(-first, 0) :]
+
+
+def _last_layer(
+    network: Oscillators,
+    see: View,
+    features: Sequence[np.ndarray],
+    conditions: Sequence[Tensor],
+    targets: Sequence[tuple[int, Tensor]],
+) -> None:
+    """The last layer in closed form, at the sample time at which it will run: what the stride has lost."""
+    layer = network.out
+    size = layer.in_features + 1
+    gram = torch.zeros(size, size, dtype=torch.float64)
+    side = torch.zeros(size, layer.out_features, dtype=torch.float64)
+    with torch.no_grad():
+        for values, condition, (first, target) in zip(features, conditions, targets, strict=True):
+            x = network.inner(torch.from_numpy(values).float(), condition, see.step)[first:].double()
+            x = torch.cat([x, torch.ones(len(x), 1, dtype=torch.float64)], 1)
+            rest = target.double() - x[:, :-1] @ layer.weight.double().T - layer.bias.double()
+            gram, side = gram + x.T @ x, side + x.T @ rest
+        more = torch.linalg.solve(gram + RIDGE * gram.trace() / size * torch.eye(size), side)
+        layer.weight += more[:-1].T.float()
+        layer.bias += more[-1].float()
+
+
+@dataclass(frozen=True)
+class Recurrent:
+    """Fitted members and what they have in common."""
+
+    members: tuple[Oscillators, ...]
+    see: View
+    rows: int = 2
+    """W: a step of the first bank takes the mean of two rows."""
+
+    @property
+    def parameters(self) -> int:
+        return parameters(*self.members)
+
+    def responses(self, item: Samples, stride: int = 1) -> Float[np.ndarray, "K N J"]:
+        """What each member says, in the channels' units, without envelope."""
+        features, condition = torch.from_numpy(self.see.features(item)).float(), self.see.condition(item)
+        count, said = len(item.simulated), []
+        with torch.no_grad():
+            for member in self.members:
+                lacking = member(features, condition, self.see.step).double().numpy()[-count:] * self.see.lacking
+                said.append(
+                    item.simulated + np.concatenate([np.zeros((count - len(lacking), lacking.shape[1])), lacking])
+                )
+        return np.stack(said)[:, ::stride]
+
+    def predict(self, item: Samples, stride: int = 1) -> np.ndarray:
+        """The mean of that, (N, J)."""
+        return self.responses(item, stride).mean(axis=0)
+
+    def head(self) -> RecurrentHead:
+        return RecurrentHead(self)
+
+
+class RecurrentHead(nn.Module):
+    """The same on x = (two rows, condition) and a state, scales folded into the weights, in double precision.
+
+    p      = state A + (x G + g)        first bank, the same for all members
+    h      = tanh(tanh((x, p) H + h1) K + k), u = h U + o
+    r      = state B + u F              second banks; the state holds the last u, too
+    state' = (p, r, u)
+    Y      = state' O + x P + o2        the members' mean, then each one's deviation from it
+    """
+
+    def __init__(self, found: Recurrent) -> None:
+        super().__init__()
+        see, members = found.see, found.members
+        channels, inputs = len(see.centre), found.rows * len(see.centre) + 3
+        self.members, self.phase = len(members), False
+        bank, made = 2 * len(see.poles) * channels, [_member(member, see, inputs) for member in members]
+        answers = sum(len(part["B"]) for part in made)
+        signals = sum(part["F"].shape[0] for part in made)
+        self.state = bank + answers + signals
+        zeros = torch.zeros
+        first, drive, offset = _first_bank(see, inputs)
+        tensors = {
+            "A": torch.cat([first, zeros(answers + signals, bank, dtype=torch.float64)]),
+            "G": drive,
+            "g": offset,
+            "H": torch.cat([part["H"] for part in made], 1),
+            "h": torch.cat([part["h"] for part in made]),
+            "K": torch.block_diag(*(part["K"] for part in made)),
+            "k": torch.cat([part["k"] for part in made]),
+            "U": torch.block_diag(*(part["U"] for part in made)),
+            "o": torch.cat([part["o"] for part in made]),
+            "B": torch.cat(
+                [
+                    zeros(bank, answers, dtype=torch.float64),
+                    torch.block_diag(*(part["B"] for part in made)),
+                    torch.block_diag(*(part["F"] for part in made)),
+                ]
+            ),
+            "F": torch.block_diag(*(part["F"] for part in made)),
+        }
+        beside = spread(len(members), channels)
+        last = zeros(inputs, channels, dtype=torch.float64)
+        last[inputs - 3 - channels : inputs - 3] = torch.eye(channels, dtype=torch.float64)
+        tensors["O"] = torch.cat(
+            [
+                torch.cat([part["Op"] for part in made], 1),
+                torch.block_diag(*(part["Or"] for part in made)),
+                torch.block_diag(*(part["Ou"] for part in made)),
+            ]
+        ) @ beside  # fmt: skip
+        tensors["P"] = torch.cat([part["P"] + last for part in made], 1) @ beside
+        tensors["p"] = torch.cat([part["p"] for part in made]) @ beside
+        tensors["E"] = torch.cat([last] * len(members), 1) @ beside
+        for name, tensor in tensors.items():
+            self.register_buffer(name, tensor.detach().float().contiguous())
+
+    def forward(self, x: Float[Tensor, "N X"], state: Float[Tensor, "N S"] | None = None) -> Said:
+        assert state is not None
+        t = dict(self.named_buffers())
+        past = torch.addmm(torch.addmm(t["g"], x, t["G"]), state, t["A"])
+        hidden = torch.tanh(torch.addmm(t["h"], torch.cat([x, past], 1), t["H"]))
+        hidden = torch.tanh(torch.addmm(t["k"], hidden, t["K"]))
+        missing = torch.addmm(t["o"], hidden, t["U"])
+        answer = torch.addmm(missing @ t["F"], state, t["B"])
+        after = torch.cat([past, answer, missing], 1)
+        return Said(torch.addmm(torch.addmm(t["p"], x, t["P"]), after, t["O"]), x @ t["E"], after)
+
+
+def _rotation(poles: np.ndarray, copies: int) -> Float[Tensor, "S S"]:
+    """One step of (real parts, imaginary parts), each of all poles and for each pole of `copies` signals: rows times this."""
+    each = np.repeat(poles, copies)
+    real, imaginary = np.diag(np.real(each)), np.diag(np.imag(each))
+    return torch.from_numpy(np.block([[real, imaginary], [-imaginary, real]]))
+
+
+def _first_bank(see: View, inputs: int) -> tuple[Tensor, Tensor, Tensor]:
+    """Its own step, and what x drives it with."""
+    channels, count = len(see.centre), len(see.poles)
+    gain = 1.0 - np.abs(see.poles)
+    drive, offset = np.zeros((inputs, 2 * count * channels)), np.zeros(2 * count * channels)
+    for i, j in np.ndindex(count, channels):
+        column = i * channels + j
+        rows = np.arange(j, inputs - 3, channels)
+        drive[rows, column] = gain[i] / (len(rows) * see.size[j])
+        offset[column] = -gain[i] * see.centre[j] / see.size[j]
+    return _rotation(see.poles, channels), torch.from_numpy(drive), torch.from_numpy(offset)
+
+
+def _member(member: Oscillators, see: View, inputs: int) -> dict[str, Tensor]:
+    """One member's weights on x, past and state, scales folded in."""
+    channels = len(see.centre)
+    now = slice(inputs - 3 - channels, inputs - 3)
+    size, feature, lacking = (torch.from_numpy(v) for v in (see.size, see.feature, see.lacking))
+    centre = torch.from_numpy(see.centre)
+
+    def on_x(numbers: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Weights of (q, p, speed) as weights of x, of p, and a constant."""
+        q = numbers[:channels] / (size * feature[:channels])[:, None]
+        past = numbers[channels : len(feature)] / feature[channels:, None]
+        whole = torch.zeros(inputs, numbers.shape[1], dtype=torch.float64)
+        whole[now] = q
+        constant = -centre @ q
+        if len(numbers) > len(feature):
+            whole[inputs - 3] = numbers[-1] / see.speed[1]
+            constant = constant - numbers[-1] * see.speed[0] / see.speed[1]
+        return whole, past, constant
+
+    seen, past, constant = on_x(weight(member.first))
+    with torch.no_grad():
+        modulus, real, imaginary = (part.double() for part in member.poles(see.step))
+    signals = member.missing.out_features
+    answer = _rotation(real.numpy() + 1j * imaginary.numpy(), signals)
+    gain = torch.kron(0.5 * (1.0 - modulus)[None], torch.eye(signals, dtype=torch.float64))
+    out = weight(member.out) * lacking
+    size_r = len(answer)
+    direct, through, shift = on_x(out[size_r + signals :])
+    return {
+        "H": torch.cat([seen, past]),
+        "h": bias(member.first) + constant,
+        "K": weight(member.second),
+        "k": bias(member.second),
+        "U": weight(member.missing),
+        "o": bias(member.missing),
+        "B": answer,
+        "F": torch.cat([gain, torch.zeros_like(gain)], 1),
+        "Or": out[:size_r],
+        "Ou": out[size_r : size_r + signals],
+        "Op": through,
+        "P": direct,
+        "p": bias(member.out) * lacking + shift,
+    }

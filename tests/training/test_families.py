@@ -1,0 +1,123 @@
+"""The simplest family that is as good as the best is taken; never one that is worse than nothing; each says the same in torch,
+ONNX and sample by sample."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import road
+
+from fmucorrect import bundle
+from fmucorrect.experiment import pair
+from fmucorrect.stepper import Status
+from fmucorrect.study import Study, load_study
+from fmucorrect.study_training import Family
+from fmucorrect.training.data import samples
+from fmucorrect.training.protocol import Trained, evaluate, train
+from fmucorrect.training.results import save
+from fmucorrect.training.selection import simplest
+from fmucorrect.training.verdict import verdict
+
+Case = tuple[Study, Trained]
+
+
+def trained(folder: Path, what: str, unit: str = "mm") -> Case:
+    study = load_study(road.make(folder, what, unit))
+    return study, train(study, road.QUICK)
+
+
+@pytest.fixture(scope="module")
+def friction(tmp_path_factory: pytest.TempPathFactory) -> Case:
+    return trained(tmp_path_factory.mktemp("friction"), "friction")
+
+
+@pytest.fixture(scope="module")
+def filtered(tmp_path_factory: pytest.TempPathFactory) -> Case:
+    return trained(tmp_path_factory.mktemp("filtered"), "filtered")
+
+
+@pytest.fixture(scope="module")
+def nothing(tmp_path_factory: pytest.TempPathFactory) -> Case:
+    return trained(tmp_path_factory.mktemp("nothing"), "nothing")
+
+
+def held_out(case: Case, folder: Path) -> tuple[float, float]:
+    study, made = case
+    result = evaluate(pair(study, study.evaluation[0]), bundle.load(save(made, folder)))
+    return result.before.mean_nrmse, result.after.mean_nrmse
+
+
+def test_friction_wants_a_memory(friction: Case, tmp_path: Path) -> None:
+    _, made = friction
+    assert made.selection.family == "recurrent"
+    before, after = held_out(friction, tmp_path)
+    assert after < 0.5 * before
+    assert "learned" in verdict(made.selection)
+
+
+def test_a_filter_is_found_as_one(filtered: Case, tmp_path: Path) -> None:
+    _, made = filtered
+    assert made.selection.family == "linear"
+    before, after = held_out(filtered, tmp_path)
+    assert after < 0.2 * before
+
+
+def test_where_nothing_is_missing_nothing_is_changed(nothing: Case, tmp_path: Path) -> None:
+    study, made = nothing
+    assert made.selection.family == "nothing"
+    result = evaluate(pair(study, study.evaluation[0]), bundle.load(save(made, tmp_path)))
+    assert np.array_equal(result.corrected, result.simulated)
+    assert 0.85 < result.within(1.645).mean() < 0.95  # its band holds all the same
+    assert verdict(made.selection).startswith("No better than the simulation")
+
+
+@pytest.mark.parametrize("name", ["friction", "filtered", "nothing"])
+def test_what_is_deployed_is_what_was_fitted(name: str, request: pytest.FixtureRequest, tmp_path: Path) -> None:
+    study, made = request.getfixturevalue(name)
+    item = pair(study, study.evaluation[0])
+    said = evaluate(item, bundle.load(save(made, tmp_path)))
+    data = samples(item, made.training.window)
+    inside = slice(len(said.corrected) - len(data.simulated), None)
+    assert (said.status[inside] == Status.OK).all()
+    size = np.abs(data.simulated).max()
+    assert np.abs(said.corrected[inside] - made.fitted.predict(data)).max() < 2e-5 * size
+
+
+def test_other_units_change_nothing(friction: Case, tmp_path: Path) -> None:
+    study, made = friction
+    other, again = trained(tmp_path, "friction", "m")
+    assert again.selection.family == made.selection.family
+    one, two = (
+        fitted.fitted.predict(samples(pair(s, s.evaluation[0]), road.QUICK.window))
+        for s, fitted in ((study, made), (other, again))
+    )
+    assert np.abs(1e3 * two - one).max() < 0.05 * np.abs(one).max()
+
+
+def test_the_same_seed_gives_the_same_file(friction: Case) -> None:
+    study, made = friction
+    assert train(study, road.QUICK).content == made.content
+
+
+def test_a_family_can_be_left_out(friction: Case) -> None:
+    study, _ = friction
+    settings = replace(road.QUICK, corrector=replace(road.QUICK.corrector, families=("linear",)))
+    assert set(train(study, settings).selection.tried) == {"nothing", "linear"}
+
+
+def taken(**tried: tuple[float, float, float]) -> Family:
+    """Of these and nothing at all."""
+    scores: Any = {"nothing": (5.0, 6.0, 5.5), **tried}
+    return simplest({family: dict(zip("abc", errors, strict=True)) for family, errors in scores.items()})
+
+
+def test_the_simplest_within_a_standard_error_is_taken() -> None:
+    assert taken(linear=(4.0, 4.1, 4.2), recurrent=(4.3, 3.9, 4.0)) == "linear"
+    assert taken(linear=(4.0, 4.1, 4.2), recurrent=(3.0, 3.2, 3.1)) == "recurrent"
+
+
+def test_what_helps_in_one_condition_and_harms_in_others_is_not_taken() -> None:
+    assert taken(window=(2.0, 7.0, 7.0)) == "nothing"
+    assert taken(window=(1.0, 6.5, 5.6)) == "nothing"
