@@ -7,7 +7,6 @@ would have found; only large batches are worth the way, the others stay here.
 from __future__ import annotations
 
 import logging
-import tempfile
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -26,6 +25,7 @@ from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.trials import Trial
 from fmucorrect.errors import RecordError
 from fmucorrect.study import Adjustable, Study
+from fmucorrect.workfolder import WorkFolder
 
 PIECE = 1_000_000
 """Steps of the solver in a piece of work, about: the FMU travels with each."""
@@ -105,12 +105,13 @@ def _parcel(problem: Problem) -> Parcel:
 def work(parcel: bytes, models: bytes) -> list[np.ndarray | None]:
     """On a worker, which has fmucorrect[discover]: the evidence of every model, None where the solver gives up."""
     sent: Parcel = unpacked(parcel)
-    with tempfile.TemporaryDirectory(prefix="fmucorrect_") as place:
+    with WorkFolder() as folder:
+        place = folder.path
         for name, content in sent.files.items():
-            (Path(place) / name).write_bytes(content)
+            (place / name).write_bytes(content)
 
         def here(path: Path | None) -> Path | None:
-            return None if path is None else Path(place) / path
+            return None if path is None else place / path
 
         study = replace(sent.study, simulation=replace(sent.study.simulation, fmu=here(sent.study.fmu)))
         trials = tuple(

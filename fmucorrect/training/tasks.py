@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import tempfile
 import threading
 import time
 from collections.abc import Callable, Generator, Mapping, Sequence
@@ -25,6 +24,7 @@ import torch
 
 from fmucorrect.errors import TrainingError
 from fmucorrect.training import cluster, fitted
+from fmucorrect.workfolder import WorkFolder
 
 Advance = Callable[[int], object]
 CORES = os.cpu_count() or 1
@@ -95,8 +95,8 @@ class Workshop:
             for key, task in todo.items():
                 results[key] = self._alone(key, task)
         elif todo:
-            with _executor(self.scheduler, self.workers) as executor, tempfile.TemporaryDirectory() as other:
-                self._together(executor, todo, results, self.folder or Path(other))
+            with _executor(self.scheduler, self.workers) as executor, WorkFolder() as other:
+                self._together(executor, todo, results, self.folder or other.path)
         return [results[key] for key in keys]
 
     def _alone(self, key: str, task: Task) -> Any:
@@ -223,6 +223,10 @@ def _executor(scheduler: str, workers: int) -> Generator[Executor]:
         except BaseException:
             for process in list(getattr(executor, "_processes", {}).values()):
                 process.terminate()
+            # a thread may be writing a task into a pipe that nobody reads any more; the interpreter would wait for it at its end
+            waiting: Any = getattr(executor, "_call_queue", None)
+            if waiting is not None:
+                waiting.cancel_join_thread()
             raise
 
 
