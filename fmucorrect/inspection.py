@@ -12,7 +12,7 @@ from fmucorrect.bundle import Bundle
 from fmucorrect.catalogue.law import FAMILIES
 from fmucorrect.errors import SHOWN, FmucorrectError, RecordError, few
 from fmucorrect.experiment import Pair, pair
-from fmucorrect.fmu import FmuDescription, open_fmu
+from fmucorrect.fmu import FmuDescription, fixed, open_fmu
 from fmucorrect.records.contents import Contents
 from fmucorrect.screening import Finding, of_pairs, of_records
 from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Reading
@@ -84,7 +84,7 @@ def inspect(paths: Sequence[Path], reading: Reading = AS_IT_IS) -> Inspection:
 
 
 def _left_out(study: Study) -> Iterator[str]:
-    """What the records of a study hold that is no column."""
+    """What the records of a study hold that is no column, and what was taken to be so without their saying it."""
     files = {path: c.reading for c in study.conditions for path in (c.measurement, c.simulated, c.inputs) if path}
     for path, reading in files.items():
         try:
@@ -92,6 +92,8 @@ def _left_out(study: Study) -> Iterator[str]:
         except FmucorrectError:  # study_problems has said why
             continue
         yield from (f"{path.name}: left out: {text}" for text in contents.left_out)
+        said = (item.topic.metadata.get("assumed", "") for item in contents.topics)
+        yield from (f"{path.name}: assumed: {text}" for text in dict.fromkeys(said) if text)
 
 
 def _screened(study: Study, problems: list[str], seen: list[str]) -> list[Finding]:
@@ -178,7 +180,9 @@ def _against_model(study: Study, fmu: FmuDescription | None, columns: Mapping[Pa
         fmu = fmu.known(study.simulation.units)
     except FmucorrectError as error:
         return [str(error), *check_study(study, None, columns)]
-    return check_study(study, fmu.units, columns, [variable.name for variable in fmu.of("input")], fmu.defined)
+    return check_study(
+        study, fmu.units, columns, [variable.name for variable in fmu.of("input")], fmu.defined, fixed(fmu)
+    )
 
 
 def record_columns(contents: Contents, reading: Reading = AS_IT_IS) -> dict[str, str]:

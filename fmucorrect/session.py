@@ -49,7 +49,7 @@ class Summary:
 
     rows: samples. seconds: simulated time from the first to the last sample. elapsed: wall clock, s. status: share of the
     samples by status name, empty where nothing was corrected. damage, repaired: what the records that were read had lost,
-    and what repair rules changed in them, in words; "" for nothing.
+    and what repair rules changed in them, starts: what the run began from where that is not known, in words; "" for nothing.
     """
 
     path: Path
@@ -60,6 +60,7 @@ class Summary:
     status: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     damage: str = ""
     repaired: str = ""
+    starts: str = ""
 
     @property
     def real_time_factor(self) -> float:
@@ -79,6 +80,7 @@ class Summary:
             "complete": True,  # a run that broke off ends in an error, and its file says false
             "damage": self.damage,
             "repaired": self.repaired,
+            "starts": self.starts,
         }
 
 
@@ -100,7 +102,10 @@ def run_study(
     """
     outputs.check_file(out, [*study.files(), ("the corrector", _path(corrector))], "run", overwrite)
     lost = sources.damages(condition) if study.allow_damaged else {}
-    told = {"damage": "; ".join(f"{file.name}: {damage}" for file, damage in lost.items())}
+    told = {
+        "damage": "; ".join(f"{file.name}: {damage}" for file, damage in lost.items()),
+        "starts": sources.unknown_starts(study, condition),
+    }
     known = clock(study, condition) if duration is None and condition.simulated is None and study.fmu else None
     condition = replace(condition, begins_ns=begins(study, condition) if known is None else known.origin_ns)
     plant = sources.plant(study, condition)

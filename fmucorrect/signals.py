@@ -255,7 +255,8 @@ class Reading:
 
     columns: a column of the file by the name that it goes by here; a file without that column is read as it is. units: of
     columns, by either name, in place of what the file says. repair: repair rules of `records.timebase`, as "sort,drop".
-    time: the column that is the time; a file without that column is read as it is. Of text files: delimiter (one character,
+    time: the column that is the time; a file without that column is read as it is. rate: Hz, of the samples of files that have
+    no time at all; one that has a time keeps it; 0: not known. Of text files: delimiter (one character,
     "tab" or "space"), decimal ("." or ","), encoding (as Python names it). "" of any: found out.
     """
 
@@ -263,6 +264,7 @@ class Reading:
     units: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     repair: str = ""
     time: str = ""
+    rate: float = 0.0
     delimiter: str = ""
     decimal: str = ""
     encoding: str = ""
@@ -281,6 +283,7 @@ class Condition:
     series for FMU inputs. measurement, simulated: record files. quiet: s, an interval without excitation. clock: "common",
     "excitation", s from the simulation's first sample to the measurement's, or None: as `clocks` finds it. begins_ns:
     stamp of the inputs at which a run begins, where that is known without the measurement. reading: of its record files.
+    free: FMU start values that are not known; those in `parameters` are the first guess.
     """
 
     name: str
@@ -297,6 +300,7 @@ class Condition:
     clock: str | float | None = None
     begins_ns: int | None = None
     reading: Reading = AS_IT_IS
+    free: tuple[str, ...] = ()
 
     @property
     def start_ns(self) -> int:

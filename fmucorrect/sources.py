@@ -70,6 +70,15 @@ def defined(study: Study) -> Mapping[str, units.Unit]:
     return units.NONE if study.fmu is None else open_fmu(study.fmu, warn=False).defined
 
 
+def unknown_starts(study: Study, condition: Condition) -> str:
+    """From what a condition begins whose start values are not known, in words; "" where all are."""
+    if not condition.free or study.fmu is None:
+        return ""
+    variables, given = open_fmu(study.fmu, warn=False).variables, {**study.parameters, **condition.parameters}
+    begun = (f"{name} = {given.get(name, variables[name].start or '?')}" for name in condition.free)
+    return f"start values that are not known, as a first guess {', '.join(begun)}"
+
+
 def driving(study: Study, condition: Condition) -> tuple[Variable, ...]:
     """The FMU's inputs that the input series of a condition has columns for; what else a log holds drives nothing. Raises
     RecordError where it has none at all."""
@@ -100,7 +109,9 @@ def inputs(
             raise RecordError(f"condition {condition.name!r} has neither an FMU nor a simulated record")
         channels = (*study.channels, *excitation_channel(study))
         damaged, reading = study.allow_damaged, condition.reading
-        yield from log_inputs(condition.simulated, channels, reading=reading, allow_damaged=damaged)
+        yield from log_inputs(
+            condition.simulated, channels, reading=reading, allow_damaged=damaged, known=defined(study)
+        )
         return
     driven, series = driving(study, condition), None
     held = frozenset(variable.name for variable in driven if variable.discrete)
@@ -202,10 +213,12 @@ def log_inputs(
     unit: str | None = None,
     reading: Reading = AS_IT_IS,
     allow_damaged: bool = False,
+    known: Mapping[str, units.Unit] = units.NONE,
 ) -> Iterator[Record]:
     """The columns of a logged simulation that `channels` name (by `simulation` or `name`), in their units.
 
-    topic: by default /simulation where the file has it, else wherever the columns are. Raises RecordError for a column
+    topic: by default /simulation where the file has it, else wherever the columns are. known: units that the
+    FMU declares itself. Raises RecordError for a column
     that is not there or a file that is not whole (unless `allow_damaged`), SignalError for a unit that does not fit or is
     not said.
     """
@@ -217,7 +230,7 @@ def log_inputs(
     ):
         if conversions is None:
             pairs = zip(chunk.channels, channels, strict=True)
-            conversions = [_conversion(have, want, log, unit) for have, want in pairs]
+            conversions = [_conversion(have, want, log, unit, known) for have, want in pairs]
         scaling = units.Scaling.of(conversions)
         yield chunk if scaling is None else replace(chunk, values=scaling(chunk.values))
 
@@ -259,7 +272,9 @@ def default_topic(log: Path, reading: Reading = AS_IT_IS) -> str | None:
     return SIMULATION if len(names) > 1 and SIMULATION in names else None
 
 
-def _conversion(have: Channel, want: Channel, log: Path, unit: str | None) -> units.Conversion:
+def _conversion(
+    have: Channel, want: Channel, log: Path, unit: str | None, known: Mapping[str, units.Unit]
+) -> units.Conversion:
     if want.unit == "":
         return units.Conversion()
     if have.unit in ("", "1") and want.unit not in ("", "1"):
@@ -270,5 +285,5 @@ def _conversion(have: Channel, want: Channel, log: Path, unit: str | None) -> un
                 expected=f"a unit like {want.unit!r}",
                 remedy=f"Name it in the file (in CSV: '{have.name} [{want.unit}]'), or give --unit {want.unit}.",
             )
-        return units.convert(unit, want.unit, f"--unit for column {have.name}")
-    return units.convert(have.unit, want.unit, f"{log}, column {have.name}")
+        return units.convert(unit, want.unit, f"--unit for column {have.name}", known)
+    return units.convert(have.unit, want.unit, f"{log}, column {have.name}", known)

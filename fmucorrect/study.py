@@ -210,8 +210,9 @@ def load_study(path: str | Path) -> Study:
     channels = [Channel(**row.model_dump(exclude_none=True)) for row in table.channels]
     conditions = [
         Condition(
-            **row.model_dump(exclude={"parameters", "inputs", "measurement", "simulated", "quiet", "records"}),
+            **row.model_dump(exclude={"parameters", "free", "inputs", "measurement", "simulated", "quiet", "records"}),
             parameters=MappingProxyType(row.parameters),
+            free=tuple(row.free),
             inputs=resolve(row.inputs),
             measurement=resolve(row.measurement),
             simulated=resolve(row.simulated),
@@ -222,7 +223,7 @@ def load_study(path: str | Path) -> Study:
                 MappingProxyType({**table.records.units, **row.records.units}),
                 *(
                     getattr(row.records, key) or getattr(table.records, key)
-                    for key in ("repair", "time", "delimiter", "decimal", "encoding")
+                    for key in ("repair", "time", "rate", "delimiter", "decimal", "encoding")
                 ),
             ),
         )
@@ -262,23 +263,28 @@ def load_study(path: str | Path) -> Study:
     )
 
 
+NO_TEXT: Mapping[str, str] = MappingProxyType({})
+
+
 def check_study(
     study: Study,
     variables: Mapping[str, str] | None,
     columns: Mapping[Path, Mapping[str, str]],
     inputs: Sequence[str] = (),
     defined: Mapping[str, Unit] = NONE,
+    fixed: Mapping[str, str] = NO_TEXT,
 ) -> list[str]:
     """What the study asks for and the FMU or the records do not have, one line each, in the order of the file.
 
     variables: unit by name of the FMU's variables, None to leave the FMU out; inputs: those of them that may be driven.
     columns: unit by column name, and by the name that a study's [records] gives the column, of each record and input series
     that was looked into, by its path in `study`; others are left out. defined: units that the FMU declares itself.
+    fixed: why, by name, a variable has no start value that could be unknown.
     """
     found = [*_check_records(study, variables, columns, defined)]
     if variables is not None:
         driven = {name: variables[name] for name in inputs}
-        found += [*_check_model(study, variables, defined), *_check_inputs(study, driven, columns, defined)]
+        found += [*_check_model(study, variables, defined, fixed), *_check_inputs(study, driven, columns, defined)]
         found += [*_check_units(study, defined)]
     return by_line(f"{place(study.places, loc)}: {text}" for loc, text in found)
 
@@ -300,21 +306,32 @@ _PARTNERS = {"velocity": "displacement", "nominal_force": "force"}
 
 
 def _check_units(study: Study, defined: Mapping[str, Unit]) -> Iterator[tuple[Location, str]]:
-    """Units of channels that neither are known nor declared by the FMU."""
-    for i, channel in enumerate(study.channels):
-        if channel.unit not in defined:
+    """Units of channels, variables and columns that neither are known nor declared by the FMU."""
+    said = [(("channels", i, "unit"), channel.unit) for i, channel in enumerate(study.channels)]
+    said += [(("simulation", "units", name), unit) for name, unit in study.simulation.units.items()]
+    for i, condition in enumerate(study.conditions):
+        for name, unit in condition.reading.units.items():
+            loc: Location = ("conditions", i, "records", "units", name)
+            said.append((loc if loc in study.places else ("records", "units", name), unit))
+    for loc, unit in dict.fromkeys(said):
+        if unit not in defined:
             try:
-                parse(channel.unit)
+                parse(unit)
             except SignalError as error:
-                yield ("channels", i, "unit"), f"{error} The FMU declares none of that name."
+                yield loc, f"{error} The FMU declares none of that name."
 
 
 def _check_model(
-    study: Study, variables: Mapping[str, str], defined: Mapping[str, Unit]
+    study: Study, variables: Mapping[str, str], defined: Mapping[str, Unit], fixed: Mapping[str, str]
 ) -> Iterator[tuple[Location, str]]:
     tables: list[tuple[Location, Mapping[str, float]]] = [(("simulation",), study.parameters)]
     tables += [(("conditions", i), condition.parameters) for i, condition in enumerate(study.conditions)]
     wanted: list[Wanted] = [((*loc, "parameters", name), name, ()) for loc, table in tables for name in table]
+    for i, condition in enumerate(study.conditions):
+        wanted += [(("conditions", i, "free"), name, ()) for name in condition.free]
+        for name in condition.free:
+            if name in fixed:
+                yield ("conditions", i, "free"), f"{name!r} {fixed[name]}: it has no start value that could be unknown"
     for i, row in enumerate(study.adjustable):
         key = "parameters" if ("adjustable", i, "parameters") in study.places else "parameter"
         wanted += [(("adjustable", i, key), name, ()) for name in row.parameters]

@@ -27,12 +27,13 @@ _QUANTITIES = {
 Quantity = Literal["displacement", "velocity", "acceleration", "force", "angle"]
 
 
-def _unit(text: str) -> str:
+def unknown_unit(text: str) -> str:
+    """Why nobody but an FMU can know this unit; "" for one that is known."""
     try:
         units.parse(text)
     except SignalError as error:
-        raise ValueError(str(error)) from None
-    return text
+        return str(error)
+    return ""
 
 
 LONGEST_STEP = 86_400.0
@@ -46,6 +47,10 @@ LONGEST = 9.0e9
 
 FASTEST = 1.0e6
 """km/h, deg and Hz up to which a condition is one: what a corrector is conditioned on stays finite in single precision."""
+
+
+FASTEST_RATE = 1e9
+"""Hz of samples that still have stamps of their own, in whole ns."""
 
 
 def _step(seconds: float) -> float:
@@ -75,6 +80,7 @@ Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Feature = Annotated[float, Field(ge=0, le=FASTEST)]
 Sign = Literal[1, -1]
+Rate = Annotated[float, Field(gt=0, le=FASTEST_RATE)]
 
 
 class SimulationTable(Table):
@@ -85,7 +91,7 @@ class SimulationTable(Table):
     parameters: dict[str, Number] = {}
     step_timeout: Positive | None = Field(None, description="s that the solver may take for one step")
     tolerance: Positive | None = None
-    units: dict[str, Annotated[str, AfterValidator(_unit)]] = {}
+    units: dict[str, str] = {}  # any of the FMU's own, too: _across
 
 
 class ChannelRow(Table):
@@ -147,9 +153,10 @@ def _clock(value: object) -> str | float:
 
 class RecordsTable(Table):
     time: str = ""
+    rate: Rate = 0.0
     clock: Annotated[Any, AfterValidator(_clock)] = None
     repair: str = ""
-    units: dict[str, Annotated[str, AfterValidator(_unit)]] = {}
+    units: dict[str, str] = {}  # any of the FMU's own, too: _across
     columns: dict[str, Text] = {}
     delimiter: str = ""
     decimal: Literal["", ".", ","] = ""
@@ -164,6 +171,7 @@ class ConditionRow(Table):
     frequency: Feature = 0.0
     start: Annotated[float, Field(ge=-LONGEST, le=LONGEST)] = 0.0
     parameters: dict[str, Number] = {}
+    free: list[Text] = []
     inputs: Text | None = None
     measurement: Text = Field(description="the measured record's file; name, role and measurement are required")
     simulated: Text | None = None
@@ -249,11 +257,9 @@ def _across(document: Mapping[str, Any], folder: Path, places: Places) -> Iterat
     own = isinstance(simulation, dict) and "fmu" in simulation
     for i, row in _rows(document, "channels"):
         quantity, unit = row.get("quantity"), row.get("unit")
-        if isinstance(unit, str) and not own:  # an FMU may declare a unit of its own, which check_study knows
-            try:
-                _unit(unit)
-            except ValueError as error:
-                yield f"{place(places, ('channels', i, 'unit'))}: {error}"
+        # an FMU may declare a unit of its own, which check_study knows
+        if isinstance(unit, str) and not own and (text := unknown_unit(unit)):
+            yield f"{place(places, ('channels', i, 'unit'))}: {text}"
         if isinstance(unit, str) and isinstance(quantity, str) and quantity in _QUANTITIES:
             yield from _fits(place(places, ("channels", i, "unit")), quantity, unit)
     for i, row in _rows(document, "groups"):
@@ -264,15 +270,41 @@ def _across(document: Mapping[str, Any], folder: Path, places: Places) -> Iterat
                 )
                 yield f"{place(places, ('groups', i, 'joints'))}: there is no joint {name!r}{hint}"
     for loc, table in (
+        (("simulation",), simulation),
         (("records",), document.get("records")),
         *((("conditions", i, "records"), row.get("records")) for i, row in _rows(document, "conditions")),
     ):
+        told = table.get("units") if isinstance(table, dict) and not own else None
+        for column, unit in told.items() if isinstance(told, dict) else ():
+            if isinstance(unit, str) and (text := unknown_unit(unit)):
+                yield f"{place(places, (*loc, 'units', column))}: {text}"
         if isinstance(table, dict) and table.get("clock") == "excitation" and "excitation" not in document:
             yield f"{place(places, (*loc, 'clock'))}: there is no [excitation] in the study"
+        if isinstance(table, dict) and "rate" in table and table.get("time"):
+            text = "write either time, the column that is the time, or rate, where files hold samples only; not both"
+            yield f"{place(places, (*loc, 'rate'))}: {text}"
     owners: dict[str, int] = {}
     for i, row in _rows(document, "adjustable"):
         yield from (f"{place(places, ('adjustable', i, key))}: {text}" for key, text in _adjustable(row, i, owners))
+    for i, row in _rows(document, "conditions"):
+        yield from (f"{place(places, ('conditions', i, 'free'))}: {text}" for text in _free(row, owners))
     yield from _files(document, folder, places)
+
+
+def _free(row: Mapping[str, Any], adjustable: Mapping[str, int]) -> Iterator[str]:
+    """What is wrong with the start values that a condition says are not known."""
+    names = row.get("free")
+    free = [name for name in names if isinstance(name, str)] if isinstance(names, list) else []
+    if free and "simulated" in row:
+        yield "a simulated record has begun already; leave out either free or simulated"
+    for name in dict.fromkeys(free):
+        if free.count(name) > 1:
+            yield f"{name!r} stands twice"
+        if name in adjustable:
+            yield (
+                f"{name!r} is in [[adjustable]] {adjustable[name] + 1} too: either it is the same in all conditions and "
+                "adjustable, or not known in each and free"
+            )
 
 
 def _fits(where: str, quantity: str, unit: str) -> Iterator[str]:

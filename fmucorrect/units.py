@@ -127,6 +127,7 @@ _WORDS = {
 _BY_WORD = {word: symbol for words, symbol in _WORDS.items() for word in words.split()}
 _GRAMS = ("g", "mg", "ug", "µg", "μg")
 """Weights of a gram, which are accelerations too."""
+_BASE = ("kg", "m", "s", "A", "K", "rad")
 _ACCELERATION: Dimension = (0, 1, -2, 0, 0, 0)
 _CYCLES = re.compile(r"Hz|1/min|min\^?-1")
 """What counts turns as well as radians: nothing tells which where it meets an angle."""
@@ -257,6 +258,23 @@ def explained(text: str, where: str, known: Mapping[str, Unit] = NONE) -> Unit:
             remedy="Mend its UnitDefinitions, or take the channel in another unit.",
         )
     return declared
+
+
+def known_to_all(text: str, known: Mapping[str, Unit]) -> str:
+    """The unit itself where this module knows it, or nobody does; else one in base units for it, which `known` explains."""
+    try:
+        parse(text)
+    except SignalError:
+        if text in known:
+            return in_base_units(known[text].dimension)
+    return text
+
+
+def in_base_units(dimension: Dimension) -> str:
+    """`kg.m2/s2` of (1, 2, -2, 0, 0, 0)."""
+    parts = [(symbol, power) for symbol, power in zip(_BASE, dimension, strict=True) if power]
+    up = ".".join(f"{symbol}{power if power > 1 else ''}" for symbol, power in parts if power > 0) or "1"
+    return "/".join([up, *(f"{symbol}{-power if power < -1 else ''}" for symbol, power in parts if power < 0)])
 
 
 def _falling(unit: Unit, other: Unit) -> Unit:

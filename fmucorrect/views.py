@@ -110,7 +110,9 @@ def _record(contents: Contents) -> dict[str, Any]:
 
 def _study(study: Study) -> dict[str, Any]:
     def condition(c: Condition) -> dict[str, Any]:
-        return {"role": c.role, "speed km/h": c.speed, "amplitude deg": c.amplitude, "frequency Hz": c.frequency}
+        free = {"start values not known": list(c.free)} if c.free else {}
+        told = {"role": c.role, "speed km/h": c.speed, "amplitude deg": c.amplitude, "frequency Hz": c.frequency}
+        return told | free
 
     return {
         "path": str(study.path),

@@ -122,3 +122,25 @@ def test_a_unit_of_the_fmus_own_is_none_of_anybody_elses(folder: Path) -> None:
     alone = text.replace('fmu = "RollerRig.fmu"', "")
     with pytest.raises(StudyError, match="unit 'plank' is not known"):
         load_study(write(folder, alone))
+
+
+def test_start_values_that_are_not_known(folder: Path) -> None:
+    plain = edited(('simulated = "simulated_300.mcap"', ""), ("# free", "free"))
+    text = plain.replace('["x1", "v1"]', '["x1", "sped", "brake", "speed"]')
+    assert load_study(write(folder, text)).conditions[0].free == ("x1", "sped", "brake", "speed")
+    study = load_study(write(folder, text))
+    fixed = {"brake": "is an input, which is driven"}
+    at, *found = check_study(study, VARIABLES | {"x1": "m"}, {}, fixed=fixed)
+    assert "'brake' is an input, which is driven: it has no start value that could be unknown" in at
+    (unknown,) = found
+    assert unknown.endswith("key free: there is no variable 'sped' in the FMU; did you mean 'speed'?")
+
+
+def test_what_is_free_is_neither_adjustable_nor_recorded(folder: Path) -> None:
+    text = edited(("# free", "free")).replace('["x1", "v1"]', '["equivalent_conicity", "v", "v"]')
+    with pytest.raises(StudyError) as caught:
+        load_study(write(folder, text))
+    adjustable, twice, simulated = sorted(caught.value.problems)
+    assert twice.endswith("key free: 'v' stands twice")
+    assert "'equivalent_conicity' is in [[adjustable]] 1 too" in adjustable
+    assert "a simulated record has begun already" in simulated

@@ -62,6 +62,13 @@ SINGLE = [
         "did you mean 'yaw damper, right'?",
     ),
     ("radius = 0.43", "radius = 0", '[[rotations]] 1 "wheel", key radius: must be greater than 0, got 0'),
+    ("# rate = ", "rate = 0 # ", "[records], key rate: must be greater than 0, got 0"),
+    (
+        'time = "" ',
+        'rate = 5\ntime = "t" ',
+        "[records], key rate: write either time, the column that is the time, or rate, where files hold samples only; "
+        "not both",
+    ),
     ("minimum = 0.02", "minimum = 0.7", "[[adjustable]] 1, key maximum: must be above minimum = 0.7, got 0.6"),
     (
         "# parameters = [",

@@ -44,10 +44,12 @@ def reading_options(command: Callable[..., Any]) -> Callable[..., Any]:
         ("time", "Column that is the time, where none is named so."),
     ):
         command = click.option(f"--{name}", default="", help=text)(command)
-    return command
+    rates = click.FloatRange(min=0.0, max=1e9)
+    text = "Samples a second, Hz, of a file that has no time at all."
+    return click.option("--rate", type=rates, default=0.0, help=text)(command)
 
 
-def reading_of(time: str, delimiter: str, decimal: str, encoding: str) -> Reading:
+def reading_of(time: str, rate: float, delimiter: str, decimal: str, encoding: str) -> Reading:
     """What the options tell of a record file. Raises UserError."""
     from fmucorrect.signals import Reading
 
@@ -55,7 +57,9 @@ def reading_of(time: str, delimiter: str, decimal: str, encoding: str) -> Readin
         raise UserError(f"--decimal is . or , and not {decimal!r}")
     if len(delimiter) > 1 and delimiter not in ("tab", "space"):
         raise UserError(f"--delimiter is one character, tab or space, and not {delimiter!r}")
-    return Reading(time=time, delimiter=delimiter, decimal=decimal, encoding=encoding)
+    if time and rate:
+        raise UserError("give either --time, the column that is the time, or --rate, where a file holds samples only")
+    return Reading(time=time, rate=rate, delimiter=delimiter, decimal=decimal, encoding=encoding)
 
 
 OVERWRITE = click.option(

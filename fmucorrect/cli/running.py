@@ -134,6 +134,7 @@ def replay(
     repair: str | None,
     unit: str | None,
     time: str,
+    rate: float,
     delimiter: str,
     decimal: str,
     encoding: str,
@@ -152,7 +153,7 @@ def replay(
     """
     from fmucorrect import bundle, session, sources
 
-    reading = reading_of(time, delimiter, decimal, encoding)
+    reading = reading_of(time, rate, delimiter, decimal, encoding)
     model = bundle.load(corrector)
     chosen, also_read = _condition(log, topic, study, condition, features, reading)
     with progress_bar(sources.logged_rows(log, topic, reading), "sample", log.name) as advance:
@@ -182,6 +183,7 @@ def replay(
 def inspect(
     paths: tuple[Path, ...],
     time: str,
+    rate: float,
     delimiter: str,
     decimal: str,
     encoding: str,
@@ -202,7 +204,7 @@ def inspect(
         studies = [load_study(path) for path in paths if path.suffix.lower() == ".toml"]
         read = [*(("the file", path) for path in paths), *(pair for study in studies for pair in study.files())]
         outputs.check_file(out, read, "inspect", overwrite)
-    found = inspection.inspect(paths, reading_of(time, delimiter, decimal, encoding))
+    found = inspection.inspect(paths, reading_of(time, rate, delimiter, decimal, encoding))
     mark = {} if out is None else {"made_by": outputs.mark("inspect")}
     text = json.dumps(mark | found.to_json(), indent=1) if as_json else found.text()
     if out is None:
@@ -248,6 +250,8 @@ def _print_summary(summary: Summary, as_json: bool) -> None:
         say(json.dumps(summary.to_json(), indent=1))
         return
     say(f"{summary.path}: {', '.join(summary.topics)}")
+    if summary.starts:
+        say(f"begun from {summary.starts}; only discover fits them")
     if summary.repaired:
         say(f"repaired: {summary.repaired}")
     say(

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 from jaxtyping import Float64
 
 from fmucorrect import experiment, metrics
-from fmucorrect.discovery.model import Model, runner, simulate
+from fmucorrect.discovery.model import Model, runner, simulate, start_value
 from fmucorrect.discovery.nuisances import GAIN, LAG
+from fmucorrect.discovery.starts import fitted
 from fmucorrect.discovery.trials import lead_in, sensor_noise
 from fmucorrect.errors import SignalError
 from fmucorrect.signals import Condition
@@ -29,7 +31,8 @@ MOVES = 3.0
 class Gap:
     """One condition before and after, all measured rows; of a record that begins in motion what is looked at (trials.lead_in).
     t: (T,) s. measured, before, after: (T, J) in the channels' units.
-    Errors in % of the measured range, means over the channels that vary; noise_floor: what the sensors' noise alone gives."""
+    Errors in % of the measured range, means over the channels that vary; noise_floor: what the sensors' noise alone gives.
+    starts: values that the study leaves unknown, fitted to this record; before and after begin from their own."""
 
     condition: Condition
     t: Float64[np.ndarray, " T"]
@@ -42,6 +45,7 @@ class Gap:
     noise_floor: float
     r2_before: float
     r2_after: float
+    starts: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
 
     @property
     def agrees(self) -> bool:
@@ -85,16 +89,29 @@ def _gap(
     substeps: int,
 ) -> Gap:
     item = runner(study, condition, library, None, substeps)
-    try:
-        new = simulate(study, item, condition, model, tolerated)
-    finally:
-        item.close()
     pair = experiment.pair(study, condition)
     t, rows, measured, before = pair.t_ns * 1e-9, pair.rows, pair.measured, pair.response
     step = study.simulation.step_size
+    sigma, _, _ = sensor_noise(study, condition, measured, before, rows.start * step)
+    guess = {name: start_value(study, item.description, condition, name) for name in condition.free}
+
+    def begun(model: Model) -> tuple[np.ndarray, Mapping[str, float]]:
+        """The whole response of a model, from the start values that suit the record where they are not known."""
+
+        def respond(starts: Mapping[str, float]) -> Float64[np.ndarray, " n"]:
+            return (simulate(study, item, condition, model, tolerated, starts)[rows] / sigma).ravel()
+
+        starts = fitted(respond, guess, (measured / sigma).ravel()) if guess else guess
+        return simulate(study, item, condition, model, tolerated, starts), starts
+
+    try:
+        new, starts = begun(model)
+        if guess:
+            before = begun(Model((), (0.0,) * len(tolerated)))[0][rows]
+    finally:
+        item.close()
     rate = np.gradient(new, step, axis=0)
     shown = (new * (1.0 + sensors[:, 0]) - rate * sensors[:, 1])[rows]
-    sigma, _, _ = sensor_noise(study, condition, measured, before, rows.start * step)
     skipped = lead_in(condition, rows.start, step)
     if skipped and (measured[:skipped].std(axis=0) > MOVES * sigma).any():
         t, measured, before, shown = (x[skipped:] for x in (t, measured, before, shown))
@@ -114,13 +131,16 @@ def _gap(
         floor.mean_nrmse,
         was.mean_r2,
         now.mean_r2,
+        starts,
     )
 
 
-def sensor_errors(fitted: Float64[np.ndarray, " m"], channels: int, conditions: int) -> Float64[np.ndarray, "J 2"]:
+def sensor_errors(
+    fitted: Float64[np.ndarray, " m"], channels: int, conditions: int, starts: int = 0
+) -> Float64[np.ndarray, "J 2"]:
     """Gain error and lag of each channel from the sensors' nuisances, in the order of nuisances.sensors. What all conditions'
-    clocks have in common is a lag of every channel."""
+    clocks have in common is a lag of every channel. starts: how many start values stand behind them."""
     rows = fitted[: 2 * channels].reshape(channels, 2)
-    own = fitted[2 * channels :].reshape(conditions, -1)
+    own = fitted[2 * channels : len(fitted) - starts].reshape(conditions, -1)
     clock = float(own[:, 0].mean()) if own.shape[1] == 1 + 2 * channels else 0.0
     return (rows + np.array([0.0, clock])) * np.array([GAIN, LAG])

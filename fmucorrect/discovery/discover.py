@@ -143,7 +143,8 @@ def _report(
     """The report, and what an FMU can be given of what was found."""
     best = decision.best
     told = naming.setting.sensors.believe(best.residual, naming.setting.share).fitted
-    sensors = sensor_errors(told, len(study.channels), len(problem.trials))
+    free = sum(len(trial.condition.free) for trial in problem.trials)
+    sensors = sensor_errors(told, len(study.channels), len(problem.trials), free if problem.fmu else 0)
     progress("confirm", 0, len(study.conditions))
     checked = gaps(study, problem.library, study.conditions, best.model, problem.tolerated, sensors, problem.substeps)
     shares, pieces = varying(problem.rows, naming.setting, best), uneven(problem, naming.setting, best)
@@ -184,7 +185,9 @@ def _report(
         "series": output.series(study, checked),
         "unexplained": decision.unexplained,
         "next_test": _next(problem, naming, decision) if verdict == "ambiguous" else None,
-        "notes": _notes(study, problem, naming.setting, decision) + _in_words(problem, verdict, residuals),
+        "notes": _notes(study, problem, naming.setting, decision)
+        + _begun(checked)
+        + _in_words(problem, verdict, residuals),
     }
     terms = best.model.terms if named else ()
     changed = bool(adjusted) or any(not isinstance(term, SignalTerm) for term in terms)
@@ -266,6 +269,16 @@ def _prescribed(problem: Problem) -> tuple[list[Float64[np.ndarray, " N"]], str]
     unit = records[0].channels[column].unit
     moves = [record.values[trial.rows, column] for record, trial in zip(records, problem.trials, strict=True)]
     return (moves, unit) if parse(unit).dimension == parse("m").dimension else ([], "")
+
+
+def _begun(checked: Sequence[Gap]) -> list[str]:
+    """What start values that are not known were fitted to."""
+    return [
+        f"condition {gap.condition.name}: start values that are not known, fitted to its own record: "
+        + ", ".join(f"{name} = {value:.4g}" for name, value in gap.starts.items())
+        for gap in checked
+        if gap.starts
+    ]
 
 
 def _notes(study: Study, problem: Problem, setting: Setting, decision: Decision) -> list[str]:

@@ -12,6 +12,7 @@ from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.nuisances import GAIN, sensitivities
 from fmucorrect.discovery.nuisances import sensors as sensors_of
+from fmucorrect.discovery.nuisances import starts as starts_of
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.terms import coordinates, partners
 
@@ -23,7 +24,8 @@ EXPLAINED = 1.3
 
 @dataclass(frozen=True)
 class Setting:
-    """What all fits of a problem share. measured: (n,). sensors: what may be off at them. share: of independent rows.
+    """What all fits of a problem share. measured: (n,). sensors: what may be off at them, and behind it
+    start values that are not known. share: of independent rows.
     floor: least variance of the error, in units of the noise. base: (n, A) one tolerance of each base parameter.
     volume: eigenvalues of N'N, of all that is not known exactly, the same for all fits, so that they can be compared.
     candidates: how many effects at places are tried."""
@@ -83,7 +85,7 @@ def begin(problem: Problem) -> tuple[Setting, np.ndarray, list[np.ndarray]]:
     """What all fits share, around the FMU as it is; its evidence and responses."""
     start = problem.responses(problem.nominal)
     at = problem.stack(start)
-    sensors = Nuisances(sensors_of(problem, start))
+    sensors = _nuisances(problem, problem.nominal, start)
     own = sensitivities(problem, problem.nominal, at)
     volume = Nuisances(np.concatenate([own, sensors.columns], axis=1)).values
     setting = Setting(problem.measured, sensors, own, volume, 1.0)
@@ -99,7 +101,15 @@ def begin_as(problem: Problem, before: Setting, model: Model) -> Setting:
 
 def with_sensors(problem: Problem, setting: Setting, model: Model, gain: float = GAIN) -> Setting:
     """The setting with sensors that take their part of a model's response. gain: standard deviation of theirs."""
-    return replace(setting, sensors=Nuisances(sensors_of(problem, problem.responses(model), gain)))
+    return replace(setting, sensors=_nuisances(problem, model, problem.responses(model), gain))
+
+
+def _nuisances(
+    problem: Problem, model: Model, responses: Sequence[Float64[np.ndarray, "_ J"]], gain: float = GAIN
+) -> Nuisances:
+    """Sensors, and behind them start values that are not known, of a model with these responses."""
+    parts = sensors_of(problem, responses, gain), starts_of(problem, model, responses)
+    return Nuisances(np.concatenate(parts, axis=1))
 
 
 def price(setting: Setting, numbers: int) -> float:

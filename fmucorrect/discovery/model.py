@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 from jaxtyping import Float64
@@ -15,6 +16,8 @@ from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, SignalTerm, Term
 from fmucorrect.fmu import FmuDescription
 from fmucorrect.signals import Condition
 from fmucorrect.study import Adjustable, Study
+
+_NONE: Mapping[str, float] = MappingProxyType({})
 
 Runner = Simulator | Logged
 """What simulates a condition."""
@@ -39,10 +42,16 @@ def runner(
 
 
 def simulate(
-    study: Study, item: Runner, condition: Condition, model: Model, tolerated: Sequence[Adjustable]
+    study: Study,
+    item: Runner,
+    condition: Condition,
+    model: Model,
+    tolerated: Sequence[Adjustable],
+    starts: Mapping[str, float] = _NONE,
 ) -> Float64[np.ndarray, "T J"]:
-    """One condition with a model's terms in it, in the channels' units. Raises FmuError where the solver gives up."""
-    changed = overrides(study, item.description, condition, model, tolerated)
+    """One condition with a model's terms in it, in the channels' units. starts: start values in place of the condition's own.
+    Raises FmuError where the solver gives up."""
+    changed = {**overrides(study, item.description, condition, model, tolerated), **starts}
     laws = [law for term in model.terms if isinstance(term, ForceTerm) for law in term.laws]
     given, signals = _excited(study, item, model)
     y = item.run(laws, changed, given)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float64
 
 from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.problem import Problem
+from fmucorrect.discovery.starts import columns, spread
 
 GAIN = 0.005
 """Standard deviation of a sensor's gain."""
@@ -46,6 +48,21 @@ def sensors(
                 part = _only(OFFSET * shape * trial.sigma, j)
                 column([part if k == c else zero for k, zero in enumerate(zeros)])
     return np.stack(columns, axis=1)
+
+
+def starts(
+    problem: Problem, model: Model, responses: Sequence[Float64[np.ndarray, "_ J"]]
+) -> Float64[np.ndarray, "n m"]:
+    """One column for each start value of each condition that is not known, around a model's responses, as large as the
+    measured motion."""
+    parts: list[np.ndarray] = []
+    for k, (trial, rows) in enumerate(zip(problem.trials, problem.rows, strict=True)):
+        if guess := problem.guess(k):
+            part = np.zeros((problem.rows[-1].stop, len(guess)))
+            at, size = trial.evidence(responses[k]).ravel(), spread(trial.evidence(trial.measured).ravel())
+            part[rows], _ = columns(partial(problem.begun, k, model), guess, at, size)
+            parts.append(part)
+    return np.concatenate(parts, axis=1) if parts else np.zeros((problem.rows[-1].stop, 0))
 
 
 def _only(y: np.ndarray, j: int) -> np.ndarray:

@@ -8,14 +8,14 @@ one FmuError, and one that comes through is taken for harmless.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 from pathlib import Path
 from queue import SimpleQueue
-from types import TracebackType
+from types import MappingProxyType, TracebackType
 
 import numpy as np
 from jaxtyping import Float64
@@ -24,11 +24,14 @@ from fmucorrect.companions import files_of
 from fmucorrect.discovery.content import digest
 from fmucorrect.discovery.kept import Kept, code
 from fmucorrect.discovery.model import Model, Runner, runner, simulate, start_value, tolerance_of
+from fmucorrect.discovery.starts import fitted
 from fmucorrect.discovery.trials import Trial, read
 from fmucorrect.errors import FmuError, StudyError
 from fmucorrect.experiment import Pair
 from fmucorrect.fmu import FmuDescription, open_fmu
 from fmucorrect.study import Adjustable, Study
+
+_AS_IT_IS: Mapping[str, float] = MappingProxyType({})
 
 LARGEST = 1e8
 """A response, in units of the noise, beyond which a model is not stable."""
@@ -162,13 +165,38 @@ class Problem:
         queues = self._ready()
         return [self._response(queue, k, model) for k, queue in enumerate(queues)]
 
-    def _response(self, queue: SimpleQueue[Runner], k: int, model: Model) -> Float64[np.ndarray, "N J"]:
+    def _response(
+        self, queue: SimpleQueue[Runner], k: int, model: Model, starts: Mapping[str, float] = _AS_IT_IS
+    ) -> Float64[np.ndarray, "N J"]:
         trial = self.trials[k]
         item = queue.get()
         try:
-            return simulate(self.study, item, trial.condition, model, self.tolerated)[trial.rows]
+            return simulate(self.study, item, trial.condition, model, self.tolerated, starts)[trial.rows]
         finally:
             queue.put(item)
+
+    def guess(self, k: int) -> Mapping[str, float]:
+        """The start values of a condition that are not known, as it has them now."""
+        condition = self.trials[k].condition
+        return {name: start_value(self.study, self.fmu, condition, name) for name in condition.free if self.fmu}
+
+    def begun(self, k: int, model: Model, starts: Mapping[str, float]) -> Float64[np.ndarray, " n"]:
+        """The evidence of one condition begun from other start values. Raises FmuError."""
+        return self.trials[k].evidence(self._response(self._ready()[k], k, model, starts)).ravel()
+
+    def with_starts(self) -> Problem:
+        """The same with every condition's unknown start values as they suit its record best, in the FMU as it is."""
+        if not any(self.guess(k) for k in range(len(self.trials))):
+            return self
+        trials: list[Trial] = []
+        for k, trial in enumerate(self.trials):
+            found, guess = trial.condition.parameters, self.guess(k)
+            if guess:
+                measured = trial.evidence(trial.measured).ravel()
+                found = {**found, **fitted(partial(self.begun, k, self.nominal), guess, measured)}
+            trials.append(replace(trial, condition=replace(trial.condition, parameters=MappingProxyType(dict(found)))))
+        self.close()
+        return self.of(tuple(trials))
 
     def stack(self, responses: Sequence[Float64[np.ndarray, "_ J"]]) -> Float64[np.ndarray, " n"]:
         """All evidence of responses as one vector, in units of the noise."""
@@ -233,4 +261,5 @@ def load(
     trials = tuple(read(study, condition, pair=known.get(condition.name)) for condition in study.development)
     fmu = None if study.fmu is None else open_fmu(study.fmu).known(study.simulation.units, study.simulation.tolerance)
     tolerated = tuple(a for a in study.adjustable if a.tolerated) if fmu else ()
-    return Problem(study, fmu, library, trials, tolerated, workers or min(os.cpu_count() or 1, 8), 1, kept, executor)
+    workers = workers or min(os.cpu_count() or 1, 8)
+    return Problem(study, fmu, library, trials, tolerated, workers, 1, kept, executor).with_starts()

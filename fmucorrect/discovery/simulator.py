@@ -110,8 +110,9 @@ class Simulator:
         A law of the family "load" acts at rest too: with one, the simulation begins RUN_IN earlier, the first row of inputs
         held, so that the record begins settled, as a measurement does; not where the FMU moves then anyway (a record that
         begins in motion), or nothing holds the joint (a body without a spring has run away by then). Without one, a model
-        that rests until the inputs move is simulated from LEAD before on: what is left out is its first row. Raises FmuError
-        where the solver gives up: with these laws the model is not stable, say.
+        that rests until the inputs move is simulated from LEAD before on: what is left out is its first row. Neither is done
+        where start values are not known. Raises FmuError where the solver gives up: with these laws the model is not stable,
+        say.
         """
         given = self._inputs if inputs is None else np.ascontiguousarray(inputs)
         asked = [*laws], {**parameters}
@@ -128,12 +129,13 @@ class Simulator:
     ) -> Float64[np.ndarray, "T J"]:
         condition = replace(self._condition, parameters={**self._condition.parameters, **parameters})
         loads = [item for item in laws if item.law.family == "load"]
-        if loads and all(self._settles(joint) for joint in (None, *(item.joint for item in loads))):
+        known = not condition.free  # else it need not have rested before the record
+        if known and loads and all(self._settles(joint) for joint in (None, *(item.joint for item in loads))):
             early = self._early
             given = np.ascontiguousarray(np.concatenate([np.repeat(given[:1], early, axis=0), given]))
             return self._along(laws, condition, given, -early)[early:]
         rest = self._rest(given)
-        if rest and self._can_wait():
+        if known and rest and self._can_wait():
             y = self._along(laws, condition, given[rest:], rest)
             if still(y, self._lead, STILL * spans(y)):
                 return np.concatenate([np.repeat(y[:1], rest, axis=0), y])

@@ -22,6 +22,21 @@ def start_values(description: FmuDescription, values: Mapping[str, float]) -> di
     return known
 
 
+def fixed(description: FmuDescription) -> dict[str, str]:
+    """Why a variable has no start value that could be fitted, by name; those that have one are not there."""
+    return {name: why for name, variable in description.variables.items() if (why := _fixed(variable))}
+
+
+def _fixed(variable: Variable) -> str:
+    if not variable.number or variable.discrete:
+        return f"is no single real number (type {variable.type}{f', shape {variable.shape}' if variable.shape else ''})"
+    if variable.causality == "input":
+        return "is an input, which is driven"
+    return (
+        "" if variable.settable else f"is a {variable.variability} {variable.causality}, whose value the model computes"
+    )
+
+
 def _problems(variable: Variable, value: float) -> list[str]:
     name = repr(variable.name)
     if not variable.number:

@@ -29,7 +29,7 @@ from fmucorrect.records.contents import Contents, Topic, TopicContents
 from fmucorrect.records.guarded import Guarded, damaged
 from fmucorrect.records.naming import field_names
 from fmucorrect.records.parts import PartsSource, is_recording, parts_of, refuse
-from fmucorrect.records.source import Sink
+from fmucorrect.records.source import Sink, counted
 from fmucorrect.records.writing import Writer
 from fmucorrect.signals import AS_IT_IS, Reading, Record
 
@@ -151,7 +151,11 @@ def describe(path: str | PathLike[str], reading: Reading = AS_IT_IS) -> Contents
     try:
         known = with_units(source.topics(), reading)
         topics = tuple(TopicContents(topic, source.extent(topic.name)) for topic in known)
-        return Contents(source.path, source.format, topics, source.truncated, source.damage, source.left_out)
+        own = reading.rate and not any(counted(reading.rate) in topic.metadata.get("assumed", "") for topic in known)
+        unused = (f"rate = {reading.rate:.10g}: the file has a time of its own",) if own else ()
+        return Contents(
+            source.path, source.format, topics, source.truncated, source.damage, (*source.left_out, *unused)
+        )
     finally:
         source.close()
 

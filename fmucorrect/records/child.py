@@ -42,6 +42,8 @@ MEMORY, MEMORY_PER_BYTE = 2**29 + 2**28, 64
 
 _HEAD = struct.Struct("<Q")
 _MOST_HEAD = 2**27
+_TOLD = ("time", "rate", "delimiter", "decimal", "encoding")
+"""What of a reading the source itself needs."""
 _START = (
     "import sys, json; sys.path[:] = json.loads(sys.argv[1]); from fmucorrect.records.child import serve;"
     " serve(*sys.argv[2:])"
@@ -55,7 +57,7 @@ class ChildSource:
         self.path = path
         self._asked = count()
         self._limit = ANSWER_S + ANSWER_S_PER_BYTE * Path(path).stat().st_size
-        told_reading = json.dumps([reading.time, reading.delimiter, reading.decimal, reading.encoding])
+        told_reading = json.dumps({key: getattr(reading, key) for key in _TOLD})
         root = str(Path(__file__).resolve().parents[2])
         places = json.dumps([*(str(Path(place).resolve()) for place in sys.path if place), root])
         # one thread, and no arena of a gigabyte kept ready: the bound on memory counts what is kept, too
@@ -159,8 +161,7 @@ class ChildSource:
 
 def serve(opened: str, path: str, shown: str, told_reading: str) -> None:
     """The child: opens the file and answers until its input ends. shown: the path as it is told."""
-    time, delimiter, decimal, encoding = json.loads(told_reading)
-    reading = Reading(time=time, delimiter=delimiter, decimal=decimal, encoding=encoding)
+    reading = Reading(**json.loads(told_reading))
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what the library prints must not come between the answers
     module, name = opened.split(":")

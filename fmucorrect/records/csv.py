@@ -21,7 +21,7 @@ from fmucorrect.errors import RecordError
 from fmucorrect.records import csv_bulk, naming, seconds
 from fmucorrect.records.contents import Extent, Topic
 from fmucorrect.records.csv_layout import TRUTH, layout, missing, number, split
-from fmucorrect.records.source import NO_TIME, Block, extent_of
+from fmucorrect.records.source import NO_TIME, Block, at_rate, extent_of
 from fmucorrect.records.text import MOST_CHARACTERS, Unpacked, opened, tail
 from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Reading, Record
 
@@ -73,11 +73,14 @@ class CsvSource:
         found = self._layout
         names = [column.name for column in found.columns]
         used = [found.time, *(names.index(column) for column in columns)]
-        days, last = 0, NO_TIME
+        days, last, rows = 0, NO_TIME, 0
         for first, text in self._lines():
             block = self._block(text, first, used)
             if found.stamps == "midnight":
                 block, days, last = _behind_midnight(block, days, last)
+            if found.rate:
+                block = Block(at_rate(found.rate, rows, len(block.t_ns)), block.values)
+                rows += len(block.t_ns)
             if len(block.t_ns):
                 yield block
 
@@ -140,7 +143,11 @@ class CsvSource:
         if numbers is None:
             return self._slow(text.split("\n"), first, used)
         t_ns = seconds.to_ns(np.ascontiguousarray(numbers[:, 0]), found.per)
-        if len(t_ns) and np.abs(t_ns.astype(np.float64)).max() >= seconds.EXACT_SECONDS * NANOSECONDS:
+        if (
+            not found.rate
+            and len(t_ns)
+            and np.abs(t_ns.astype(np.float64)).max() >= seconds.EXACT_SECONDS * NANOSECONDS
+        ):
             lines = enumerate(text.split("\n"), first)
             times = [(split(line, found.delimiter)[found.time], n) for n, line in lines if line.strip()]
             t_ns = np.array([self._time(cell, n) for cell, n in times], np.int64)
@@ -155,7 +162,9 @@ class CsvSource:
                 continue
             cells = self._row(line, n)
             time = cells[found.time]
-            t_ns.append(self._time(time if found.date is None else f"{cells[found.date]} {time}", n))
+            t_ns.append(
+                0 if found.rate else self._time(time if found.date is None else f"{cells[found.date]} {time}", n)
+            )
             rows.append([self._number(cells[c], n, c) for c in used[1:]])
         return Block(np.array(t_ns, np.int64), np.array(rows, np.float64).reshape(len(t_ns), len(used) - 1))
 

@@ -15,7 +15,7 @@ from itertools import pairwise
 from fmucorrect.errors import RecordError
 from fmucorrect.records import naming, seconds
 from fmucorrect.records.contents import Column
-from fmucorrect.records.source import MOST_COLUMNS
+from fmucorrect.records.source import MOST_COLUMNS, UNTIMED, counted
 from fmucorrect.records.text import MOST_CHARACTERS, encoding_of, known_encoding, opened
 from fmucorrect.signals import Reading
 
@@ -44,7 +44,8 @@ _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+", re.ASCII)
 
 @dataclass(frozen=True)
 class Layout:
-    """columns: all, in file order, by place; "" names one without a name. time: its place. numeric: places of numbers.
+    """columns: all, in file order, by place; "" names one without a name. time: its place, of a file
+    without one (rate, Hz, above 0) that of a column by which rows are told. numeric: places of numbers.
     truths: those of them that begin with true or false.
 
     date: the place of dates, where the time has only clock times. delimiter: " " for any number of blanks.
@@ -68,6 +69,7 @@ class Layout:
     preamble: str
     assumed: tuple[str, ...]
     left_out: tuple[str, ...]
+    rate: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -76,6 +78,7 @@ class _Header:
     delimiter: str
     cells: list[str]
     time: int
+    rate: float = 0.0
 
 
 def missing(cell: str) -> bool:
@@ -124,17 +127,17 @@ def layout(place: str, path: str, reading: Reading) -> Layout:
         raise RecordError("the header is not complete", where=path, expected="a line 'time,name [unit],...' and rows")
     declared = re.fullmatch(r"\"?sep=(.)\"?", whole[0].strip("\r "), re.IGNORECASE)
     delimiters = DELIMITERS.get(reading.delimiter, reading.delimiter) or (declared.group(1) if declared else ",;\t|")
-    header = _header(path, whole, delimiters, reading.time)
+    header = _header(path, whole, delimiters, reading.time, reading.rate)
     if len(header.cells) > MOST_COLUMNS:
         raise RecordError("the header is too wide", where=path, expected=f"at most {MOST_COLUMNS} columns")
     return _columns(path, encoding, assumed, whole, header, 1 if declared else 0, reading.decimal)
 
 
-def _header(path: str, lines: Sequence[str], delimiters: str, told: str) -> _Header:
+def _header(path: str, lines: Sequence[str], delimiters: str, told: str, rate: float) -> _Header:
     """The first line with a time that a row of as many cells follows; else the first line with a time.
 
     By turns: a column that is named as `told`; one whose name means the time; one between blanks; and one in whose name
-    the time is a word, if what stands under it increases.
+    the time is a word, if what stands under it increases. Where there is none and a rate is known, the header of samples.
     """
     blanks = [" "] if len(delimiters) > 1 else []  # nothing else was told, and a blank stands in many names
     places = [*([partial(_told_place, told)] if told else []), _time_place, _loose_place]
@@ -145,6 +148,8 @@ def _header(path: str, lines: Sequence[str], delimiters: str, told: str) -> _Hea
         if sure and found is not None and (place is not _loose_place or _increases(lines, found)):
             return found
         first = first or (found if place is not _loose_place else None)
+    if rate and (found := _of_samples(lines, [*delimiters, *blanks], rate)):
+        return found
     if first is None:
         shown = next((line for line in lines if line.strip()), "")[:60]
         raise RecordError(
@@ -152,9 +157,35 @@ def _header(path: str, lines: Sequence[str], delimiters: str, told: str) -> _Hea
             where=path,
             expected="a column 'time' in s, as 'time,name [unit],...'",
             got=repr(shown),
-            remedy="Say which column it is: time in [records] of a study, --time on the command line.",
+            remedy=UNTIMED,
         )
     return first
+
+
+def _of_samples(lines: Sequence[str], delimiters: Sequence[str], rate: float) -> _Header | None:
+    """The header of rows without a time: names that a row of as many cells follows, as many as any line has; of several such
+    lines the last one that is no units."""
+    best: _Header | None = None
+    for number, line in enumerate(lines[:_PREAMBLE]):
+        for delimiter in sorted(delimiters, key=line.count, reverse=True):
+            cells = _split(line.lstrip("#%! "), delimiter)
+            if not any(cells) or any(map(_is_value, cells)):
+                continue
+            below = _Header(number, delimiter, cells, 0, rate)
+            row = _row_of_numbers(lines, below)
+            known = best is not None and (len(cells) < len(best.cells) or _is_units(cells, best))
+            if row is not None and not known:
+                best = replace(below, time=row)
+                break
+    return best
+
+
+def _row_of_numbers(lines: Sequence[str], header: _Header) -> int | None:
+    """The first column in which a row below the header has a number."""
+    for c in range(len(header.cells)):
+        if _row_below(lines, replace(header, time=c)) is not None:
+            return c
+    return None
 
 
 def _search(
@@ -226,7 +257,10 @@ def _columns(
         units = below
         first_row = next(i for i in range(first_row, len(lines)) if lines[i].strip()) + 1
     arrays = naming.arrays(header.cells)
-    columns = [_with_unit(path, cell, arrays, units, c, c == header.time) for c, cell in enumerate(header.cells)]
+    columns = [
+        _with_unit(path, cell, arrays, units, c, c == header.time and not header.rate)
+        for c, cell in enumerate(header.cells)
+    ]
     names, told = naming.numbered([column.name for column in columns])
     columns = [Column(name, column.unit) for name, column in zip(names, columns, strict=True)]
     preamble = [line.strip() for line in lines[skipped : header.line] if line.strip()]
@@ -237,18 +271,20 @@ def _columns(
     if told:
         assumed.append(told)
     rows = _rows(lines, first_row, header)
-    date, time = _date_place(header, rows)
-    if date is not None:
+    date, time = (None, header.time) if header.rate else _date_place(header, rows)
+    if header.rate:
+        assumed.append(counted(header.rate))
+    elif date is not None:
         header = replace(header, time=time)
         assumed.append(f"the time is the date {columns[date].name!r} and the clock time {columns[time].name!r}")
     elif header.time or not naming.is_time(columns[time].name):
         assumed.append(f"the time is column {time + 1}, {columns[time].name!r}")
     mark = told_mark or _mark(path, header, rows)
-    per, stamps = _clock(path, header, date, columns[time], rows, mark, assumed)
+    per, stamps = (1, "") if header.rate else _clock(path, header, date, columns[time], rows, mark, assumed)
     numeric, truths, left_out = _kinds(header, columns, rows, mark, date)
     return Layout(
         encoding, header.delimiter, mark, tuple(columns), time, date, tuple(numeric), truths, first_row + 1, per, stamps,
-        _unnamed_last(columns), "\n".join(preamble)[:2000], tuple(assumed), tuple(left_out),
+        _unnamed_last(columns), "\n".join(preamble)[:2000], tuple(assumed), tuple(left_out), header.rate,
     )  # fmt: skip
 
 
@@ -383,7 +419,7 @@ def _kinds(
     truths: set[int] = set()
     left_out: list[str] = []
     for c, column in enumerate(columns):
-        if c in (header.time, date):
+        if c in (header.time, date) and not header.rate:
             continue
         line, cell = next(((line, cells[c]) for line, cells in rows if not missing(cells[c])), (0, ""))
         if not column.name:
@@ -465,10 +501,11 @@ def _is_units(cells: Sequence[str], header: _Header) -> bool:
     if len(cells) != len(header.cells) or any(_DIGITS.fullmatch(cell) for cell in cells):
         return False
     plain = [cell.strip("[]()' ") for cell in cells]
-    if seconds.unit_ns(plain[header.time]) is not None:
+    if not header.rate and seconds.unit_ns(plain[header.time]) is not None:
         return True
     named = [cell for cell in plain if cell not in ("", "-")]
-    return plain[header.time] in ("", "-") and bool(named) and all(naming.is_unit(cell) for cell in named)
+    bare = bool(header.rate) or plain[header.time] in ("", "-")
+    return bare and bool(named) and all(naming.is_unit(cell) for cell in named)
 
 
 def _special(cell: str) -> float | None:

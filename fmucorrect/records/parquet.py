@@ -20,8 +20,8 @@ from fmucorrect.records import naming, seconds
 from fmucorrect.records.assemble import RESERVED
 from fmucorrect.records.child import ChildSource
 from fmucorrect.records.contents import Column, Extent, Topic
-from fmucorrect.records.source import MOST_COLUMNS, NO_TIME, RAM_ROWS, Block, extent_of
-from fmucorrect.signals import AS_IT_IS, Reading, Record
+from fmucorrect.records.source import MOST_COLUMNS, NO_TIME, RAM_ROWS, UNTIMED, Block, at_rate, counted, extent_of
+from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Reading, Record
 
 _ORIGIN = "time_origin_ns"
 _FEW_ROWS, _ROWS_PER_BYTE = 2**20, 1000
@@ -80,8 +80,9 @@ class ParquetSource:
         for own in ("pandas", "ARROW:schema"):
             self._metadata.pop(own, None)
         self._told = reading.time
+        self._rate = reading.rate
         self._time = self._time_place()
-        self._per = self._time_unit()
+        self._per = NANOSECONDS if self._time is None else self._time_unit(self._time)
         self._left_out: list[str] = []
         self._places = self._columns()
         self.left_out = tuple(self._left_out)
@@ -100,14 +101,18 @@ class ParquetSource:
     def blocks(self, topic: str, columns: Sequence[str]) -> Iterator[Block]:
         """Batches of rows; null is NaN."""
         places = [self._places[name] for name in columns]
-        names = list(dict.fromkeys(self._fields[place].name for place in (self._time, *places)))
+        read = places if self._time is None else [self._time, *places]
+        names = list(dict.fromkeys(self._fields[place].name for place in read or range(1)))
         row = 0
         for batch in self._file.iter_batches(batch_size=RAM_ROWS, columns=names):
             if batch.num_rows:
                 values = np.empty((batch.num_rows, len(columns)))
                 for c, place in enumerate(places):
                     values[:, c] = self._floats(self._array(batch, place))
-                yield Block(self._stamps(self._array(batch, self._time), row), values)
+                if self._time is None:
+                    yield Block(at_rate(self._rate, row, batch.num_rows), values)
+                else:
+                    yield Block(self._stamps(self._array(batch, self._time), row), values)
                 row += batch.num_rows
         if row != self._file.metadata.num_rows:  # past a wrong page header the library may end without a word
             raise RecordError(
@@ -148,8 +153,9 @@ class ParquetSource:
         array = batch.column([c for c, field in enumerate(batch.schema) if field.name == name][before])
         return array.dictionary_decode() if self._arrow.types.is_dictionary(array.type) else array
 
-    def _time_place(self) -> int:
-        """The column `time`, or else the only one whose name says time, or that holds time stamps."""
+    def _time_place(self) -> int | None:
+        """The column `time`, or else the only one whose name says time, or that holds time stamps; None where there is none and
+        a rate is known."""
         named = [i for i, field in enumerate(self._fields) if naming.is_time(field.name)]
         stamps = [i for i, field in enumerate(self._fields) if self._arrow.types.is_timestamp(field.type)]
         exact = [i for i in named if self._fields[i].name.lower() == "time"]
@@ -159,16 +165,20 @@ class ParquetSource:
                 if candidates not in (told, exact):
                     self._assumed.append(f"the time is column {self._fields[candidates[0]].name!r}")
                 return candidates[0]
+        if self._rate and not (told or named or stamps):
+            self._assumed.append(counted(self._rate))
+            return None
         raise RecordError(
             "there are several columns 'time'" if exact else "there is no column 'time'",
             where=self.path,
             expected="'time' in s",
             got=", ".join(str(field.name) for field in self._fields[:20]),
+            remedy=UNTIMED,
         )
 
-    def _time_unit(self) -> int:
-        """ns in a unit of the time. Raises RecordError when it is not known."""
-        field, types = self._fields[self._time], self._arrow.types
+    def _time_unit(self, place: int) -> int:
+        """ns in a unit of the time at this place. Raises RecordError when it is not known."""
+        field, types = self._fields[place], self._arrow.types
         if types.is_timestamp(field.type):
             if field.type.tz is None:
                 self._assumed.append("the time stamps name no zone: taken as UTC")
@@ -190,9 +200,7 @@ class ParquetSource:
             )
         if unit == "1":
             first = next(self._file.iter_batches(batch_size=_LOOKED_AT, columns=[field.name]), None)
-            values = (
-                np.zeros(1) if first is None or not first.num_rows else self._floats(self._array(first, self._time))
-            )
+            values = np.zeros(1) if first is None or not first.num_rows else self._floats(self._array(first, place))
             seconds.refuse_days(values.tolist(), self.path)
             value = float(values[0])
             if epoch := seconds.epoch_unit(value):

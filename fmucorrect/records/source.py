@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from fmucorrect.records.contents import Extent, Topic
-from fmucorrect.signals import Record
+from fmucorrect.signals import NANOSECONDS, Record
 
 NO_TIME = int(np.iinfo(np.int64).min)
 """The stamp of a row whose time is no number."""
@@ -32,6 +32,23 @@ class Block:
 
     t_ns: Int64[np.ndarray, " T"]
     values: Float64[np.ndarray, "T C"]
+
+
+UNTIMED = (
+    "Say which is the time: time in [records] of a study, --time on the command line; or of samples that have none, \
+their rate in Hz: rate in [records], --rate."
+)
+"""What to do about a file in which no time is found."""
+
+
+def counted(rate: float) -> str:
+    """What is told of rows without a time."""
+    return f"there is no time: rows are {rate:.10g} a second, the first one at 0 s"
+
+
+def at_rate(rate: float, first: int, rows: int) -> Int64[np.ndarray, " T"]:
+    """The stamps in ns of rows from number `first` on that come `rate` a second."""
+    return np.rint(np.arange(first, first + rows) * (NANOSECONDS / rate)).astype(np.int64)
 
 
 @runtime_checkable

@@ -16,7 +16,7 @@ import numpy as np
 from fmucorrect.errors import RecordError
 from fmucorrect.records import naming, seconds
 from fmucorrect.records.contents import Column, Extent, Topic
-from fmucorrect.records.source import MOST_COLUMNS, Block, extent_of
+from fmucorrect.records.source import MOST_COLUMNS, UNTIMED, Block, at_rate, counted, extent_of
 from fmucorrect.signals import NANOSECONDS
 
 _ABOUT_SIGNALS = ("label", "title", "blockName", "stateName", "dimensions", "valueDimensions", "plotStyle", "name")
@@ -48,10 +48,10 @@ class Tables:
     truncated = False
     damage = ""
 
-    def __init__(self, path: str, told_time: str = "") -> None:
+    def __init__(self, path: str, told_time: str = "", rate: float = 0.0) -> None:
         self.path = path
         self.left_out: tuple[str, ...] = ()
-        self._told = told_time
+        self._told, self._rate = told_time, rate
         self._origin = 0
         self._metadata: dict[str, str] = {}
         self._names: Mapping[str, str] = {}
@@ -63,13 +63,17 @@ class Tables:
 
     def read_structures(self, content: Mapping[str, Any], units: Any) -> None:
         """Everything of the file. Raises RecordError when it has no time."""
+        before = len(self._left_out)
         self._structure("", content, units, None)
+        if not self._tables and self._rate:
+            del self._left_out[before:]
+            self._counted("", content, units)
         if not self._tables:
             raise RecordError(
                 "there is no variable 'time'",
                 where=self.path,
                 got=", ".join(list(content)[:20]) or "no variables",
-                remedy="Say which is the time: time in [records] of a study, --time on the command line.",
+                remedy=UNTIMED,
             )
         self.left_out = tuple(self._left_out)
 
@@ -118,6 +122,23 @@ class Tables:
             if name != key:
                 shown = self._names.get(name, name) if not path else name
                 self._member(f"{path}.{shown}" if path else shown, value, _within(units, name), table)
+
+    def _counted(self, path: str, content: Mapping[str, Any], units: Any) -> None:
+        """The same of a file that has no time at all: in each structure the series of one length have a time together."""
+        rows = {name: _rows(value) for name, value in content.items()}
+        lengths = [length for length in dict.fromkeys(rows.values()) if length > 1]
+        for length in lengths:
+            name = path if len(lengths) == 1 else f"{path}.rows{length}".removeprefix(".")
+            table = Table(name, at_rate(self._rate, 0, length), assumed=[counted(self._rate)])
+            for key in (key for key, count in rows.items() if count == length):
+                self._member(key if not name else f"{name}.{key}", content[key], _within(units, key), table)
+            self._tables.append(table)
+        for key, value in content.items():
+            inner = f"{path}.{key}" if path else key
+            if isinstance(value, dict):
+                self._counted(inner, value, _within(units, key))  # pyright: ignore[reportUnknownArgumentType]
+            elif rows[key] <= 1:
+                self._member(inner, value, _within(units, key), None)
 
     def _table(self, path: str, key: str, content: Mapping[str, Any], unit: Any) -> Table:
         about: Any = content.get("TimeInfo")
@@ -215,6 +236,12 @@ def _time_of(content: Mapping[str, Any], told: str) -> str | None:
     exact = [key for key in named if key.lower() == "time"]
     small = [key for key in named if key == key.lower()]  # T beside t is no time
     return next((found[0] for found in (exact, named, small) if len(found) == 1), None)
+
+
+def _rows(value: Any) -> int:
+    """Of a vector or a matrix, whose shorter side is channels; 0 of anything else."""
+    numbers = isinstance(value, np.ndarray) and value.dtype.kind in "fiub" and value.ndim in (1, 2)
+    return max(value.shape) if numbers else 0  # pyright: ignore[reportUnknownMemberType, reportUnknownArgumentType, reportUnknownVariableType]
 
 
 def _is_vector(value: Any) -> bool:

@@ -24,7 +24,7 @@ from fmucorrect.errors import MissingExtra, RecordError
 from fmucorrect.records import naming, seconds
 from fmucorrect.records.assemble import RESERVED
 from fmucorrect.records.contents import Column, Extent, Topic
-from fmucorrect.records.source import RAM_ROWS, Block, extent_of
+from fmucorrect.records.source import RAM_ROWS, Block, counted, extent_of
 from fmucorrect.records.tdms_segments import AXIS, START, UNITS, histories
 from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Reading, Record
 
@@ -73,12 +73,13 @@ class _Series:
 @dataclass(frozen=True)
 class _Grid:
     """The times of a waveform. starts: rows at which it begins (anew), and when, in ns since 1970; () without wf_start_time.
-    rows: that its channel should have."""
+    rows: that its channel should have. counted: whether the step is that of `Reading.rate`, as the file has none."""
 
     starts: tuple[tuple[int, int], ...]
     offset_ns: int
     step_ns: float
     rows: int
+    counted: bool = False
 
 
 class TdmsSource:
@@ -88,6 +89,7 @@ class TdmsSource:
 
     def __init__(self, path: str, reading: Reading = AS_IT_IS) -> None:
         self.path = path
+        self._rate = reading.rate
         self.damage = _damage(path)
         self.truncated = bool(self.damage)
         tdms = _nptdms()
@@ -190,7 +192,9 @@ class TdmsSource:
             pieces = tuple((row, grid.offset_ns + start - (self._from_ns or 0)) for row, start in grid.starts)
             if grid.starts:
                 told[START] = str(np.datetime64(grid.starts[0][1], "ns"))
-            if self._from_ns is not None and not grid.starts:
+            if grid.counted:
+                assumed.append(counted(self._rate))
+            elif self._from_ns is not None and not grid.starts:
                 assumed.append("it has no wf_start_time: times count from 0")
             elif self._from_ns is not None and grid.starts[0][1] != self._from_ns:
                 assumed.append("times count from the earliest wf_start_time of the file")
@@ -229,6 +233,8 @@ class TdmsSource:
     def _grid(self, channel: Any) -> _Grid | str:
         """The times of a waveform, or why it has none."""
         properties = channel.properties
+        if "wf_increment" not in properties and self._rate:
+            return _Grid((), 0, NANOSECONDS / self._rate, self._whole_length(channel), counted=True)
         if "wf_increment" not in properties:
             return "no time channel in its group, and no wf_increment"
         unit = str(properties.get("wf_xunit_string") or "s")

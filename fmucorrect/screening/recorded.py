@@ -19,7 +19,7 @@ from fmucorrect.screening.floor import COMMON, shared_noise
 from fmucorrect.screening.lifeless import alone, few_values, frozen, spikes, stuck
 from fmucorrect.screening.same import COPIED, overlap
 from fmucorrect.signals import NANOSECONDS, Channel, Condition, Reading, Record
-from fmucorrect.sources import damages, driving
+from fmucorrect.sources import damages, defined, driving, unknown_starts
 from fmucorrect.study import Study
 
 OFF = 0.05
@@ -52,6 +52,7 @@ def of_records(study: Study) -> tuple[Finding, ...]:
         found += _channels(study, condition, measured[condition.name])
         found += _frozen(condition, measured[condition.name])
         found += _covered(study, condition)
+        found += _begun(study, condition)
         if condition.role == "development":
             found += _said(study, condition, measured[condition.name])
     return (*found, *_angles(study), *_parameters(study))
@@ -67,6 +68,20 @@ def _damaged(condition: Condition) -> Iterator[Finding]:
             f"{file.name} is damaged: {damage}",
             "What it lost is neither fitted nor scored",
             "Take the file from its logger again if there is another copy.",
+        )
+
+
+def _begun(study: Study, condition: Condition) -> Iterator[Finding]:
+    """Start values that are not known."""
+    if begun := unknown_starts(study, condition):
+        yield Finding(
+            "start not known",
+            "warning",
+            f"condition {condition.name!r}",
+            begun,
+            "Discover fits them to each record, held out or not; all else begins from this guess, and takes what is wrong with "
+            "it for the model's error",
+            "Write the true values, or better guesses, into parameters of the condition.",
         )
 
 
@@ -298,9 +313,10 @@ def _said(study: Study, condition: Condition, measured: Record) -> Iterator[Find
                 yield _other(
                     where, "frequency", f"{hertz:.4g} Hz", f"{condition.frequency:g} Hz", excitation.measurement
                 )
-            angle = unit not in ("", "1") and units.parse(unit).dimension == units.parse("deg").dimension
+            own, degree = defined(study), units.parse("deg").dimension
+            angle = unit not in ("", "1") and units.explained(unit, where, own).dimension == degree
             if angle and condition.amplitude > 0.0:
-                degrees = amplitude * units.conversion(unit, "deg", excitation.measurement)
+                degrees = amplitude * units.conversion(unit, "deg", excitation.measurement, own)
                 if abs(degrees / condition.amplitude - 1.0) > 3.0 * OFF:
                     found, stated = f"{degrees:.4g} deg", f"{condition.amplitude:g} deg"
                     yield _other(where, "amplitude", found, stated, excitation.measurement)
