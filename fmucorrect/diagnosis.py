@@ -95,7 +95,8 @@ def agreements(study: Study, item: Pair) -> list[Agreement]:
     result: list[Agreement] = []
     for column, j in enumerate(item.equipped):
         channel = study.channels[j]
-        displacement = item.measured[:, j] * units.conversion(channel.unit, "m", f"channel {channel.name}")
+        factor = units.conversion(channel.unit, "m", f"channel {channel.name}", item.defined)
+        displacement = item.measured[:, j] * factor
         result.append(
             agreement(
                 channel.name, item.condition.name, item.condition.role, displacement, item.acceleration[:, column], step

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from fmucorrect import sketch
@@ -22,6 +22,7 @@ from fmucorrect.railway.preload_assessment import PreloadAssessment
 from fmucorrect.railway.running_safety import RunningSafety, assess_running_safety
 from fmucorrect.signals import NANOSECONDS, Channel, Condition
 from fmucorrect.stepper import grid, run
+from fmucorrect.units import known_to_all
 
 TRIAL = 1.0
 """s that the solver runs in a process of its own before it is let into this one."""
@@ -93,6 +94,9 @@ def assess(
     limits = Limits.of(step_timeout)
 
     def plant(channels: tuple[Channel, ...]) -> IsolatedStepper:
+        """In the FMU's units, or in base units where only the FMU knows its own."""
+        own = {v.name: known_to_all(v.unit, description.defined) for v in description.variables.values()}
+        channels = tuple(replace(c, unit=c.unit or own.get(c.name, "")) for c in channels)
         return IsolatedStepper(assessment.fmu, channels, parameters=assessment.parameters, limits=limits)
 
     preload = critical = safety = None

@@ -229,7 +229,7 @@ def check_assessment(assessment: Assessment, description: FmuDescription) -> lis
     """What the mapping asks for and the FMU does not have, one line each, in the order of the file."""
     found: list[str] = []
     for loc, name, known in _wanted(assessment):
-        if problem := misfit("variable", name, description.units, known):
+        if problem := misfit("variable", name, description.units, known, description.defined):
             found.append(f"{place(assessment.places, loc)}: {problem[0]} in the FMU{problem[1]}")
     for loc, parameter, speeds in [] if found else _speeds(assessment):
         found += [f"{place(assessment.places, loc)}: {text}" for text in parameter.outside(description, speeds)]

@@ -40,7 +40,7 @@ class SpeedParameter:
                 expected="a unit of speed",
                 remedy="Give it, for example 'm/s' or 'km/h'.",
             )
-        return conversion("m/s", unit, f"speed parameter {self.name!r}")
+        return conversion("m/s", unit, f"speed parameter {self.name!r}", description.defined)
 
     def outside(self, description: FmuDescription, speeds: Iterable[float]) -> list[str]:
         """What is wrong with speeds (m/s) that the FMU does not run at. Raises as factor() does."""

@@ -16,6 +16,7 @@ from fmucorrect.effects import Effects
 from fmucorrect.errors import FmuError, WrapError
 from fmucorrect.fmu import FmuDescription, open_fmu, state_check
 from fmucorrect.fmu.state_check import StateCheck
+from fmucorrect.units import NONE
 from fmucorrect.workfolder import WorkFolder
 from fmucorrect.wrapping import (
     alone,
@@ -153,7 +154,8 @@ def wrap(
         files |= licences.files(network=net is not None)
         files |= solver.files(parts.inner, parts.platforms) if parts.inner else {}
         progress("prove")
-        proved = proof.prove(parts.model, net, work / "proof") if parts.model and net else None
+        own = parts.inner.defined if parts.inner else NONE
+        proved = proof.prove(parts.model, net, work / "proof", own) if parts.model and net else None
         progress("check state")
         trial = work / "trial.fmu"
         compiler.write_fmu(trial, files | _described(parts, outer, True, True))

@@ -68,9 +68,9 @@ class Proof:
         return asdict(self)
 
 
-def prove(bundle: Bundle, sources: NetworkSources, work: Path) -> Proof:
+def prove(bundle: Bundle, sources: NetworkSources, work: Path, defined: Mapping[str, units.Unit] = units.NONE) -> Proof:
     """Compiles `sources` in the folder `work` and compares. Raises WrapError where an answer differs by more than
-    TOLERANCE (see there), and on machines for which there is no compiler."""
+    TOLERANCE (see there), and on machines for which there is no compiler. defined: units of the solver's own."""
     target, _, suffix = host()
     where = str(bundle.path)
     names = sources.write(work)
@@ -78,7 +78,7 @@ def prove(bundle: Bundle, sources: NetworkSources, work: Path) -> Proof:
     library = work / f"network_probe{suffix}"
     compile_library(work, [*names, "network_probe.c"], target, library)
     asked = _questions(bundle)
-    scale, limits = _limits(bundle)
+    scale, limits = _limits(bundle, defined)
     scales, allowed = (scale, scale, np.ones(1)), (limits, limits, np.full(1, TOLERANCE))
     errors: dict[str, float] = {}
     largest = 0.0
@@ -110,9 +110,11 @@ def _judge(
         )
 
 
-def _limits(bundle: Bundle) -> tuple[Float64[np.ndarray, " J"], Float64[np.ndarray, " J"]]:
+def _limits(
+    bundle: Bundle, defined: Mapping[str, units.Unit]
+) -> tuple[Float64[np.ndarray, " J"], Float64[np.ndarray, " J"]]:
     """What deviations are multiplied by to be in mm where they are lengths, and what they may then be."""
-    parsed = [units.parse(channel.unit) for channel in bundle.channels]
+    parsed = [units.explained(c.unit, f"channel {c.name!r}", defined) for c in bundle.channels]
     metre = units.parse("mm")
     scale = np.array([unit.factor / metre.factor if unit.dimension == metre.dimension else 1.0 for unit in parsed])
     responses = np.abs(_ranges(bundle)).max(1) * scale
