@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from fmucorrect.cli.group import OVERWRITE, PATH, UserError, progress_bar, say
+from fmucorrect.cli.group import OVERWRITE, PATH, UserError, progress_bar, reading_of, reading_options, say
 
 
 @click.command()
@@ -14,8 +14,20 @@ from fmucorrect.cli.group import OVERWRITE, PATH, UserError, progress_bar, say
 @click.argument("runs", type=PATH, nargs=-1, required=True)
 @click.option("--reference", "references", type=PATH, multiple=True, help="A simulated record, one for each run.")
 @click.option("-o", "--out", type=PATH, default=Path("study.toml"), show_default=True, help="The study to write.")
+@reading_options
 @OVERWRITE
-def new(model: Path, runs: tuple[Path, ...], references: tuple[Path, ...], out: Path, overwrite: bool) -> None:
+def new(
+    model: Path,
+    runs: tuple[Path, ...],
+    references: tuple[Path, ...],
+    out: Path,
+    time: str,
+    rate: float,
+    delimiter: str,
+    decimal: str,
+    encoding: str,
+    overwrite: bool,
+) -> None:
     """Draft a study from MODEL, an FMU, and RUNS, logs of what drove the machine and of what was measured.
 
     Columns are paired with inputs and outputs by name, unit, size and correlation; joints, parameters, roles and a quiet
@@ -29,8 +41,9 @@ def new(model: Path, runs: tuple[Path, ...], references: tuple[Path, ...], out: 
 
     read = [("the FMU", model), *(("the run", run) for run in (*runs, *references))]
     outputs.check_file(out, read, "new", overwrite)
+    reading = reading_of(time, rate, delimiter, decimal, encoding)
     with progress_bar(len(STEPS), "step", "drafting") as advance:
-        found = draft(model, runs, references, lambda step: advance(1))
+        found = draft(model, runs, references, lambda step: advance(1), reading)
     text = found.text(out)
     outputs.write(out, text)
     inspected = inspection.inspect([out])

@@ -24,6 +24,7 @@ from fmucorrect.drafting.written import Draft, DraftedRun
 from fmucorrect.errors import FmuError, RecordError, few
 from fmucorrect.fmu import open_fmu
 from fmucorrect.records.timebase import seconds_text
+from fmucorrect.signals import AS_IT_IS, Reading
 
 __all__ = ["STEPS", "Draft", "draft"]
 
@@ -36,10 +37,11 @@ def draft(
     runs: Sequence[str | PathLike[str]],
     references: Sequence[str | PathLike[str]] = (),
     progress: Callable[[str], object] = lambda step: None,
+    reading: Reading = AS_IT_IS,
 ) -> Draft:
     """What a study of these runs would say. references: simulated records, one a run, which replace running the FMU for it.
-    The model runs over the first run, once for each column that is tried as an input. Raises FmuError and RecordError for
-    files that cannot be used, and where no column shows any output.
+    reading: what is known of all logs beside what they say. The model runs over the first run, once for each column that is
+    tried as an input. Raises FmuError and RecordError for files that cannot be used, and where no column shows any output.
     """
     if not runs:
         raise RecordError("there is no run to draft from", remedy="Name one log or more.")
@@ -51,7 +53,7 @@ def draft(
     model = open_fmu(Path(fmu))
     if not [v for v in model.of("output") if v.number]:
         raise FmuError("it has no outputs that could be compared", where=str(fmu))
-    logs = [read_run(Path(run)) for run in runs]
+    logs = [read_run(Path(run), reading) for run in runs]
     if len(logs) > 1:
         logs[0] = beside(logs[0], logs[1])
     step_ns, why = step_of(model, logs[0])
@@ -100,6 +102,7 @@ def draft(
             if c not in {guess.column for guess in channels}
         ),
         left_out=logs[0].left_out,
+        reading=reading,
     )
 
 
@@ -107,7 +110,7 @@ def _clock(log: Run, reference: Path | None, driven: bool) -> str:
     """The value of `clock` in the records of a run, and why; "" where one file has it all."""
     begins = f"its stamps begin at {seconds_text(log.stamps[0])} s"
     if reference is not None:
-        if overlapping(read_run(reference).stamps, log.stamps):
+        if overlapping(read_run(reference, log.reading).stamps, log.stamps):
             return f'"common"  # guess: {begins}, within those of the simulated record: they are believed'
         return f"0.0  # guess: {begins}, not within those of the simulated record: both are taken to begin at once"
     if driven:

@@ -16,7 +16,7 @@ from fmucorrect.drafting.joints import SI, kind
 from fmucorrect.errors import RecordError
 from fmucorrect.fmu import FmuDescription, IsolatedStepper, Variable, input_record
 from fmucorrect.registration import resample
-from fmucorrect.signals import NANOSECONDS, Channel, Condition, Record
+from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Channel, Condition, Reading, Record
 from fmucorrect.stepper import grid, run
 from fmucorrect.study_places import like
 
@@ -49,7 +49,7 @@ UNITLESS = ("", "1", "-")
 class Run:
     """A log. columns: unit by the name that selects it, of the numeric columns that share the most rows. stamps: first and
     last, ns. interval_ns: between samples, on average. repeated: columns that are the same in another run to the last digit:
-    commands, no measurements."""
+    commands, no measurements. reading: what is known of the file beside what it says."""
 
     path: Path
     columns: Mapping[str, str]
@@ -58,6 +58,7 @@ class Run:
     interval_ns: int
     left_out: tuple[str, ...]
     repeated: frozenset[str] = frozenset()
+    reading: Reading = AS_IT_IS
 
     @property
     def believed(self) -> bool:
@@ -71,7 +72,7 @@ class Run:
 
     def read(self, names: Sequence[str]) -> Record:
         """These columns. Raises RecordError."""
-        return records.read(self.path, names, topic=self.topic or None)
+        return records.read(self.path, names, topic=self.topic or None, reading=self.reading)
 
 
 @dataclass(frozen=True)
@@ -93,9 +94,10 @@ class ChannelGuess:
     rivals: tuple[str, ...] = ()
 
 
-def read_run(path: Path) -> Run:
-    """The columns of a log. Raises RecordError where it cannot be read, is damaged, or has none."""
-    contents = records.describe(path)
+def read_run(path: Path, reading: Reading = AS_IT_IS) -> Run:
+    """The columns of a log. reading: what is known of it beside what it says. Raises RecordError where it cannot be read, is
+    damaged, or has none."""
+    contents = records.describe(path, reading)
     if contents.damage:
         raise records.damaged(str(path), contents.damage)
     filled = [item for item in contents.topics if item.topic.columns and item.extent.rows > 1]
@@ -106,7 +108,8 @@ def read_run(path: Path) -> Run:
     stamps = chosen.extent.start_ns or 0, chosen.extent.stop_ns or 0
     interval = round((stamps[1] - stamps[0]) / (chosen.extent.rows - 1))
     columns = {column.name: column.unit for column in chosen.topic.columns}
-    return _readable(Run(path, columns, chosen.topic.name, stamps, interval, (*contents.left_out, *others)))
+    left_out = (*contents.left_out, *others)
+    return _readable(Run(path, columns, chosen.topic.name, stamps, interval, left_out, reading=reading))
 
 
 def _readable(run: Run) -> Run:

@@ -14,7 +14,7 @@ from fmucorrect.drafting.parameters import TOLERANCE, ParameterGuess
 from fmucorrect.effects import toml
 from fmucorrect.errors import few, one_line
 from fmucorrect.fmu import FmuDescription
-from fmucorrect.signals import NANOSECONDS
+from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Reading
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,8 @@ class DraftedRun:
 @dataclass(frozen=True)
 class Draft:
     """units: of variables that the FMU leaves without one. quiet: s at the beginning of the first run in which nothing moves.
-    unpaired: columns that show no output, in words. left_out: what a log holds that is no column, in words."""
+    unpaired: columns that show no output, in words. left_out: what a log holds that is no column, in words. reading: what
+    was told of the logs."""
 
     model: FmuDescription
     step_ns: int
@@ -46,6 +47,7 @@ class Draft:
     units: Mapping[str, str]
     unpaired: tuple[str, ...]
     left_out: tuple[str, ...]
+    reading: Reading = AS_IT_IS
 
     def text(self, path: Path) -> str:
         """The study file, to be written to `path`: file names are relative to it."""
@@ -83,9 +85,13 @@ class Draft:
         guesses = (*self.driving.inputs, *self.channels)
         unsaid = {guess.column: guess.column_unit for guess in guesses if guess.column_unit}
         renamed = [guess for guess in self.driving.inputs if guess.variable != guess.column]
-        if unsaid:
+        keys = ("time", "rate", "delimiter", "decimal", "encoding")
+        told = {key: value for key in keys if (value := getattr(self.reading, key))}
+        if unsaid or told:
             yield ""
             yield "[records]"
+            yield from (f"{key} = {toml(value)}" for key, value in told.items())
+        if unsaid:
             yield f"units = {toml(unsaid)}  # guess: the logs say none; what makes simulated and measured of one size"
         if renamed:
             yield ""
