@@ -15,7 +15,10 @@ VARIABLES = {  # by value reference, as the C code counts them; u and f are inpu
     "restarting": ("u", "f", "x", "y", "v", "a", "restarts"),
     "clock": ("u", "f", "x", "misses", "apart", "steps", "end", "shortest", "longest"),
     "far": ("u", "f", "x", "v"),
+    "euler": ("u", "f", "x", "v", "steps"),
 }
+STARTS: Mapping[tuple[str, str], float] = {("euler", "f"): 60.0}
+"""Of inputs that do not start with 0."""
 FIRST = {"far": 2**30}
 """The value reference of the first variable, where it is not 0."""
 FED: Mapping[str, tuple[str, ...]] = {"y": ("u",), "a": ("u", "f")}
@@ -40,7 +43,7 @@ def _description(model: str, fmi: int, stated: bool, constant: bool) -> str:
     variables, structure = "", ""
     for i, name in enumerate(names):
         unit = f' unit="{UNITS[name]}"' if name in UNITS else ""
-        unit += ' start="0"' if i < 2 else ""
+        unit += f' start="{STARTS.get((model, name), 0)}"' if i < 2 else ""
         head = f'name="{name}" valueReference="{first + i}" causality="{"input" if i < 2 else "output"}"'
         variables += (
             f"<ScalarVariable {head}><Real{unit}/></ScalarVariable>" if fmi == 2 else f"<Float64 {head}{unit}/>"

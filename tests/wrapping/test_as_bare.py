@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache
+from itertools import cycle
 from pathlib import Path
 
 import bundles
@@ -172,6 +173,90 @@ def test_effects_switched_off_give_the_host_its_force_back(fmi: int) -> None:
         host.step(H)
         x, v, a = host.get("x", "v", "a")
         assert a == pytest.approx((-4000.0 * 1e-3 * x - 20.0 * v) / 10.0, rel=1e-9)
+
+
+# a solver whose result is made by how time is divided
+
+
+def divided(
+    fmu: Path, sizes: Sequence[float], *outputs: str, off_from: int = 0, names: Sequence[str] = ()
+) -> np.ndarray:
+    """Outputs after each step of a host that takes these steps, with `names` switched off before step `off_from`."""
+    rows: list[np.ndarray] = []
+    with Host(fmu) as host:
+        for k, (size, u) in enumerate(zip(sizes, cycle(U), strict=False)):
+            if k == off_from:
+                off(*names)(host)
+            host.set(u=u)
+            assert host.step(size)[0] == "ok"
+            rows.append(host.get(*outputs))
+    return np.array(rows)
+
+
+VARIED = np.random.default_rng(7).choice([2.5e-4, 7e-4, 1e-3, 1.7e-3, 3e-3, 5e-3], size=200)
+
+
+@pytest.mark.parametrize("sizes", [[5e-3] * 60, [1.7e-3] * 60, VARIED], ids=["5 ms", "1.7 ms", "varied"])
+@pytest.mark.parametrize(("names", "effect"), [("x", ""), ("", "viscous_damping"), ("x", "viscous_damping")])
+@SAME
+def test_with_all_switched_off_steps_are_not_divided(fmi: int, names: str, effect: str, sizes: Sequence[float]) -> None:
+    alone = divided(bare("euler", fmi), sizes, "x", "v", "steps")
+    fmu = made("euler", fmi, names, effect, 4e-4)
+    switches = [name for name in ("correction_enabled", "effects_enabled") if name in open_fmu(fmu).variables]
+    same(divided(fmu, sizes, "x", "v", "steps", names=switches), alone)
+    assert divided(fmu, sizes, "steps")[-1, 0] > alone[-1, 2]  # on, they are
+    for name in switches[1:]:  # and with one of two on
+        assert divided(fmu, sizes, "steps", names=[name])[-1, 0] > alone[-1, 2]
+
+
+@SAME
+def test_a_constant_step_is_not_divided_either(fmi: int) -> None:
+    sizes = [5e-3] * 60
+    fmu = made("euler", fmi, "x", constant=True)
+    alone = divided(bare("euler", fmi), sizes, "x", "v", "steps")
+    same(divided(fmu, sizes, "x", "v", "steps", names=["correction_enabled"]), alone)
+    # led from sample to sample before, the solver goes on so
+    assert divided(fmu, sizes, "steps", names=["correction_enabled"], off_from=30)[-1, 0] == 5 * len(sizes)
+
+
+@SAME
+def test_a_constant_step_cannot_be_divided_later(
+    fmi: int, caplog: pytest.LogCaptureFixture, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with Host(made("euler", fmi, "x", constant=True)) as host:
+        off("correction_enabled")(host)
+        assert [host.step(5e-3)[0] for _ in range(3)] == ["ok"] * 3
+        host.fmu.setBoolean([host.references["correction_enabled"]], [True])
+        assert host.step(5e-3)[0] == "error"
+    assert "steps of 0.001 s after steps of 0.005 s: it cannot vary its step" in caplog.text + capsys.readouterr().out
+
+
+@pytest.mark.parametrize("size", [5e-3, 1.7e-3, 7e-4])
+@SAME
+def test_switched_on_again_the_window_fills_on_the_same_grid(fmi: int, size: float) -> None:
+    """The solver shows sin(2 pi t), however time is divided."""
+
+    def seen(before: float, n: int) -> np.ndarray:
+        """x_corrected, x_sigma, status at 1 ms to 200 ms; switched off in n steps of `before` s first, where that is not 0."""
+        rows = np.full((200, 3), np.nan)
+        with Host(made("clock", fmi, "x")) as host:
+            integers = host.fmu.getInt64 if isinstance(host.fmu, FMU3Slave) else host.fmu.getInteger
+            if before:
+                off("correction_enabled")(host)
+            for _ in range(n):
+                assert host.step(before)[0] == "ok"
+            host.fmu.setBoolean([host.references["correction_enabled"]], [True])
+            for k in range(round(host.time * 1e9) // MS, 200):
+                assert host.step((k + 1) * H - host.time)[0] == "ok"
+                rows[k] = *host.get("x_corrected", "x_sigma"), *integers([host.references["corrector_status"]])
+        return rows
+
+    never, late = seen(0.0, 0), seen(size, 17)
+    first = round(17 * size * 1e9) // MS
+    full = first + ROWS - 1 - (size == 5e-3)  # the time of the switch itself is a sample where it lies on the grid
+    assert (late[first:full, 2] == 1).all()
+    np.testing.assert_allclose(late[full:], never[full:], rtol=0.0, atol=1e-6)
+    assert late[full, 2] != 1
 
 
 # a solver that holds times against each other

@@ -145,12 +145,13 @@ static Status let_go(Wrapper *self)
 }
 #endif
 
-Status coupling_advance(Wrapper *self, double begin, double size, Outcome *outcome)
+double coupling_parts(double size) { return !EFFECTS || size <= COUPLING ? 1.0 : ceil(size / COUPLING - 1e-6); }
+
+Status coupling_advance(Wrapper *self, double begin, double size, bool whole, Outcome *outcome)
 {
 #if EFFECTS
     State *s = &self->state;
-    const bool whole = size <= COUPLING || (INNER_VARIABLE_STEP && !s->effects_enabled);
-    const double count = whole ? 1.0 : ceil(size / COUPLING - 1e-6), end = begin + size;
+    const double count = whole || (INNER_VARIABLE_STEP && !s->effects_enabled) ? 1.0 : coupling_parts(size), end = begin + size;
     double time = begin;
     Status worst = STATUS_OK;
     s->divided = s->divided || count > 1.0;

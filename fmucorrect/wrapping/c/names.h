@@ -20,6 +20,7 @@
 #define sampling_row OWN(sampling_row)
 #define sampling_correction OWN(sampling_correction)
 #define coupling_advance OWN(coupling_advance)
+#define coupling_parts OWN(coupling_parts)
 
 /* variables.c */
 #define solver_run OWN(solver_run)

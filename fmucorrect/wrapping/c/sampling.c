@@ -8,6 +8,9 @@
  * sample time if the host's step is a multiple of it, the host's step if that is a fraction of it; any other step, and any change
  * from one to another, is refused.
  *
+ * With the correction and all effects switched off the host's steps reach the solver whole, as if it were alone. Samples that such
+ * a step passes are not known: the window fills anew, on the same grid.
+ *
  * A sample is what the solver's outputs are with the inputs of its time: read when the step that leads to it has ended, and again
  * when the next one begins where an output may depend on an input at once (CHANNELS_FED) and inputs have been set in between.
  *
@@ -32,12 +35,33 @@
 /* A new sample is due at the time that has been reached: one row up. */
 static void open_row(State *s)
 {
-    s->sample_ns = s->now_ns;
     memmove(s->window, s->window + CHANNELS, (ROWS - 1) * CHANNELS * sizeof *s->window);
     s->seen_before = s->seen;
     s->on_grid = s->row_stale = s->stale = true;
 }
 #endif
+
+/* Nothing of the wrapper acts. A solver of constant step that was led from sample to sample goes on so. */
+static bool idle(const State *s)
+{
+    return !(CHANNELS && s->enabled) && !(EFFECTS && s->effects_enabled) && (INNER_VARIABLE_STEP || !s->divided);
+}
+
+/* The grid at the time that has been reached: at the next sample, before it, or, after a step that was not divided, anywhere. */
+static void follow_grid(State *s)
+{
+    const int64_t passed = (s->now_ns + SNAP - s->sample_ns) / STEP_NS, newest_ns = s->sample_ns + passed * STEP_NS;
+    if (passed == 0)
+        return;
+    const bool met = s->now_ns <= newest_ns + SNAP;
+    s->sample_ns = met ? s->now_ns : newest_ns;
+#if CHANNELS
+    if (passed > 1 || !met)
+        s->seen = 0;
+    if (met)
+        open_row(s);
+#endif
+}
 
 Status sampling_row(Wrapper *self)
 {
@@ -137,14 +161,16 @@ static Status check_constant_step(Wrapper *self, double size)
                            "a communication step of %.9g s was asked for, expected %s of the corrector's sample time %.9g s: %s", size,
                            INNER_FMI ? "a multiple or a whole fraction" : "a whole fraction", sample,
                            INNER_FMI ? "the solver cannot vary its step" : "the inputs are not known in between");
-    const double piece = multiple ? sample : size;
-    if (s->piece == 0.0)
-        s->piece = piece;
-    if (INNER_FMI && fabs(piece - s->piece) > 1e-3 * s->piece)
+    const double piece = multiple ? sample : size, part = piece / coupling_parts(piece);
+    if (s->part == 0.0)
+        s->part = part;
+    if (INNER_FMI && fabs(part - s->part) > 1e-3 * s->part)
         return wrapper_log(self, STATUS_ERROR,
                            "a communication step of %.9g s was asked for, with which the solver would take steps of %.9g s after steps of "
                            "%.9g s: it cannot vary its step",
-                           size, piece, s->piece);
+                           size, part, s->part);
+    if (s->piece == 0.0)
+        s->piece = piece;
     return STATUS_OK;
 }
 
@@ -159,7 +185,7 @@ static Status check_step(Wrapper *self, double time, double size)
     if (fabs(time - s->host) > fmin(0.5 * size, fmax(SNAP / SECOND, COARSE * fabs(time))))
         return wrapper_log(self, STATUS_ERROR, "a step from t = %.9g s was asked for, expected from %.9g s, where the last one ended", time,
                            s->host);
-    return INNER_VARIABLE_STEP ? STATUS_OK : check_constant_step(self, size);
+    return INNER_VARIABLE_STEP || idle(s) ? STATUS_OK : check_constant_step(self, size);
 }
 
 /* One piece of a step, which ends at the next sample or before it. `last`: the step ends with it. */
@@ -167,15 +193,19 @@ static Status step_piece(Wrapper *self, double begin, double piece, bool last, O
 {
     State *s = &self->state;
     const int64_t before_ns = s->now_ns, next_ns = s->sample_ns + STEP_NS;
+    const bool alone = idle(s);
 #if INNER_FMI && !INNER_VARIABLE_STEP
-    if (fabs(piece - s->piece) * SECOND > SNAP)
+    if (alone)
+        s->part = piece;
+    else if (fabs(piece - s->piece) * SECOND > SNAP)
         return wrapper_log(self, STATUS_ERROR,
                            "the solver would have to take a step of %.9g s to the corrector's next sample after steps of %.9g s: it "
                            "cannot vary its step",
                            piece, s->piece);
-    piece = s->piece;
+    else
+        piece = s->piece;
 #endif
-    const Status status = coupling_advance(self, begin, piece, outcome);
+    const Status status = coupling_advance(self, begin, piece, alone, outcome);
     const bool part = status == STATUS_DISCARD || outcome->early;
     if (status > STATUS_WARNING && !part)
         return status;
@@ -183,13 +213,7 @@ static Status step_piece(Wrapper *self, double begin, double piece, bool last, O
     s->now_ns = part || last ? llround(s->now * SECOND) : next_ns;
     s->on_grid = s->on_grid && s->now_ns == before_ns;
     s->row_stale = true;
-#if CHANNELS
-    if (s->now_ns >= next_ns - SNAP)
-        open_row(s);
-#else
-    if (s->now_ns >= next_ns - SNAP)
-        s->sample_ns = s->now_ns;
-#endif
+    follow_grid(s);
     return status;
 }
 
@@ -200,11 +224,10 @@ static Status step_by_pieces(Wrapper *self, double start, double size, bool may_
     const double end = start + size;
     const int64_t end_ns = llround(end * SECOND);
     Status worst = STATUS_OK;
-    const bool idle = INNER_VARIABLE_STEP && !CHANNELS && !s->effects_enabled; /* nothing needs pieces */
     double begin = start;
     for (bool whole = true, last = false; !last; whole = false, begin = s->now) {
         const int64_t next_ns = s->sample_ns + STEP_NS;
-        last = idle || end_ns <= next_ns + SNAP;
+        last = idle(s) || end_ns <= next_ns + SNAP;
         s->divided = s->divided || !last;
         const double piece = !last ? (double)(next_ns - s->now_ns) / SECOND : whole ? size : end - begin;
         const Status status = step_piece(self, begin, piece, last, outcome);

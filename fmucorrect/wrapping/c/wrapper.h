@@ -112,7 +112,8 @@ typedef struct {
     bool ill;         /* the last sample was not finite, and that was said */
     int64_t now_ns;   /* time that has been reached, on the solver's clock */
     int64_t sample_ns; /* time of the newest sample */
-    double piece;     /* a solver of constant step: its step in s, 0 before the first */
+    double piece;     /* a solver of constant step: s from sample to sample or less, 0 before the first */
+    double part;      /* the same, what the solver got last, with effects less than a piece; s, 0 before the first */
     uint32_t seen, seen_before;
     int status;
     double now;  /* s, where the solver's last step ended: its begin + its size, in the solver's own arithmetic */
@@ -213,8 +214,9 @@ Status sampling_step(Wrapper *self, double time, double size, bool may_return_ea
 Status sampling_row(Wrapper *self);
 Status sampling_correction(Wrapper *self);
 
-/* coupling.c: from `begin` to `begin + size` with the effects in the loop, never beyond a sample. */
-Status coupling_advance(Wrapper *self, double begin, double size, Outcome *outcome);
+/* coupling.c: from `begin` to `begin + size` with the effects in the loop, never beyond a sample; or `whole`, with none. */
+Status coupling_advance(Wrapper *self, double begin, double size, bool whole, Outcome *outcome);
+double coupling_parts(double size); /* into how many sub-steps it divides that */
 
 /* variables.c: what the host does not get from the solver directly. */
 size_t solver_run(const uint32_t references[], size_t n); /* how many of the first ones go straight to the solver */

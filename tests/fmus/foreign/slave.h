@@ -1,10 +1,9 @@
 /* FMI 2.0 and 3.0 around a small model, for solvers that behave as commercial exporters' do: what the file that includes this must
  * define is Model, COUNT (variables, by value reference from FIRST on, 0 unless it says otherwise), and model_start, model_get,
- * model_set and model_step. INSTANCES: so many a process may be made. */
+ * model_set and model_step. INSTANCES: so many a process may be made. INITIAL: what a new instance holds, 0 unless it is said. */
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdlib.h>
-#include <string.h>
 
 #if defined(_WIN32)
 #define EXPORT __declspec(dllexport)
@@ -18,6 +17,9 @@
 #ifndef INSTANCES
 #define INSTANCES 1000
 #endif
+#ifndef INITIAL
+#define INITIAL {0}
+#endif
 
 enum { OK, WARNING, DISCARD, ERROR };
 
@@ -27,6 +29,16 @@ static void model_set(Model *self, unsigned reference, double value);
 static int model_step(Model *self, double time, double size);
 
 static int instances = 0; /* ever made: what a tool leaves behind in its process is not made good by freeing */
+static const Model initial = INITIAL;
+
+static Model *born(void)
+{
+    Model *self = instances++ < INSTANCES ? malloc(sizeof *self) : NULL;
+    if (self)
+        *self = initial;
+    return self;
+}
+
 #define M Model *self
 #define ACCESS                                                                                                           \
     for (size_t i = 0; i < n; i++)                                                                                       \
@@ -42,7 +54,7 @@ EXPORT const char *fmi3GetVersion(void) { return "3.0"; }
 
 EXPORT void *fmi2Instantiate(const char *name, int type, const char *guid, const char *resources, const void *callbacks, int visible, int logging)
 {
-    return instances++ < INSTANCES ? calloc(1, sizeof(Model)) : NULL;
+    return born();
 }
 EXPORT void fmi2FreeInstance(M) { free(self); }
 EXPORT int fmi2SetDebugLogging(M, int on, size_t n, const char *const categories[]) { return OK; }
@@ -50,7 +62,7 @@ EXPORT int fmi2SetupExperiment(M, int tolerance, double value, double time, int 
 EXPORT int fmi2EnterInitializationMode(M) { return OK; }
 EXPORT int fmi2ExitInitializationMode(M) { return OK; }
 EXPORT int fmi2Terminate(M) { return OK; }
-EXPORT int fmi2Reset(M) { return memset(self, 0, sizeof *self), OK; }
+EXPORT int fmi2Reset(M) { return *self = initial, OK; }
 EXPORT int fmi2GetReal(M, const unsigned references[], size_t n, double values[]) { GET; }
 EXPORT int fmi2SetReal(M, const unsigned references[], size_t n, const double values[]) { SET; }
 EXPORT int fmi2DoStep(M, double time, double size, int no_set_state) { return model_step(self, time, size); }
@@ -58,14 +70,14 @@ EXPORT int fmi2DoStep(M, double time, double size, int no_set_state) { return mo
 EXPORT void *fmi3InstantiateCoSimulation(const char *name, const char *token, const char *resources, bool visible, bool logging, bool event,
                                          bool early, const unsigned required[], size_t n, void *environment, void *log, void *update)
 {
-    return instances++ < INSTANCES ? calloc(1, sizeof(Model)) : NULL;
+    return born();
 }
 EXPORT void fmi3FreeInstance(M) { free(self); }
 EXPORT int fmi3SetDebugLogging(M, bool on, size_t n, const char *const categories[]) { return OK; }
 EXPORT int fmi3EnterInitializationMode(M, bool tolerance, double value, double time, bool stop, double end) { return model_start(self, time), OK; }
 EXPORT int fmi3ExitInitializationMode(M) { return OK; }
 EXPORT int fmi3Terminate(M) { return OK; }
-EXPORT int fmi3Reset(M) { return memset(self, 0, sizeof *self), OK; }
+EXPORT int fmi3Reset(M) { return *self = initial, OK; }
 EXPORT int fmi3GetFloat64(M, const unsigned references[], size_t n, double values[], size_t count) { GET; }
 EXPORT int fmi3SetFloat64(M, const unsigned references[], size_t n, const double values[], size_t count) { SET; }
 EXPORT int fmi3DoStep(M, double time, double size, bool no_set_state, bool *event, bool *terminate, bool *early, double *last)
