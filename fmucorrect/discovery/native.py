@@ -60,6 +60,7 @@ class Road(Structure):
         ("out", c_void_p),
         ("force_references", POINTER(c_uint)),
         ("force_columns", POINTER(c_long)),
+        ("force_starts", POINTER(c_double)),
         ("n_forces", c_long),
         ("force_values", c_void_p),
     ]

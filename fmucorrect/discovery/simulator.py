@@ -218,6 +218,7 @@ class Simulator:
             out.ctypes.data,
             self._references(forces),
             (c_long * max(len(forces), 1))(*(own.index(force) if force in own else -1 for force in forces)),
+            self._starts(forces, condition),
             len(forces),
             pushed.ctypes.data,
         )
@@ -289,6 +290,16 @@ class Simulator:
         given = dict(item.values)
         frequency = given.pop("order") * self._speed / (2.0 * np.pi * given.pop("radius"))
         return plain, list(plain.complete(given | {"frequency": frequency}).values())
+
+    def _starts(self, inputs: Sequence[int], condition: Condition) -> ctypes.Array[c_double]:
+        """What these inputs, by value reference, begin with."""
+        said = {**self._parameters, **condition.parameters}
+        begins = {
+            v.reference: said.get(v.name, v.begins)
+            for v in self._description.variables.values()
+            if v.causality == "input"
+        }
+        return (c_double * max(len(inputs), 1))(*(begins[reference] for reference in inputs))
 
     @staticmethod
     def _references(numbers: Sequence[int]) -> ctypes.Array[c_uint]:

@@ -62,6 +62,11 @@ class Variable:
     description: str = ""
 
     @property
+    def begins(self) -> float:
+        """The start value of a number, 0 where the FMU says none."""
+        return float(self.start or 0.0)
+
+    @property
     def discrete(self) -> bool:
         """Whether its values are whole numbers, with nothing between two of them."""
         return self.number and self.type not in ("Real", "Float32", "Float64")

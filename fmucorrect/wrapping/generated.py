@@ -103,6 +103,7 @@ def tables(facts: Facts) -> str:
         f"{forces.index(place.force)}, {ctext.number(place.factor, 'the factor of a force')}}}"
         for place in facts.places
     ]
+    force_starts = [ctext.number(wiring.parameters.get(v, v.begins), f"the start value of {v.name!r}") for v in forces]
     answers = [[ctext.number(p.answers.get(f.name, 0.0), "an answer") for f in forces] for p in facts.places]
     arrays = [
         _array("Wired", "SOURCES", "CHANNELS + CONDITIONS", (_source(facts, source) for source in sources)),
@@ -114,6 +115,7 @@ def tables(facts: Facts) -> str:
         _array("ArraySize", "ARRAYS", "ARRAY_COUNT + 1", (f"{{{ref}u, {size}}}" for ref, size in _arrays(facts))),
         _array("Wired", "WIRED", "WIRED_COUNT + 1", map(_row, facts.wired)),
         _array("Wired", "FORCE_INPUTS", "FORCES + 1", (_variable(facts, force) for force in forces)),
+        _array("double", "FORCE_STARTS", "FORCES + 1", force_starts),
         _array("Place", "PLACES", "EFFECTS + 1", places),
         _array("double", "ANSWERS", "EFFECTS + 1][FORCES + 1", (f"{{{', '.join(row)}}}" for row in answers)),
     ]

@@ -104,6 +104,22 @@ def test_a_law_pushes_on_top_of_what_the_study_gives_at_its_force_input(library,
     np.testing.assert_allclose(found[0], found[1], atol=1e-9)
 
 
+def test_or_on_top_of_what_that_input_starts_with(library, tmp_path):
+    found = []
+    for name, force in (("mass1.f", 2.0), ("joint1.f", -2.0)):
+        write(tmp_path / "measured.csv", "x1 [mm]", 0.0 * T)
+        start = MASS.replace("parameters = {", f'parameters = {{ "{name}" = {force}, ')
+        assert start != MASS
+        (tmp_path / "study.toml").write_text(
+            start + JOINT + SWEEP.replace('inputs = "force.csv"\n', ""), encoding="utf-8"
+        )
+        study = load_study(tmp_path / "study.toml")
+        law = Model((term_at(study, "cubic_stiffness", "joint 1", cubic_stiffness=4e6),))
+        found.append(shown(study, study.conditions[0], library, law, len(T)))
+    assert np.ptp(found[0]) > 1.0
+    np.testing.assert_allclose(found[0], found[1], atol=1e-9)
+
+
 def test_sub_steps_bring_it_nearer_to_the_truth(library):
     """With ever more of them the response approaches a limit, by the square of their number."""
     study = load_study(STUDY)

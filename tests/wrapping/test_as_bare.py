@@ -55,7 +55,7 @@ def made(model: str, fmi: int, names: str, effect: str = "", part: float = H, **
     effects = None
     if effect:
         effects = out.with_suffix(".toml")
-        given = {"viscous_damping": {"damping": 30.0}, "added_mass": {"mass": 2.0}}[effect]
+        given = {"viscous_damping": {"damping": 30.0}, "added_mass": {"mass": 2.0}, "preload": {"force": 25.0}}[effect]
         write(Effects((ForceEffect(effect, "spring", given),), joints=(SPRING,), coupling_step=part), effects)
     model_of = corrector(names) if names else None
     wrap(bare(model, fmi, **what), model_of, out, effects_file=effects, platforms=["linux64"])
@@ -257,6 +257,26 @@ def test_switched_on_again_the_window_fills_on_the_same_grid(fmi: int, size: flo
     assert (late[first:full, 2] == 1).all()
     np.testing.assert_allclose(late[full:], never[full:], rtol=0.0, atol=1e-6)
     assert late[full, 2] != 1
+
+
+@SAME
+def test_an_effect_adds_to_what_a_force_input_starts_with(fmi: int) -> None:
+    """60 N by the FMU itself; what a host sets goes in its place."""
+    fmu, alone = made("euler", fmi, "", "preload"), bare("euler", fmi)
+    seen: list[np.ndarray] = []
+    for path, forces in ((fmu, (None, 10.0)), (alone, (60.0 + 25.0, 10.0 + 25.0))):
+        with Host(path) as host:
+            for k in range(100):
+                force = forces[k // 50]
+                if force is not None:
+                    host.set(f=force)
+                assert host.step(H)[0] == "ok"
+                seen.append(host.get("x", "v"))
+            if path == fmu:
+                assert host.get("f")[0] == 10.0
+                host.fmu.reset()
+                assert host.get("f")[0] == 60.0
+    same(np.array(seen[:100]), np.array(seen[100:]))
 
 
 # a solver that holds times against each other

@@ -34,7 +34,7 @@ typedef struct {
 /* Where and what is stepped: `steps` steps of `size` s from `start`, each in `parts` sub-steps. inputs: (steps + 1,
  * n_inputs) rows. reads: references of what is read after every sub-step, responses first; out: (steps + 1,
  * n_responses). forces: references of the force inputs, and where the same input is among those of the row: laws push
- * on top of what is given there; -1 where it is not. force_values: what they hold. */
+ * on top of what is given there; -1 where it is not, and then of force_starts. force_values: what they hold. */
 typedef struct {
     double start, size;
     long steps, parts;
@@ -46,6 +46,7 @@ typedef struct {
     double *reads, *out;
     const unsigned *force_references;
     const long *force_columns;
+    const double *force_starts;
     long n_forces;
     double *force_values;
 } Road;
@@ -109,7 +110,7 @@ static void look(Placed *law, const Road *road, double h, double port[4])
 static void given(const Road *road, const double row[])
 {
     for (long f = 0; f < road->n_forces; f++)
-        road->force_values[f] = road->force_columns[f] < 0 ? 0.0 : row[road->force_columns[f]];
+        road->force_values[f] = road->force_columns[f] < 0 ? road->force_starts[f] : row[road->force_columns[f]];
 }
 
 /* One sub-step of h s from t, with the inputs of `row`; the joints have been read. Whether the solver went along. */

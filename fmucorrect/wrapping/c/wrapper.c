@@ -29,6 +29,7 @@ static Status start_over(Wrapper *self)
     s->enabled = s->effects_enabled = s->row_stale = s->row_due = s->joints_due = s->stale = true;
     s->status = WARMUP;
     memcpy(s->conditions, TUNABLES, sizeof s->conditions);
+    memcpy(s->host_force, FORCE_STARTS, sizeof s->host_force);
     effects_start(s->states);
     for (size_t i = 0; i != STARTS; i++) {
         const Start *start = &START_VALUES[i];

@@ -90,6 +90,7 @@ extern const Start START_VALUES[STARTS + 1];
 extern const ArraySize ARRAYS[ARRAY_COUNT + 1];
 extern const Wired WIRED[WIRED_COUNT + 1]; /* by the host's value reference, where the versions differ */
 extern const Wired FORCE_INPUTS[FORCES + 1];
+extern const double FORCE_STARTS[FORCES + 1]; /* what the solver begins with there */
 extern const Place PLACES[EFFECTS + 1];
 extern const double ANSWERS[EFFECTS + 1][FORCES + 1]; /* of law i's acceleration to a force input: m/s2 a unit of the solver's */
 
