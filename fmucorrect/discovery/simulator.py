@@ -18,7 +18,7 @@ from fmucorrect.catalogue import CATALOGUE, Law
 from fmucorrect.discovery.native import LAWS, Placed, Road, Solver
 from fmucorrect.discovery.resting import RESTS, STILL, ends, spans, still
 from fmucorrect.errors import FmuError
-from fmucorrect.fmu import FmuDescription
+from fmucorrect.fmu import FmuDescription, Variable
 from fmucorrect.fmu.feedthrough import feedthrough
 from fmucorrect.signals import NANOSECONDS, Condition, join
 from fmucorrect.study import Joint, Study
@@ -70,8 +70,10 @@ class Simulator:
         self._names = (*chunk.names, *(name for name in dict.fromkeys(extra) if name not in chunk.names))
         self._stepper = sources.solver(study, study.channels, self._names)
         self._description = self._stepper.description
-        zeros = np.zeros((len(chunk), len(self._names) - len(chunk.names)))
-        self._inputs = np.ascontiguousarray(np.concatenate([chunk.values, zeros], axis=1))
+        self._parameters = {**study.simulation.parameters, **condition.parameters}
+        self._check_scalars(study)
+        held = [self._begins(self._description.variables[name]) for name in self._names[len(chunk.names) :]]
+        self._inputs = np.ascontiguousarray(np.concatenate([chunk.values, np.tile(held, (len(chunk), 1))], axis=1))
         self._t_ns = chunk.t_ns
         self._march = ctypes.CDLL(str(library)).march
         self._march.restype = c_long
@@ -81,7 +83,6 @@ class Simulator:
         self._speed = condition.speed / 3.6
         self._waits: bool | None = None
         self._settled: dict[Joint | None, bool] = {}
-        self._parameters = {**study.simulation.parameters, **condition.parameters}
         self._answers: dict[tuple[str, str], float] = {}
         self._asked: tuple[list[LawAt], dict[str, float]] | None = None
         self._given = self._inputs
@@ -203,6 +204,7 @@ class Simulator:
         own = self._input_references[: given.shape[1]]
         steps, count = len(given) - 1, len(self._responses)
         values, out, pushed = np.zeros(len(reads)), np.zeros((steps + 1, count)), np.zeros(max(len(forces), 1))
+        begins = {v.reference: self._begins(v) for v in self._description.of("input")}
         road = Road(
             begin / NANOSECONDS,
             self._step_ns / NANOSECONDS,
@@ -218,7 +220,7 @@ class Simulator:
             out.ctypes.data,
             self._references(forces),
             (c_long * max(len(forces), 1))(*(own.index(force) if force in own else -1 for force in forces)),
-            self._starts(forces, condition),
+            (c_double * max(len(forces), 1))(*(begins[force] for force in forces)),
             len(forces),
             pushed.ctypes.data,
         )
@@ -291,15 +293,24 @@ class Simulator:
         frequency = given.pop("order") * self._speed / (2.0 * np.pi * given.pop("radius"))
         return plain, list(plain.complete(given | {"frequency": frequency}).values())
 
-    def _starts(self, inputs: Sequence[int], condition: Condition) -> ctypes.Array[c_double]:
-        """What these inputs, by value reference, begin with."""
-        said = {**self._parameters, **condition.parameters}
-        begins = {
-            v.reference: said.get(v.name, v.begins)
-            for v in self._description.variables.values()
-            if v.causality == "input"
-        }
-        return (c_double * max(len(inputs), 1))(*(begins[reference] for reference in inputs))
+    def _begins(self, variable: Variable) -> float:
+        """What the study has a variable begin with."""
+        return self._parameters.get(variable.name, variable.begins)
+
+    def _check_scalars(self, study: Study) -> None:
+        """Raises FmuError for elements of arrays: the loop in C moves no arrays."""
+        named = [channel.simulation or channel.name for channel in study.channels]
+        for joint in study.joints:
+            named += [joint.force, joint.displacement, joint.velocity, joint.acceleration, joint.nominal_force]
+        every = self._description.variables
+        inside = [name for name in dict.fromkeys([*named, *self._names]) if name in every and every[name].size > 1]
+        if inside:
+            raise FmuError(
+                f"discovery cannot read or set elements of arrays: {', '.join(inside)}",
+                where=str(self._description.path),
+                expected="variables of one number",
+                remedy="Export them as scalars, or as FMI 2.0.",
+            )
 
     @staticmethod
     def _references(numbers: Sequence[int]) -> ctypes.Array[c_uint]:

@@ -6,7 +6,7 @@ import difflib
 import json
 import logging
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -18,12 +18,15 @@ from fmpy import model_description as fmpy_description
 from fmucorrect import outputs
 from fmucorrect.errors import FmuError
 from fmucorrect.fmu import archive
+from fmucorrect.fmu.elements import element_names
 from fmucorrect.units import Unit
 
 _LIBRARY_SUFFIXES = (".so", ".dll", ".dylib")
 _AGAIN = "Export it again."
 _SHOWN, _PROBLEMS = 500, 20
 """Characters of a message of others, and how many of them, that are passed on."""
+ELEMENTS = 10_000
+"""Of the largest array whose elements are variables of their own; larger ones are fields, not measured point by point."""
 REFERENCES = 1 << 32
 """Value references are unsigned numbers of 32 bits."""
 _CAPABILITIES = {
@@ -45,7 +48,9 @@ class Variable:
 
     type: Real, Integer, Boolean, Enumeration or String of FMI 2; Float64, Int32, ... of FMI 3. unit: "" where the FMU
     says none. start: as the description writes it, "" without one. minimum, maximum: -inf, inf where there are none.
-    reference: FMI value reference. shape: () for a scalar. settable: whether a start value may be given.
+    reference: FMI value reference. shape: () for a scalar. settable: whether a start value may be given. An element of an
+    array of FMI 3 is a variable too, `name[2]` or `name[2,1]`: size: elements of its array, 1 of any other. index: which
+    of them it is, row-major from 0.
     """
 
     name: str
@@ -60,11 +65,13 @@ class Variable:
     shape: tuple[int, ...] = ()
     settable: bool = False
     description: str = ""
+    size: int = 1
+    index: int = 0
 
     @property
     def begins(self) -> float:
         """The start value of a number, 0 where the FMU says none."""
-        return float(self.start or 0.0)
+        return float(self.start == "true") if self.type == "Boolean" else float(self.start or 0.0)
 
     @property
     def discrete(self) -> bool:
@@ -245,6 +252,7 @@ def open_fmu(path: str | Path, *, warn: bool = True) -> FmuDescription:
             remedy=_AGAIN,
         )
     variables = {v.name: v for v in map(_variable, model.modelVariables)}
+    variables |= {v.name: v for array in variables.values() for v in _elements(array) if v.name not in variables}
     _check_variables(variables.values(), path)
     libraries = [name for name in names if name.startswith("binaries/") and name.endswith(_LIBRARY_SUFFIXES)]
     called = {f"{identifier}{suffix}" for suffix in _LIBRARY_SUFFIXES}
@@ -319,6 +327,19 @@ def _variable(variable: fmpy_description.ModelVariable) -> Variable:
         and (variable.causality == "input" or variable.initial in ("exact", "approx")),
         description=variable.description or "",
     )
+
+
+def _elements(array: Variable) -> Iterator[Variable]:
+    """The elements of an array of numbers, of fields (ELEMENTS) and of scalars none."""
+    size = math.prod(array.shape)
+    scalar = replace(array, shape=(), size=size)
+    if not array.shape or not scalar.number or size > ELEMENTS:
+        return
+    starts = array.start.split()
+    starts = starts * size if len(starts) == 1 else starts
+    for index, name in enumerate(element_names(array.name, array.shape)):
+        start = starts[index] if index < len(starts) else ""
+        yield replace(scalar, name=name, start=start, index=index)
 
 
 def _defined(definitions: Iterable[fmpy_description.Unit]) -> Mapping[str, Unit]:

@@ -122,26 +122,46 @@ class Instance(ABC):
         self._initialised = False
 
     def set_start(self, values: Mapping[Variable, float]) -> None:
-        """Set start values, one call a type."""
-        for kind in {variable.type for variable in values}:
-            group = {v.reference: value for v, value in values.items() if v.type == kind}
+        """Set start values, one call a type; of an array the other elements get those of the description."""
+        whole: dict[tuple[str, int], list[float]] = {}
+        for v, value in values.items():
+            whole.setdefault((v.type, v.reference), self._begins(v))[v.index] = value
+        for kind in {kind for kind, _ in whole}:
+            group = {reference: row for (of, reference), row in whole.items() if of == kind}
             ctype: Any = self.TYPES[kind][1]
             number = float if ctype in (c_double, ctypes.c_float) else int
-            buffer = (ctype * len(group))(*map(number, group.values()))
+            numbers = [number(value) for row in group.values() for value in row]
+            buffer = (ctype * len(numbers))(*numbers)
             pointer = c_void_p(ctypes.addressof(buffer))
-            self.check(self.bind("Set", kind, list(group), pointer)(), f"{self.PREFIX}Set{self.TYPES[kind][0]}")
+            call = self.bind("Set", kind, list(group), pointer, len(numbers))
+            self.check(call(), f"{self.PREFIX}Set{self.TYPES[kind][0]}")
+
+    def _begins(self, variable: Variable) -> list[float]:
+        """Start values of the whole array that this variable is of, one of a scalar."""
+        row = [0.0] * variable.size
+        for v in self._description.variables.values() if variable.size > 1 else ():
+            if v.size > 1 and v.reference == variable.reference:
+                row[v.index] = v.begins
+        return row
 
     def exit_initialisation(self) -> None:
         """The end of initialisation: outputs are there from now on."""
         self.call("ExitInitializationMode")
         self._initialised = True
 
-    def bind(self, verb: str, kind: str, references: Sequence[int], pointer: c_void_p) -> Callable[[], int]:
-        """A call that gets (`verb` "Get") or sets ("Set") variables of one type where `pointer` points to by then."""
-        count = c_size_t(len(references))
+    def bind(self, verb: str, kind: str, references: Sequence[int], pointer: c_void_p, count: int) -> Callable[[], int]:
+        """A call that gets (`verb` "Get") or sets ("Set") variables of one type where `pointer` points to by then. count: how
+        many values they have, arrays in full."""
         array = (c_uint * len(references))(*references)
-        more = (count,) if self.COUNTED else ()
-        return partial(self.function(f"{verb}{self.TYPES[kind][0]}"), self._component, array, count, pointer, *more)
+        more = (c_size_t(count),) if self.COUNTED else ()
+        return partial(
+            self.function(f"{verb}{self.TYPES[kind][0]}"),
+            self._component,
+            array,
+            c_size_t(len(references)),
+            pointer,
+            *more,
+        )
 
     def directional(self, unknowns: Sequence[int], known: int) -> Float64[np.ndarray, " U"]:
         """Partial derivatives of the unknowns by one known, all by value reference, by the FMU's own function."""

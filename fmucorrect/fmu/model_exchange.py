@@ -99,8 +99,8 @@ class ModelExchange(Instance):
         self._cvode = Cvode(max(states, 1), indicators, tolerance, self._derivatives, self._at_indicators)
         self._event()
 
-    def bind(self, verb: str, kind: str, references: Sequence[int], pointer: c_void_p) -> Callable[[], int]:
-        call = super().bind(verb, kind, references, pointer)
+    def bind(self, verb: str, kind: str, references: Sequence[int], pointer: c_void_p, count: int) -> Callable[[], int]:
+        call = super().bind(verb, kind, references, pointer, count)
         if verb == "Get":
 
             def get() -> int:
@@ -117,8 +117,8 @@ class ModelExchange(Instance):
 
             return put
         ctype: Any = self.TYPES[kind][1]
-        there = (ctype * len(references))()
-        look = super().bind("Get", kind, references, c_void_p(ctypes.addressof(there)))
+        there = (ctype * count)()
+        look = super().bind("Get", kind, references, c_void_p(ctypes.addressof(there)), count)
 
         def put_at_event() -> int:
             if self._initialised:

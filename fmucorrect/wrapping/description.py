@@ -8,6 +8,7 @@ intermediate update, asynchronous steps. Standards: FMI 2.0.4 and FMI 3.0.2.
 
 from __future__ import annotations
 
+import math
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
@@ -15,6 +16,8 @@ from dataclasses import dataclass
 
 from fmucorrect.wrapping.added import Added, variables
 from fmucorrect.wrapping.conversion import Converted, Wired
+from fmucorrect.wrapping.description_elements import array_of
+from fmucorrect.wrapping.description_elements import starts as element_starts
 from fmucorrect.wrapping.description_fmi2 import to_fmi2
 from fmucorrect.wrapping.description_fmi3 import to_fmi3
 from fmucorrect.wrapping.description_structure import append, free_base, names
@@ -117,14 +120,22 @@ def _finish(converted: Converted, added: Added, outer: Outer, base: int) -> Desc
 def _set_starts(root: ET.Element, starts: Mapping[str, float]) -> None:
     """The start values that the wrapper gives to the solver are those that a host must know of."""
     known = names(root)
+    arrays = {} if version(root) == 2 else array_of(root)
     for name, start in starts.items():
         if name in known:
             value = value_element(known[name])
-            if value.tag == "Boolean":
-                text = "true" if start else "false"
-            else:
-                text = repr(float(start)) if value.tag in ("Real", "Float64", "Float32") else str(int(start))
-            value.set("start", text)
+            value.set("start", _text(value, start))
+        elif name in arrays:
+            element = arrays[name]
+            every = element_starts(element.array, element.shape) or ["0"] * math.prod(element.shape)
+            every[element.index] = _text(element.array, start)
+            element.array.set("start", " ".join(every))
+
+
+def _text(value: ET.Element, start: float) -> str:
+    if value.tag == "Boolean":
+        return "true" if start else "false"
+    return repr(float(start)) if value.tag in ("Real", "Float64", "Float32") else str(int(start))
 
 
 def _rewrite_head(root: ET.Element, outer: Outer) -> None:

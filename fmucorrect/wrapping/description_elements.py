@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import itertools
 import math
-import re
 import xml.etree.ElementTree as ET
+from dataclasses import dataclass
 
 from fmucorrect.errors import WrapError
+from fmucorrect.fmu.elements import element_names
 from fmucorrect.wrapping.description_xml import section
-
-_DERIVATIVE = re.compile(r"der\((.*?)((?:,\d+)?)\)$")
-_INDEXED = re.compile(r"(.*)\[(\d+(?:,\d+)*)\]$")
 
 
 def shapes(root: ET.Element) -> dict[int, tuple[int, ...]]:
@@ -30,21 +27,31 @@ def shapes(root: ET.Element) -> dict[int, tuple[int, ...]]:
     return found
 
 
-def element_names(name: str, shape: tuple[int, ...], used: set[str]) -> list[str]:
-    """Of each element, row-major: `a[1,2]`, `der(a[1,2])`, and `a[3,1,2]` of an array `a[3]`. Names in `used` get a `_`;
-    the new ones are added to it."""
+@dataclass(frozen=True)
+class Element:
+    """One of `shape` elements of the variable `array`, the one at `index`, row-major from 0."""
+
+    array: ET.Element
+    shape: tuple[int, ...]
+    index: int
+
+
+def array_of(root: ET.Element) -> dict[str, Element]:
+    """All elements of all arrays by their names."""
+    found, every = dict[str, Element](), shapes(root)
+    for array in section(root, "ModelVariables"):
+        shape = every[int(array.get("valueReference", "0"))]
+        for index, name in enumerate(element_names(array.get("name", ""), shape) if shape else ()):
+            found[name] = Element(array, shape, index)
+    return found
+
+
+def names_apart(name: str, shape: tuple[int, ...], used: set[str]) -> list[str]:
+    """Of each element, row-major; `name` of a scalar. Names in `used` get a `_`; the new ones are added to it."""
     if not shape:
         return [name]
-    before, after = "", ""
-    derivative = _DERIVATIVE.match(name)
-    if derivative is not None:
-        name, before, after = derivative[1], "der(", f"{derivative[2]})"
-    indexed = _INDEXED.match(name)
-    first = "" if indexed is None else f"{indexed[2]},"
-    name = name if indexed is None else indexed[1]
     names: list[str] = []
-    for place in itertools.product(*(range(1, extent + 1) for extent in shape)):
-        element = f"{before}{name}[{first}{','.join(map(str, place))}]{after}"
+    for element in element_names(name, shape):
         while element in used:
             element += "_"
         used.add(element)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 from fmucorrect.errors import WrapError
 from fmucorrect.wrapping.conversion import INTEGER, KINDS, REAL, Converted, Wired, begin, taken
-from fmucorrect.wrapping.description_elements import element_names, shapes, starts
+from fmucorrect.wrapping.description_elements import names_apart, shapes, starts
 from fmucorrect.wrapping.description_structure2 import write_structure
 from fmucorrect.wrapping.description_xml import add, section, true
 
@@ -125,8 +125,8 @@ def _variables(root: ET.Element, new: ET.Element, scalars: Scalars) -> None:
 
 def _scalarise(old: ET.Element, listed: ET.Element, shape: tuple[int, ...], used: set[str], scalars: Scalars) -> None:
     name, reference, tag = old.get("name", ""), int(old.get("valueReference", "0")), _TYPES[old.tag]
-    names, given = element_names(name, shape, used), starts(old, shape)
-    aliases = [(alias, element_names(alias.get("name", ""), shape, used)) for alias in old.findall("Alias")]
+    names, given = names_apart(name, shape, used), starts(old, shape)
+    aliases = [(alias, names_apart(alias.get("name", ""), shape, used)) for alias in old.findall("Alias")]
     annotations = _annotations(old.find("Annotations"), name, scalars)
     head = _head(old)
     value = _narrow(taken(old, _VALUES[tag]), tag)

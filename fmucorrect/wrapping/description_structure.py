@@ -7,6 +7,7 @@ from collections.abc import Collection, Iterable, Sequence
 
 from fmucorrect.errors import WrapError
 from fmucorrect.wrapping.added import Added, AddedVariable, variables
+from fmucorrect.wrapping.description_elements import array_of
 from fmucorrect.wrapping.description_units import define_status, define_units
 from fmucorrect.wrapping.description_xml import add, insert_after, section, structure, version
 
@@ -113,8 +114,9 @@ def _dependencies(root: ET.Element, sources: Sequence[str], at_start: bool) -> s
     unknowns = section(root, "ModelStructure").findall(path)
     stated = {int(unknown.get(key, "0")): unknown.get("dependencies") for unknown in unknowns}
     found = {ids[id(variable)] for variable in listed if variable.get("causality") == "independent"}
+    arrays = {} if version(root) == 2 else array_of(root)
     for source in sources:
-        variable = known.get(source)
+        variable = known.get(source, arrays[source].array if source in arrays else None)
         if variable is None:
             return None
         place = ids[id(variable)]

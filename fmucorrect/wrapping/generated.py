@@ -150,7 +150,7 @@ def _row(row: Wired) -> str:
 
 def _variable(facts: Facts, variable: Variable) -> str:
     kind = KINDS[int(facts.inner.fmi[0])][variable.type] if facts.inner else 0
-    return _row(Wired(kind, variable.reference))
+    return _row(Wired(kind, variable.reference, variable.size, variable.index))
 
 
 def _source(facts: Facts, source: Source | None) -> str:

@@ -38,6 +38,27 @@ def foreign(path: Path, model: str, fmi: int, *, stated: bool = True, constant: 
     return path
 
 
+_ARRAYS = """<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="3.0" modelName="arrays" instantiationToken="{arrays}">
+<CoSimulation modelIdentifier="arrays" canHandleVariableCommunicationStepSize="true"/>
+<UnitDefinitions><Unit name="N"><BaseUnit kg="1" m="1" s="-2"/></Unit><Unit name="m/s"><BaseUnit m="1" s="-1"/></Unit>
+<Unit name="mum"><BaseUnit m="1" factor="1e-6"/></Unit></UnitDefinitions>
+<ModelVariables>
+<Float64 name="f" valueReference="0" causality="input" unit="N" start="60 0"><Dimension start="2"/></Float64>
+<Float64 name="x" valueReference="1" causality="output" unit="mum"><Dimension start="2"/><Dimension start="1"/></Float64>
+<Float64 name="v" valueReference="2" causality="output" unit="m/s"><Dimension start="2"/></Float64>
+<Float64 name="time" valueReference="3" causality="independent" variability="continuous"/></ModelVariables>
+<ModelStructure><Output valueReference="1" dependencies=""/><Output valueReference="2" dependencies=""/></ModelStructure>
+</fmiModelDescription>"""
+
+
+def arrays(path: Path) -> Path:
+    """An FMU file of tests/fmus/foreign/arrays.c."""
+    files = {"modelDescription.xml": _ARRAYS.encode(), "binaries/x86_64-linux/arrays.so": _library("arrays")}
+    compiler.write_fmu(path, files)
+    return path
+
+
 def _description(model: str, fmi: int, stated: bool, constant: bool) -> str:
     names, first = VARIABLES[model], FIRST.get(model, 0)
     variables, structure = "", ""

@@ -152,6 +152,13 @@ class Host:
         references = [self.references[name] for name in names]
         return np.array((self.fmu.getFloat64 if self.three else self.fmu.getReal)(references))
 
+    def array(self, name: str, size: int) -> np.ndarray:
+        """All elements of an array of FMI 3.0."""
+        return np.array(self.fmu.getFloat64([self.references[name]], nValues=size))
+
+    def set_array(self, name: str, values: Sequence[float]) -> None:
+        self.fmu.setFloat64([self.references[name]], list(values))
+
     def row(self) -> np.ndarray:
         """The values of ALL."""
         status = (self.fmu.getInt64 if self.three else self.fmu.getInteger)([self.references["corrector_status"]])

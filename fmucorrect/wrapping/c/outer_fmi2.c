@@ -113,7 +113,7 @@ fmi2Status fmi2Reset(fmi2Component c)
         for (size_t i = 0; i < n && worst <= STATUS_WARNING;) {                                                          \
             RUN(Get##Name, (void)0)                                                                                      \
             Value got = {CLASS, 0.0, 0, NULL};                                                                           \
-            const Status one = variable_get(self, vr[i], CLASS, &got);                                                   \
+            const Status one = variable_get(self, vr[i], 0, CLASS, &got);                                                   \
             worst = one > worst ? one : worst;                                                                           \
             value[i++] = (fmi2##Name)got.member;                                                                         \
         }                                                                                                                \
@@ -128,7 +128,7 @@ fmi2Status fmi2Reset(fmi2Component c)
             RUN(Set##Name, variables_touched(self))                                                                      \
             Value given = {CLASS, 0.0, 0, NULL};                                                                         \
             given.member = value[i];                                                                                     \
-            const Status one = variable_set(self, vr[i++], &given);                                                      \
+            const Status one = variable_set(self, vr[i++], 0, &given);                                                      \
             worst = one > worst ? one : worst;                                                                           \
         }                                                                                                                \
         return (fmi2Status)worst;                                                                                        \

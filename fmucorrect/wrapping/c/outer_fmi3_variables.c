@@ -41,11 +41,15 @@
         Status worst = STATUS_OK;                                                                                        \
         for (size_t i = 0, at = 0; i < n && worst <= STATUS_WARNING;) {                                                  \
             RUN(Get##Name, (void)0)                                                                                      \
-            ROOM(Get##Name);                                                                                             \
-            Value got = {CLASS, 0.0, 0, NULL};                                                                           \
-            const Status one = variable_get(self, vr[i++], CLASS, &got);                                                 \
-            worst = one > worst ? one : worst;                                                                           \
-            values[at++] = (fmi3##Name)got.member;                                                                       \
+            const size_t size = variable_size(vr[i]);                                                                    \
+            for (size_t element = 0; element < size; element++) {                                                        \
+                ROOM(Get##Name);                                                                                         \
+                Value got = {CLASS, 0.0, 0, NULL};                                                                       \
+                const Status one = variable_get(self, vr[i], element, CLASS, &got);                                      \
+                worst = one > worst ? one : worst;                                                                       \
+                values[at++] = (fmi3##Name)got.member;                                                                   \
+            }                                                                                                            \
+            i++;                                                                                                         \
         }                                                                                                                \
         return (fmi3Status)worst;                                                                                        \
     }                                                                                                                    \
@@ -56,11 +60,15 @@
         Status worst = STATUS_OK;                                                                                        \
         for (size_t i = 0, at = 0; i < n && worst <= STATUS_WARNING;) {                                                  \
             RUN(Set##Name, variables_touched(self))                                                                      \
-            ROOM(Set##Name);                                                                                             \
-            Value given = {CLASS, 0.0, 0, NULL};                                                                         \
-            given.member = (Value_##member)values[at++];                                                                 \
-            const Status one = variable_set(self, vr[i++], &given);                                                      \
-            worst = one > worst ? one : worst;                                                                           \
+            const size_t size = variable_size(vr[i]);                                                                    \
+            for (size_t element = 0; element < size; element++) {                                                        \
+                ROOM(Set##Name);                                                                                         \
+                Value given = {CLASS, 0.0, 0, NULL};                                                                     \
+                given.member = (Value_##member)values[at++];                                                             \
+                const Status one = variable_set(self, vr[i], element, &given);                                           \
+                worst = one > worst ? one : worst;                                                                       \
+            }                                                                                                            \
+            i++;                                                                                                         \
         }                                                                                                                \
         return (fmi3Status)worst;                                                                                        \
     }

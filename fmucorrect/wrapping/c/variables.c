@@ -7,6 +7,7 @@
 static bool added(uint32_t reference) { return reference - ADDED_BASE < ADDED_COUNT && reference >= ADDED_BASE; }
 
 #if DIRECT && FORCES
+/* A force input that this variable is or has as an element, FORCES if there is none. */
 static size_t force_input(uint32_t reference)
 {
     for (size_t f = 0; f != FORCES; f++)
@@ -113,19 +114,23 @@ static Status set_added(Wrapper *self, uint32_t variable, const Value *value)
     return STATUS_OK;
 }
 
-/* Finds how the solver knows the variable, NULL where it does not. */
-static const Wired *wired(uint32_t reference)
+/* How the solver knows the variable, an array by its element; of size 0 where it does not. */
+static Wired wired(uint32_t reference, size_t element)
 {
+    Wired found = {0};
 #if DIRECT
 #if FORCES
     const size_t f = force_input(reference);
-    return f < FORCES ? &FORCE_INPUTS[f] : NULL;
-#else
-    return NULL;
+    if (f < FORCES) {
+        found = FORCE_INPUTS[f];
+        found.index = (uint32_t)element;
+    }
 #endif
 #else
-    return reference < WIRED_COUNT ? &WIRED[reference] : NULL;
+    if (reference < WIRED_COUNT)
+        found = WIRED[reference];
 #endif
+    return found;
 }
 
 /* As what the variable travels between versions. */
@@ -149,48 +154,49 @@ static Class class_of(const Wired *variable)
 static size_t shared_force(const Wired *variable)
 {
     for (size_t f = 0; f != FORCES; f++)
-        if (FORCE_INPUTS[f].reference == variable->reference && FORCE_INPUTS[f].kind == variable->kind)
+        if (FORCE_INPUTS[f].reference == variable->reference && FORCE_INPUTS[f].kind == variable->kind &&
+            FORCE_INPUTS[f].index == variable->index)
             return f;
     return FORCES;
 }
 
-Status variable_get(Wrapper *self, uint32_t reference, Class class, Value *value)
+Status variable_get(Wrapper *self, uint32_t reference, size_t element, Class class, Value *value)
 {
     if (added(reference))
         return get_added(self, reference - ADDED_BASE, class, value);
-    const Wired *variable = wired(reference);
-    if (!variable)
+    const Wired variable = wired(reference, element);
+    if (!variable.size)
         return unknown(self, reference, "there is no such variable");
     *value = (Value){.class = class};
-    if (variable->kind == TIME_KIND) {
+    if (variable.kind == TIME_KIND) {
         value->number = self->state.host;
         return STATUS_OK;
     }
-    if (class_of(variable) != class)
+    if (class_of(&variable) != class)
         return unknown(self, reference, "asked for by a function of another type");
-    const size_t f = shared_force(variable);
+    const size_t f = shared_force(&variable);
     if (f != FORCES) {
         value->number = self->state.host_force[f];
         return STATUS_OK;
     }
-    return inner_get(self, variable, value);
+    return inner_get(self, &variable, value);
 }
 
-Status variable_set(Wrapper *self, uint32_t reference, const Value *value)
+Status variable_set(Wrapper *self, uint32_t reference, size_t element, const Value *value)
 {
     if (added(reference))
         return set_added(self, reference - ADDED_BASE, value);
-    const Wired *variable = wired(reference);
-    if (!variable || variable->kind == TIME_KIND)
-        return unknown(self, reference, variable ? "time cannot be set" : "there is no such variable");
-    if (class_of(variable) != value->class)
+    const Wired variable = wired(reference, element);
+    if (!variable.size || variable.kind == TIME_KIND)
+        return unknown(self, reference, variable.size ? "time cannot be set" : "there is no such variable");
+    if (class_of(&variable) != value->class)
         return unknown(self, reference, "set by a function of another type");
     variables_touched(self);
-    const size_t f = shared_force(variable);
+    const size_t f = shared_force(&variable);
     if (f == FORCES)
-        return inner_set(self, variable, value);
+        return inner_set(self, &variable, value);
     Value sum = *value;
     self->state.host_force[f] = value->number;
     sum.number += self->state.force[f];
-    return inner_set(self, variable, &sum);
+    return inner_set(self, &variable, &sum);
 }

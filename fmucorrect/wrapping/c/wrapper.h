@@ -222,8 +222,9 @@ double coupling_parts(double size); /* into how many sub-steps it divides that *
 /* variables.c: what the host does not get from the solver directly. */
 size_t solver_run(const uint32_t references[], size_t n); /* how many of the first ones go straight to the solver */
 size_t variable_size(uint32_t reference);
-Status variable_get(Wrapper *self, uint32_t reference, Class class, Value *value);
-Status variable_set(Wrapper *self, uint32_t reference, const Value *value);
+/* element: of an array, row-major; 0 of any other. */
+Status variable_get(Wrapper *self, uint32_t reference, size_t element, Class class, Value *value);
+Status variable_set(Wrapper *self, uint32_t reference, size_t element, const Value *value);
 void variables_touched(Wrapper *self); /* the host has set a variable of the solver */
 void variables_jumped(Wrapper *self);  /* the solver has been in another mode */
 

@@ -1,6 +1,7 @@
 /* FMI 2.0 and 3.0 around a small model, for solvers that behave as commercial exporters' do: what the file that includes this must
  * define is Model, COUNT (variables, by value reference from FIRST on, 0 unless it says otherwise), and model_start, model_get,
- * model_set and model_step. INSTANCES: so many a process may be made. INITIAL: what a new instance holds, 0 unless it is said. */
+ * model_set and model_step. INSTANCES: so many a process may be made. INITIAL: what a new instance holds, 0 unless it is said. WIDTH: every
+ * variable is an array of so many elements, in FMI 3.0; to the model they are variables in a row. */
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdlib.h>
@@ -16,6 +17,9 @@
 #endif
 #ifndef INSTANCES
 #define INSTANCES 1000
+#endif
+#ifndef WIDTH
+#define WIDTH 1
 #endif
 #ifndef INITIAL
 #define INITIAL {0}
@@ -78,8 +82,20 @@ EXPORT int fmi3EnterInitializationMode(M, bool tolerance, double value, double t
 EXPORT int fmi3ExitInitializationMode(M) { return OK; }
 EXPORT int fmi3Terminate(M) { return OK; }
 EXPORT int fmi3Reset(M) { return *self = initial, OK; }
-EXPORT int fmi3GetFloat64(M, const unsigned references[], size_t n, double values[], size_t count) { GET; }
-EXPORT int fmi3SetFloat64(M, const unsigned references[], size_t n, const double values[], size_t count) { SET; }
+#define ELEMENTS                                                                                                         \
+    if (count != n * WIDTH)                                                                                              \
+        return ERROR;                                                                                                    \
+    ACCESS for (unsigned k = 0; k < WIDTH; k++)
+EXPORT int fmi3GetFloat64(M, const unsigned references[], size_t n, double values[], size_t count)
+{
+    ELEMENTS values[i * WIDTH + k] = model_get(self, (references[i] - FIRST) * WIDTH + k);
+    return OK;
+}
+EXPORT int fmi3SetFloat64(M, const unsigned references[], size_t n, const double values[], size_t count)
+{
+    ELEMENTS model_set(self, (references[i] - FIRST) * WIDTH + k, values[i * WIDTH + k]);
+    return OK;
+}
 EXPORT int fmi3DoStep(M, double time, double size, bool no_set_state, bool *event, bool *terminate, bool *early, double *last)
 {
     *event = *terminate = *early = false;
