@@ -61,6 +61,7 @@ def header(facts: Facts) -> str:
         "ADDED_BASE": f"{facts.base}u",
         "CHANNELS": len(info.channels) if info else 0,
         "ROWS": info.rows if info else 0,
+        "CORRECTOR_STATE": info.state if info else 0,
         "STEP_NS": f"INT64_C({facts.step_ns})",
         "STARTS": len(facts.wiring.parameters),
         "ARRAY_COUNT": len(_arrays(facts)),

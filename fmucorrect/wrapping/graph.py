@@ -1,4 +1,4 @@
-"""The corrector's ONNX graph made ready for C: one row, the four outputs, and few products with zeros.
+"""The corrector's ONNX graph made ready for C: one row, the outputs of the contract, and few products with zeros.
 
 Members of an ensemble stand side by side in one matrix, as blocks between zeros; ONNX Runtime is faster with them than
 with many small nodes, C is not. A product with a constant matrix becomes products with its blocks: the same products,
@@ -20,6 +20,8 @@ from fmucorrect.errors import WrapError
 
 INPUTS = ("window", "condition", "time")
 OUTPUTS = ("corrected", "baseline", "sigma", "in_envelope")
+STATE, NEXT_STATE = "state", "next_state"
+"""The last input and output, where the corrector has a state."""
 
 _NARROW = 16
 """Columns that are not worth a product of their own: one vector of the widest instruction set."""
@@ -50,16 +52,20 @@ def prepare(content: bytes, where: str) -> onnx.ModelProto:
     constants = {item.name for item in graph.initializer}
     inputs = {item.name: item for item in graph.input if item.name not in constants}
     outputs = {item.name: item for item in graph.output}
-    if set(inputs) != set(INPUTS) or not set(OUTPUTS) <= set(outputs):
+    recurrent = STATE in inputs
+    read, said = ((*INPUTS, STATE), (*OUTPUTS, NEXT_STATE)) if recurrent else (INPUTS, OUTPUTS)
+    if set(inputs) != set(read) or not set(said) <= set(outputs):
         raise WrapError(
             "the graph has other inputs or outputs than a corrector",
             where=where,
-            expected=f"{', '.join(INPUTS)} to {', '.join(OUTPUTS)}",
+            expected=f"{', '.join(read)} to {', '.join(said)}",
             got=f"{', '.join(inputs)} to {', '.join(outputs)}",
         )
     rows, channels = (axis.dim_value for axis in inputs["window"].type.tensor_type.shape.dim[1:])
     shapes = {"window": [1, rows, channels], "condition": [1, 3], "time": [1, 1], "in_envelope": [1, 1]}
-    for names, field in ((INPUTS, graph.input), (OUTPUTS, graph.output)):
+    if recurrent:
+        shapes[STATE] = shapes[NEXT_STATE] = [1, inputs[STATE].type.tensor_type.shape.dim[1].dim_value]
+    for names, field in ((read, graph.input), (said, graph.output)):
         del field[:]
         for name in names:
             kind = onnx.TensorProto.DOUBLE if name == "time" else onnx.TensorProto.FLOAT
@@ -76,7 +82,7 @@ def prepare(content: bytes, where: str) -> onnx.ModelProto:
 def _rename(graph: onnx.GraphProto) -> None:
     """Every value but the inputs and outputs is called `v1`, `v2`, ..., and no node has a name or a text: emx-onnx-cgen writes
     them into comments as they are, and whoever made the file chose them."""
-    names = {name: name for name in ("", *INPUTS, *OUTPUTS)}
+    names = {"": ""} | {item.name: item.name for item in (*graph.input, *graph.output)}
 
     def name(old: str) -> str:
         return names.setdefault(old, f"v{len(names)}")
@@ -93,7 +99,7 @@ def _rename(graph: onnx.GraphProto) -> None:
 
 def _needed(graph: onnx.GraphProto) -> list[onnx.NodeProto]:
     """The nodes that the outputs depend on; ONNX lists nodes in the order of computation."""
-    wanted = set(OUTPUTS)
+    wanted = {item.name for item in graph.output}
     nodes: list[onnx.NodeProto] = []
     for node in reversed(graph.node):
         if wanted & set(node.output):

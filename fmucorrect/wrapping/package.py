@@ -343,6 +343,7 @@ def _facts(parts: _Parts, proved: Proof | None, state: StateCheck) -> dict[str, 
             "study": model.info.study_hash,
             "step": parts.step_ns / 1e9,
             "rows": model.info.rows,
+            **({"numbers in its state": model.info.state} if model.info.state else {}),
             "channels": {
                 channel.name: source.variable.name
                 for channel, source in zip(model.info.channels, parts.wiring.channels, strict=True)

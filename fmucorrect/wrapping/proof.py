@@ -1,7 +1,8 @@
 """Is the generated C the corrector? Compiled for this machine, it is asked what ONNX Runtime is asked.
 
 Asked are the bundle's golden pair and random windows and conditions, smooth and rough, inside and outside of the
-envelope; once for every instruction set that this machine has.
+envelope; once for every instruction set that this machine has. A corrector with a state sees them one after the other, from
+the state that ONNX Runtime has come to.
 """
 
 from __future__ import annotations
@@ -35,11 +36,12 @@ _ENDLESS = 1e6
 
 
 class Answers(NamedTuple):
-    """To N windows, in the channels' units; inside: (N, 1)."""
+    """To N windows, in the channels' units; inside: (N, 1); next_state as the network has it."""
 
     delta: Float32[np.ndarray, "N J"]
     sigma: Float32[np.ndarray, "N J"]
     inside: Float32[np.ndarray, "N 1"]
+    next_state: Float32[np.ndarray, "N S"]
 
 
 class Questions(NamedTuple):
@@ -48,6 +50,7 @@ class Questions(NamedTuple):
     windows: Float32[np.ndarray, "N W J"]
     conditions: Float32[np.ndarray, "N 3"]
     seconds: Float64[np.ndarray, " N"]
+    states: Float32[np.ndarray, "N S"]
     right: Answers
 
 
@@ -79,7 +82,9 @@ def prove(bundle: Bundle, sources: NetworkSources, work: Path, defined: Mapping[
     compile_library(work, [*names, "network_probe.c"], target, library)
     asked = _questions(bundle)
     scale, limits = _limits(bundle, defined)
-    scales, allowed = (scale, scale, np.ones(1)), (limits, limits, np.full(1, TOLERANCE))
+    carried = TOLERANCE * np.maximum(1.0, np.abs(asked.right.next_state.astype(float)).max(0) / 10.0)
+    scales = (scale, scale, np.ones(1), np.ones(len(carried)))
+    allowed = (limits, limits, np.full(1, TOLERANCE), carried)
     errors: dict[str, float] = {}
     largest = 0.0
     with _loaded(library) as probe:
@@ -90,8 +95,9 @@ def prove(bundle: Bundle, sources: NetworkSources, work: Path, defined: Mapping[
             for i, what in enumerate(Answers._fields):
                 error = np.abs(answers[i] - asked.right[i]) * scales[i]
                 _judge(what, error, allowed[i], name, where)
-                errors[name] = max(errors.get(name, 0.0), float((error / allowed[i]).max()))
-                largest = max(largest, float(error.max()))
+                errors[name] = max(errors.get(name, 0.0), float((error / allowed[i]).max(initial=0.0)))
+                if what != "next_state":  # which has no unit
+                    largest = max(largest, float(error.max()))
     return Proof(len(asked.windows), int((asked.right.inside > 0).sum()), errors, largest)
 
 
@@ -152,16 +158,28 @@ def _answered(
     windows: Float32[np.ndarray, "N W J"],
     condition: Float32[np.ndarray, "3"],
     seconds: Float64[np.ndarray, " N"],
+    state: Float32[np.ndarray, " S"] | None = None,
 ) -> Questions:
-    answer = bundle.start().correct(windows, condition, seconds)
-    right = Answers(answer.delta, answer.sigma, answer.inside[:, None])
-    return Questions(windows, np.tile(condition, (len(windows), 1)), seconds, right)
+    """state: of the first window, zeros where nothing is said."""
+    run = bundle.start()
+    run.state[:] = 0.0 if state is None else state
+    states, answers = [], []
+    size = 1 if len(run.state) else len(windows)
+    for i in range(0, len(windows), size):
+        states.append(np.tile(run.state, (size, 1)))
+        delta, sigma, inside = run.correct(windows[i : i + size], condition, seconds[i : i + size])
+        if len(delta) < size:
+            raise WrapError("ONNX Runtime gives no finite numbers for windows as they may come", where=str(bundle.path))
+        answers.append(Answers(delta, sigma, inside[:, None], np.tile(run.state, (size, 1))))
+    right = Answers(*map(np.concatenate, zip(*answers, strict=True)))
+    return Questions(windows, np.tile(condition, (len(windows), 1)), seconds, np.concatenate(states), right)
 
 
 def _joined(parts: Sequence[Questions]) -> Questions:
-    windows, conditions, seconds, right = zip(*parts, strict=True)
+    windows, conditions, seconds, states, right = zip(*parts, strict=True)
     answers = Answers(*map(np.concatenate, zip(*right, strict=True)))
-    return Questions(np.concatenate(windows), np.concatenate(conditions), np.concatenate(seconds), answers)
+    asked = (np.concatenate(windows), np.concatenate(conditions), np.concatenate(seconds), np.concatenate(states))
+    return Questions(*asked, answers)
 
 
 def _inside(rng: np.random.Generator, ranges: Float64[np.ndarray, "D 2"], stretch: float) -> Float64[np.ndarray, " D"]:
@@ -187,7 +205,11 @@ def _golden(bundle: Bundle) -> Questions:
     """The golden pair. Its `corrected` takes the place of ONNX Runtime's."""
     arrays = bundle.golden
     windows, conditions, seconds = arrays["window"], arrays["condition"], arrays["time"][:, 0]
-    rows = [_answered(bundle, windows[i : i + 1], c, seconds[i : i + 1]) for i, c in enumerate(conditions)]
+    states = arrays.get("state", np.zeros((len(windows), 0), np.float32))
+    rows = [
+        _answered(bundle, windows[i : i + 1], condition, seconds[i : i + 1], states[i])
+        for i, condition in enumerate(conditions)
+    ]
     golden = _joined(rows)
     return golden._replace(right=golden.right._replace(delta=arrays["corrected"] - windows[:, -1]))
 
@@ -212,9 +234,11 @@ def _ask(probe: Any, way: int, asked: Questions) -> Answers | None:
     """The answers of one way of computing; None where this processor lacks what it needs."""
     count, _, channels = asked.windows.shape
     inputs = [np.ascontiguousarray(array) for array in asked[:3]]
+    states = np.ascontiguousarray(asked.states)
     outputs = [np.full((count, n), np.nan, np.float32) for n in (channels, channels, channels, 1)]
-    pointers = [array.ctypes.data_as(ctypes.c_void_p) for array in (*inputs, *outputs)]
+    next_states = np.full_like(states, np.nan)
+    pointers = [array.ctypes.data_as(ctypes.c_void_p) for array in (*inputs, *outputs, states, next_states)]
     if not probe(ctypes.c_int(way), ctypes.c_int(count), *pointers):
         return None
     corrected, _, sigma, inside = outputs
-    return Answers(corrected - asked.windows[:, -1], sigma, inside)
+    return Answers(corrected - asked.windows[:, -1], sigma, inside, next_states)

@@ -46,8 +46,12 @@ def folder() -> Path:
 
 
 @cache
-def corrector(speeds: tuple[float, ...] = ()) -> Path:
-    """A corrector of x, y, z; with `speeds` (km/h), trained in conditions that set v of the solver accordingly."""
+def corrector(speeds: tuple[float, ...] = (), remembers: bool = False) -> Path:
+    """A corrector of x, y, z; with `speeds` (km/h), trained in conditions that set v of the solver accordingly. remembers: with
+    a state."""
+    if remembers:
+        bank = bundles.Filter.random(6, len(CHANNELS))
+        return bundles.make_recurrent(folder() / "remembers.onnx", bank, CHANNELS, rows=ROWS, step_ns=MS)
     path = bundles.make(folder() / f"toy{len(speeds)}.onnx", CHANNELS, rows=ROWS, step_ns=MS)
     return conditions(path, [{"speed": s, "parameters": {"v": s / 3.6}} for s in speeds]) if speeds else path
 
@@ -78,10 +82,12 @@ def solver(fmi: int, words: str = "state") -> Path:
 
 
 @cache
-def wrapped(inner: int, outer: int, words: str = "state", speeds: tuple[float, ...] = ()) -> Wrapped:
+def wrapped(
+    inner: int, outer: int, words: str = "state", speeds: tuple[float, ...] = (), remembers: bool = False
+) -> Wrapped:
     """The same, wrapped."""
-    out = folder() / f"wrapped {inner} {outer} {words} {len(speeds)}.fmu"
-    return wrap(solver(inner, words), corrector(speeds), out, fmi=outer, platforms=["linux64"])
+    out = folder() / f"wrapped {inner} {outer} {words} {len(speeds)}{' remembers' * remembers}.fmu"
+    return wrap(solver(inner, words), corrector(speeds, remembers), out, fmi=outer, platforms=["linux64"])
 
 
 def plain(
@@ -100,11 +106,18 @@ def walk(stepper: FmuStepper, times: Sequence[int], rows: Sequence[Sequence[floa
 
 
 def reference(
-    fmi: int, count: int, u: Sequence[float] | None = None, *, start: int = 0, speed: float = 300.0, **parameters: float
+    fmi: int,
+    count: int,
+    u: Sequence[float] | None = None,
+    *,
+    start: int = 0,
+    speed: float = 300.0,
+    remembers: bool = False,
+    **parameters: float,
 ):
     """What CorrectedStepper says at `count` samples: (T, 7) like ALL."""
     plant = FmuStepper(solver(fmi), CHANNELS, inputs=("u",) if u is not None else (), parameters=parameters)
-    corrected = CorrectedStepper(plant, bundle.load(corrector()))
+    corrected = CorrectedStepper(plant, bundle.load(corrector(remembers=remembers)))
     corrected.reset(Condition("odd", speed=speed))
     try:
         steps: list[Step] = []

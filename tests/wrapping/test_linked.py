@@ -40,7 +40,7 @@ each_way = pytest.mark.parametrize(("inner", "outer"), COMBINATIONS)
 
 @pytest.fixture(scope="module")
 def swing(tmp_path_factory: pytest.TempPathFactory) -> Callable[[int], Path]:
-    """swing(outer) -> a stranger's FMU of FMI 2 with sources, wrapped."""
+    """swing(outer) -> a stranger's FMU of FMI 2 with sources, wrapped with a corrector that has a state."""
     for package in ("ziglang", "emx_onnx_cgen", "onnx"):
         pytest.importorskip(package)
     folder = tmp_path_factory.mktemp("swing")
@@ -55,7 +55,7 @@ def swing(tmp_path_factory: pytest.TempPathFactory) -> Callable[[int], Path]:
         archive.write(STRANGERS / "swing" / "modelDescription.xml", "modelDescription.xml")
         for name in ("swing.c", "motion.c", "swing.h"):
             archive.write(sources / name, f"sources/{name}")
-    bundle = bundles.make(folder / "toy.onnx", SWING, rows=12)
+    bundle = bundles.make_recurrent(folder / "toy.onnx", bundles.Filter.random(5, len(SWING)), SWING, rows=12)
 
     def one(outer: int) -> Path:
         out = folder / f"corrected{outer}.fmu"

@@ -99,7 +99,8 @@ def outputs(
     compiler.compile_library(folder, [*names, PROBE.name], target, library)
     count, channels = len(inputs[0]), sources.channels
     answers = [np.zeros((count, width), np.float32) for width in (channels, channels, channels, 1)]
-    pointers = [array.ctypes.data_as(ctypes.c_void_p) for array in (*inputs, *answers)]
+    stateless = np.zeros((count, 0), np.float32)
+    pointers = [array.ctypes.data_as(ctypes.c_void_p) for array in (*inputs, *answers, stateless, stateless)]
     return answers if ctypes.CDLL(str(library)).probe(way, count, *pointers) else None
 
 

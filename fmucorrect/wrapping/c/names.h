@@ -18,6 +18,7 @@
 /* sampling.c, coupling.c */
 #define sampling_step OWN(sampling_step)
 #define sampling_row OWN(sampling_row)
+#define sampling_sample OWN(sampling_sample)
 #define sampling_correction OWN(sampling_correction)
 #define coupling_advance OWN(coupling_advance)
 #define coupling_parts OWN(coupling_parts)

@@ -30,7 +30,7 @@ network_function *network_way(int number)
 }
 
 void network(const float window[], const float condition[], double seconds, float corrected[], float baseline[],
-             float sigma[], float *in_envelope)
+             float sigma[], float *in_envelope, const float state[], float next_state[])
 {
     /* Threads that come first together all find the same. Asking again at each call would cost more than the network:
      * hypervisors answer cpuid themselves. */
@@ -40,14 +40,14 @@ void network(const float window[], const float condition[], double seconds, floa
         way = runs_avx2() ? network_avx2 : network_baseline;
         __atomic_store_n(&fastest, way, __ATOMIC_RELAXED);
     }
-    way(window, condition, seconds, corrected, baseline, sigma, in_envelope);
+    way(window, condition, seconds, corrected, baseline, sigma, in_envelope, state, next_state);
 }
 #else
 network_function *network_way(int number) { return number == 0 ? network_baseline : NULL; }
 
 void network(const float window[], const float condition[], double seconds, float corrected[], float baseline[],
-             float sigma[], float *in_envelope)
+             float sigma[], float *in_envelope, const float state[], float next_state[])
 {
-    network_baseline(window, condition, seconds, corrected, baseline, sigma, in_envelope);
+    network_baseline(window, condition, seconds, corrected, baseline, sigma, in_envelope, state, next_state);
 }
 #endif

@@ -8,9 +8,11 @@
 
 /* window: NETWORK_ROWS rows of NETWORK_CHANNELS values in the channels' units, oldest first. condition: speed in
  * km/h, amplitude in deg, frequency in Hz. seconds: since the excitation began. corrected, baseline, sigma: the
- * channels' units, NETWORK_CHANNELS each. in_envelope: one value from 0 to 1. All inputs must be finite. */
+ * channels' units, NETWORK_CHANNELS each. in_envelope: one value from 0 to 1. state, next_state: NETWORK_STATE values each,
+ * not in the same place; zeros for the first full window, then what the sample before said; not used where there are none.
+ * All inputs must be finite. */
 typedef void network_function(const float window[], const float condition[], double seconds, float corrected[],
-                              float baseline[], float sigma[], float *in_envelope);
+                              float baseline[], float sigma[], float *in_envelope, const float state[], float next_state[]);
 
 network_function network;
 

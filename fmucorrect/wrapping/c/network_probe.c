@@ -9,11 +9,11 @@ __declspec(dllexport)
 __attribute__((visibility("default")))
 #endif
 int probe(int way, int count, const float windows[], const float conditions[], const double seconds[],
-          float corrected[], float baseline[], float sigma[], float in_envelope[]);
+          float corrected[], float baseline[], float sigma[], float in_envelope[], const float states[], float next_states[]);
 
 /* way -1: as network() chooses. Returns 0 where this processor lacks what the way needs. */
 int probe(int way, int count, const float windows[], const float conditions[], const double seconds[],
-          float corrected[], float baseline[], float sigma[], float in_envelope[])
+          float corrected[], float baseline[], float sigma[], float in_envelope[], const float states[], float next_states[])
 {
     network_function *compute = way < 0 ? network : network_way(way);
     if (!compute)
@@ -21,6 +21,6 @@ int probe(int way, int count, const float windows[], const float conditions[], c
     for (size_t i = 0; i < (size_t)count; i++)
         compute(windows + i * NETWORK_ROWS * NETWORK_CHANNELS, conditions + i * 3, seconds[i],
                 corrected + i * NETWORK_CHANNELS, baseline + i * NETWORK_CHANNELS, sigma + i * NETWORK_CHANNELS,
-                in_envelope + i);
+                in_envelope + i, states + i * NETWORK_STATE, next_states + i * NETWORK_STATE);
     return 1;
 }

@@ -44,12 +44,20 @@ NETWORK_GCC_TARGET(NETWORK_TARGET)
 network_function NETWORK_WAY;
 
 void NETWORK_WAY(const float window[], const float condition[], double seconds, float corrected[], float baseline[],
-                 float sigma[], float *in_envelope)
+                 float sigma[], float *in_envelope, const float state[], float next_state[])
 {
     const double time[1][1] = {{seconds}};
-    network_graph((const float(*)[NETWORK_ROWS][NETWORK_CHANNELS])window, (const float(*)[3])condition, time,
+#if NETWORK_STATE
+#define NETWORK_STATE_IN , (const float(*)[NETWORK_STATE])state
+#define NETWORK_STATE_OUT , (float(*)[NETWORK_STATE])next_state
+#else
+#define NETWORK_STATE_IN
+#define NETWORK_STATE_OUT
+    (void)state, (void)next_state;
+#endif
+    network_graph((const float(*)[NETWORK_ROWS][NETWORK_CHANNELS])window, (const float(*)[3])condition, time NETWORK_STATE_IN,
                   (float(*)[NETWORK_CHANNELS])corrected, (float(*)[NETWORK_CHANNELS])baseline,
-                  (float(*)[NETWORK_CHANNELS])sigma, (float(*)[1])in_envelope);
+                  (float(*)[NETWORK_CHANNELS])sigma, (float(*)[1])in_envelope NETWORK_STATE_OUT);
 }
 
 #ifdef NETWORK_TARGET

@@ -35,6 +35,15 @@
 /* A new sample is due at the time that has been reached: one row up. */
 static void open_row(State *s)
 {
+#if REMEMBERS
+    if (s->carried)
+        memcpy(s->memory, s->next_memory, sizeof s->memory);
+    else { /* the window is not full, or nothing finite came of it: both begin anew */
+        memset(s->memory, 0, sizeof s->memory);
+        s->seen = s->seen < ROWS ? s->seen : 0;
+    }
+    s->carried = false;
+#endif
     memmove(s->window, s->window + CHANNELS, (ROWS - 1) * CHANNELS * sizeof *s->window);
     s->seen_before = s->seen;
     s->on_grid = s->row_stale = s->stale = true;
@@ -56,8 +65,10 @@ static void follow_grid(State *s)
     const bool met = s->now_ns <= newest_ns + SNAP;
     s->sample_ns = met ? s->now_ns : newest_ns;
 #if CHANNELS
-    if (passed > 1 || !met)
+    if (passed > 1 || !met) { /* a state that missed a sample is worth nothing either */
         s->seen = 0;
+        s->carried = false;
+    }
     if (met)
         open_row(s);
 #endif
@@ -80,8 +91,10 @@ Status sampling_row(Wrapper *self)
             bad = j;
     }
     s->row_stale = s->row_due = false;
-    if (s->ill != (bad < CHANNELS) || (s->on_grid && memcmp(row, s->row, sizeof row) != 0))
+    if (s->ill != (bad < CHANNELS) || (s->on_grid && memcmp(row, s->row, sizeof row) != 0)) {
         s->stale = true;
+        s->carried = s->carried && !s->on_grid;
+    }
     memcpy(s->row, row, sizeof row);
     if (s->started && s->on_grid) {
         float *newest = s->window + (ROWS - 1) * CHANNELS;
@@ -110,7 +123,7 @@ Status sampling_correction(Wrapper *self)
     s->status = s->ill ? INVALID : !s->enabled ? OFF : WARMUP;
     memset(s->delta, 0, sizeof s->delta);
     memcpy(s->sigma, UNCORRECTED, sizeof s->sigma);
-    if (!s->ill && s->enabled && s->seen >= ROWS) {
+    if (!s->ill && (s->enabled || (REMEMBERS && !s->carried)) && s->seen >= ROWS) { /* the state goes on when switched off */
         double conditions[CONDITIONS];
         bool sound = true;
         for (size_t i = 0; i < CONDITIONS; i++) {
@@ -124,13 +137,13 @@ Status sampling_correction(Wrapper *self)
             sound = sound && fabs(conditions[i]) <= (i == START ? LONGEST : FLT_MAX);
         }
         if (!sound) {
-            s->status = INVALID;
+            s->status = s->enabled ? INVALID : OFF;
             s->stale = false;
             return status;
         }
         const float condition[3] = {(float)conditions[SPEED], (float)conditions[AMPLITUDE], (float)conditions[FREQUENCY]};
-        float corrected[CHANNELS], baseline[CHANNELS], sigma[CHANNELS], inside;
-        network(s->window, condition, (double)(s->sample_ns - llround(conditions[START] * SECOND)) / SECOND, corrected, baseline, sigma, &inside);
+        float corrected[CHANNELS], baseline[CHANNELS], sigma[CHANNELS], inside, next[CORRECTOR_STATE + 1] = {0.0f};
+        network(s->window, condition, (double)(s->sample_ns - llround(conditions[START] * SECOND)) / SECOND, corrected, baseline, sigma, &inside, s->memory, next);
         const float *newest = s->window + (ROWS - 1) * CHANNELS;
         for (size_t j = 0; j < CHANNELS; j++) {
             const float delta = corrected[j] - newest[j];
@@ -138,8 +151,15 @@ Status sampling_correction(Wrapper *self)
             s->delta[j] = delta;
             s->sigma[j] = sigma[j];
         }
-        s->status = !sound ? INVALID : inside >= 1.0f ? CORRECTED : OUTSIDE;
-        if (!sound) { /* finite, but too large for the network's arithmetic */
+        sound = sound && isfinite(inside);
+        for (size_t i = 0; i < CORRECTOR_STATE + 1; i++)
+            sound = sound && isfinite(next[i]);
+        if (sound && !s->carried) {
+            memcpy(s->next_memory, next, sizeof next);
+            s->carried = true;
+        }
+        s->status = !s->enabled ? OFF : !sound ? INVALID : inside >= 1.0f ? CORRECTED : OUTSIDE;
+        if (!sound || !s->enabled) { /* finite, but too large for the network's arithmetic */
             memset(s->delta, 0, sizeof s->delta);
             memcpy(s->sigma, UNCORRECTED, sizeof s->sigma);
         }
@@ -147,6 +167,13 @@ Status sampling_correction(Wrapper *self)
 #endif
     s->stale = false;
     return status;
+}
+
+Status sampling_sample(Wrapper *self)
+{
+    const State *s = &self->state;
+    const Status status = sampling_row(self);
+    return status <= STATUS_WARNING && REMEMBERS && s->on_grid && !s->carried ? sampling_correction(self) : status;
 }
 
 /* Whether a solver of constant step can be led from sample to sample by host's steps of `size` s; it then takes steps of s->piece. */
@@ -235,7 +262,7 @@ static Status step_by_pieces(Wrapper *self, double start, double size, bool may_
             worst = status;
         if (status > STATUS_WARNING)
             return status;
-        const Status read = sampling_row(self);
+        const Status read = sampling_sample(self);
         if (read > worst)
             worst = read;
         if (read > STATUS_WARNING || outcome->early)
@@ -246,7 +273,7 @@ static Status step_by_pieces(Wrapper *self, double start, double size, bool may_
                 return worst;
             }
             const Status handled = inner_events(self, outcome);
-            const Status after = handled > STATUS_WARNING ? handled : sampling_row(self);
+            const Status after = handled > STATUS_WARNING ? handled : sampling_sample(self);
             if (after > STATUS_WARNING)
                 return after;
         }
@@ -263,10 +290,10 @@ static Status step_by_pieces(Wrapper *self, double start, double size, bool may_
 static Status complete_sample(Wrapper *self)
 {
     State *s = &self->state;
-    if (!s->row_due || !s->on_grid)
+    if (!s->on_grid || (!s->row_due && (!REMEMBERS || s->carried || s->seen < ROWS)))
         return STATUS_OK;
     if (s->enabled)
-        return sampling_row(self);
+        return sampling_sample(self);
     s->row_due = false;
     s->seen = 0;
     return STATUS_OK;

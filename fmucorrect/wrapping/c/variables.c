@@ -108,8 +108,10 @@ static Status set_added(Wrapper *self, uint32_t variable, const Value *value)
         s->enabled = value->integer != 0;
     else if (flag)
         s->effects_enabled = value->integer != 0;
-    else
+    else {
         s->conditions[variable - CONDITION_0] = value->number;
+        s->carried = s->carried && !s->on_grid;
+    }
     s->stale = true;
     return STATUS_OK;
 }

@@ -148,5 +148,5 @@ Status wrapper_started(Wrapper *self, double time)
     s->started = s->on_grid = s->row_stale = s->row_due = s->stale = true;
     s->now = s->host = time;
     s->now_ns = s->sample_ns = llround(time * 1e9);
-    return s->enabled && !CHANNELS_FED ? sampling_row(self) : STATUS_OK;
+    return s->enabled && !CHANNELS_FED ? sampling_sample(self) : STATUS_OK;
 }

@@ -28,6 +28,7 @@
 #error "the solver's modelIdentifier is no name in C: its functions cannot be linked"
 #endif
 
+#define REMEMBERS (CORRECTOR_STATE > 0) /* the corrector hands numbers from sample to sample */
 #define DIRECT (OUTER_FMI == INNER_FMI) /* the solver's value references are the host's */
 
 /* The values of fmi2Status and fmi3Status. */
@@ -111,6 +112,7 @@ typedef struct {
     bool divided;     /* the solver has been given other steps than the host's */
     bool stale;       /* the correction does not follow yet from window and conditions */
     bool ill;         /* the last sample was not finite, and that was said */
+    bool carried;     /* next_memory follows from the newest sample */
     int64_t now_ns;   /* time that has been reached, on the solver's clock */
     int64_t sample_ns; /* time of the newest sample */
     double piece;     /* a solver of constant step: s from sample to sample or less, 0 before the first */
@@ -123,6 +125,7 @@ typedef struct {
     double row[CHANNELS + 1]; /* the solver's response now, in the channels' units */
     double delta[CHANNELS + 1], sigma[CHANNELS + 1];
     float window[ROWS * CHANNELS + 1];
+    float memory[CORRECTOR_STATE + 1], next_memory[CORRECTOR_STATE + 1]; /* the corrector's state, before and after the newest sample */
     double host_force[FORCES + 1], force[FORCES + 1]; /* the host's own share of the force inputs, and the laws' */
     double held[FORCES + 1];      /* what they held in the last sub-step */
     double states[EFFECT_STATES + 1];
@@ -213,6 +216,7 @@ void host_log(Wrapper *self, Status status, const char *category, const char *me
 Status sampling_step(Wrapper *self, double time, double size, bool may_return_early, Outcome *outcome);
 /* The solver's outputs at the time that has been reached, and what the corrector says to them. */
 Status sampling_row(Wrapper *self);
+Status sampling_sample(Wrapper *self); /* the same, and what a corrector with a state remembers of it */
 Status sampling_correction(Wrapper *self);
 
 /* coupling.c: from `begin` to `begin + size` with the effects in the loop, never beyond a sample; or `whole`, with none. */

@@ -78,7 +78,7 @@ int main(int argc, char *argv[])
         memcpy(spread, uncorrected, sizeof spread);
         if (++rows >= ROWS) {
             float corrected[CHANNELS], baseline[CHANNELS], sigma[CHANNELS], inside;
-            network(window, condition, (double)(now - start) / 1e9, corrected, baseline, sigma, &inside);
+            network(window, condition, (double)(now - start) / 1e9, corrected, baseline, sigma, &inside, NULL, NULL);
             for (int j = 0; j < CHANNELS; j++) {
                 delta[j] = corrected[j] - newest[j];
                 spread[j] = sigma[j];
