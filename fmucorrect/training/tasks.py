@@ -223,7 +223,7 @@ def _executor(scheduler: str, workers: int) -> Generator[Executor]:
         except BaseException:
             for process in list(getattr(executor, "_processes", {}).values()):
                 process.terminate()
-            # a thread may be writing a task into a pipe that nobody reads any more; the interpreter would wait for it at its end
+            # a thread may be writing a task into a pipe that nobody reads any more; the interpreter would wait for it
             waiting: Any = getattr(executor, "_call_queue", None)
             if waiting is not None:
                 waiting.cancel_join_thread()
