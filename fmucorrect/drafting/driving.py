@@ -16,6 +16,7 @@ from fmucorrect.drafting.pairing import (
     SHOWS,
     UNITLESS,
     ChannelGuess,
+    Plant,
     Run,
     Trial,
     correlations,
@@ -80,20 +81,22 @@ def named(fmu: FmuDescription, log: Run) -> tuple[InputGuess, ...]:
 def find_driving(fmu: FmuDescription, log: Run, step_ns: int) -> Driving:
     """What drives the model. Raises RecordError, FmuError and SignalError: of reading, and of the model."""
     inputs = named(fmu, log)
-    driving = Driving(inputs, try_out(fmu, log, {g.variable: g.column for g in inputs}, step_ns))
-    while (further := _further(fmu, log, driving, step_ns)) is not None:
-        driving = further
-    return _sized(fmu, log, driving, step_ns)
+    with Plant(fmu) as plant:
+        driving = Driving(inputs, try_out(plant, log, {g.variable: g.column for g in inputs}, step_ns))
+        while (further := _further(plant, log, driving, step_ns)) is not None:
+            driving = further
+        return _sized(plant, log, driving, step_ns)
 
 
-def _further(fmu: FmuDescription, log: Run, known: Driving, step_ns: int) -> Driving | None:
+def _further(plant: Plant, log: Run, known: Driving, step_ns: int) -> Driving | None:
     """With one more input, which no name tells; None where no column shows that it is one."""
+    fmu = plant.fmu
     pairs = sorted(_possible(fmu, log, known), key=lambda pair: -likeness(pair[0].name, pair[1]))
     best: tuple[float, Driving] | None = None
-    for variable, column in pairs[:TRIED]:
+    for variable, column in sorted(pairs[:TRIED], key=lambda pair: pair[0].name):  # one process for each input
         inputs = {guess.variable: guess.column for guess in known.inputs} | {variable.name: column}
         try:
-            trial = try_out(fmu, log, inputs, step_ns)
+            trial = try_out(plant, log, inputs, step_ns)
         except (FmuError, SignalError):  # the model does not bear this column: it is not its input
             continue
         found = _shown(fmu, log, known, trial, column)
@@ -147,8 +150,9 @@ def _shown(
     return was - left, best
 
 
-def _sized(fmu: FmuDescription, log: Run, driving: Driving, step_ns: int) -> Driving:
+def _sized(plant: Plant, log: Run, driving: Driving, step_ns: int) -> Driving:
     """With the unit of the one column that drives and says none, where the responses say that it is not the variable's own."""
+    fmu = plant.fmu
     unsaid = [g for g in driving.inputs if log.columns[g.column] in UNITLESS and g.column != g.variable]
     ratio = _ratio(fmu, log, driving)
     if len(unsaid) != 1 or ratio is None:
@@ -163,7 +167,7 @@ def _sized(fmu: FmuDescription, log: Run, driving: Driving, step_ns: int) -> Dri
         return replace(driving, inputs=_with(driving.inputs, told))
     inputs = _with(driving.inputs, replace(guess, column_unit=unit))
     told = replace(log, columns={**log.columns, guess.column: unit})
-    return Driving(inputs, try_out(fmu, told, {g.variable: g.column for g in inputs}, step_ns), driving.untried)
+    return Driving(inputs, try_out(plant, told, {g.variable: g.column for g in inputs}, step_ns), driving.untried)
 
 
 def _with(inputs: Sequence[InputGuess], told: InputGuess) -> tuple[InputGuess, ...]:

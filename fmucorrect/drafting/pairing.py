@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import TracebackType
 
 import numpy as np
 from jaxtyping import Float64
@@ -175,9 +176,51 @@ class Trial:
         return float(measured / max(simulated, np.finfo(float).tiny))
 
 
-def try_out(fmu: FmuDescription, log: Run, inputs: Mapping[str, str], step_ns: int) -> Trial:
+class Plant:
+    """The FMU in a process of its own, which serves one run after the other as long as the same inputs are driven: to start
+    one takes longer than many a run. Close it, or use it in a with statement."""
+
+    def __init__(self, fmu: FmuDescription) -> None:
+        self.fmu = fmu
+        self._stepper: IsolatedStepper | None = None
+        self._made: tuple[object, ...] = ()
+
+    def __enter__(self) -> Plant:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the process."""
+        if self._stepper is not None:
+            self._stepper.close()
+        self._stepper = None
+
+    def run(
+        self, channels: tuple[Channel, ...], inputs: tuple[str, ...], units: Mapping[str, str], rows: Iterable[Record]
+    ) -> Record:
+        """One run from the start. Raises what the model and the rows raise; the next run has a process of its own then."""
+        made = channels, inputs, dict(units)
+        if self._stepper is None or made != self._made:
+            self.close()
+            self._stepper = IsolatedStepper(self.fmu.path, channels, inputs=inputs, units=units)
+            self._made = made
+        try:
+            found = run(self._stepper, Condition("draft"), rows)
+        except BaseException:
+            self.close()
+            raise
+        assert found is not None
+        return found
+
+
+def try_out(plant: Plant, log: Run, inputs: Mapping[str, str], step_ns: int) -> Trial:
     """Inputs and measurements of one log have one clock; a run that nothing drives begins at `log.begins`. Raises RecordError,
     FmuError and SignalError: of reading, and of the model."""
+    fmu = plant.fmu
     outputs = [v for v in fmu.of("output") if v.number and not v.discrete][:OUTPUTS]
     columns = tuple(column for column in log.columns if column not in inputs.values())
     logged = log.read((*columns, *inputs.values()))
@@ -191,12 +234,10 @@ def try_out(fmu: FmuDescription, log: Run, inputs: Mapping[str, str], step_ns: i
         given = logged.select(list(inputs.values()))
         driven = replace(given, channels=tuple(Channel(name, log.columns[inputs[name]]) for name in inputs))
     known = input_units(fmu, log, inputs)
-    with IsolatedStepper(fmu.path, channels, inputs=tuple(inputs), units=known) as stepper:
-        chunks: Iterable[Record] = grid(length, step_ns)
-        if driven is not None:
-            chunks = (replace(input_record(c.t_ns + first, driven), t_ns=c.t_ns) for c in chunks)
-        simulated = run(stepper, Condition("draft"), chunks)
-    assert simulated is not None
+    chunks: Iterable[Record] = grid(length, step_ns)
+    if driven is not None:
+        chunks = (replace(input_record(c.t_ns + first, driven), t_ns=c.t_ns) for c in chunks)
+    simulated = plant.run(channels, tuple(inputs), known, chunks)
     measured = resample(record, step_ns) if len(record) > 1 else record
     shown = simulated.values[round(late / step_ns) :]
     rows = min(len(shown), len(measured))
