@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import zipfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import pytest
+from c_host import WINE
 from models import OSCILLATOR, corrector, known, solver
 
 from fmucorrect.wrapping import compiler
@@ -60,6 +62,10 @@ def unpacked(tmp_path_factory: pytest.TempPathFactory) -> Callable[[Path], Path]
     return one
 
 
+ZIG = (sys.executable, "-m", "ziglang", "cc")
+WINDOWS = (*ZIG, "-target", "x86_64-windows-gnu")
+
+
 @pytest.fixture(scope="session")
 def host(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
     """host(fmi, with_compiler=zig, flags=(), suffix="") -> host.c, compiled. suffix: ".exe" for Windows."""
@@ -69,7 +75,7 @@ def host(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
     def one(fmi: int, with_compiler: Sequence[str] = (), flags: Sequence[str] = (), suffix: str = "") -> Path:
         key = (fmi, tuple(with_compiler), tuple(flags), suffix)
         if key not in made:
-            command = list(with_compiler) or [sys.executable, "-m", "ziglang", "cc"]
+            command = list(with_compiler) or ZIG
             made[key] = folder / f"host{len(made)}{suffix}"
             headers = compiler.fmi_headers(fmi)[0].parent
             libraries = [] if suffix else ["-ldl"]
@@ -81,3 +87,26 @@ def host(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
         return made[key]
 
     return one
+
+
+@pytest.fixture(scope="session")
+def wine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, str]]:
+    """The environment that wine runs in, and a Windows of its own."""
+    if not WINE.exists():
+        pytest.skip("there is no wine64")
+    environment = {
+        "WINEPREFIX": str(tmp_path_factory.mktemp("wine") / "prefix"),
+        "WINEDEBUG": "-all",
+        "LC_ALL": "C.UTF-8",  # wine reads the names of files by it
+        "WINEDLLOVERRIDES": "mscoree,mshtml=",  # it would ask to download these
+    }
+    quiet = {"env": {**os.environ, **environment}, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    subprocess.run([WINE, "wineboot", "-i"], timeout=300, **quiet)
+    yield environment
+    subprocess.run([WINE.with_name("wineserver64"), "-k"], timeout=60, **quiet)  # that of this prefix alone
+
+
+@pytest.fixture(scope="session")
+def windows_host(host: Callable[..., Path]) -> Callable[[int], list[Path]]:
+    """windows_host(fmi) -> host.c for Windows, and what runs it."""
+    return lambda fmi: [WINE, host(fmi, WINDOWS, ["-lshell32"], ".exe")]

@@ -26,14 +26,15 @@ FED: Mapping[str, tuple[str, ...]] = {"y": ("u",), "a": ("u", "f")}
 _BASES = {"mm": 'm="1" factor="0.001"', "N": 'kg="1" m="1" s="-2"', "m/s": 'm="1" s="-1"', "m/s2": 'm="1" s="-2"'}
 
 
-def foreign(path: Path, model: str, fmi: int, *, stated: bool = True, constant: bool = False) -> Path:
+def foreign(
+    path: Path, model: str, fmi: int, *, stated: bool = True, constant: bool = False, windows: bool = False
+) -> Path:
     """An FMU file of tests/fmus/foreign/{model}.c. stated: whether it says what its outputs depend on. constant: whether it
-    needs a constant step."""
-    folder = "linux64" if fmi == 2 else "x86_64-linux"
-    files = {
-        "modelDescription.xml": _description(model, fmi, stated, constant).encode(),
-        f"binaries/{folder}/{model}.so": _library(model),
-    }
+    needs a constant step. windows: whether it has a library for win64 too."""
+    files = {"modelDescription.xml": _description(model, fmi, stated, constant).encode()}
+    for platform in ("linux64", "win64") if windows else ("linux64",):
+        _, folder, suffix = compiler.TARGETS[platform][0]
+        files[f"binaries/{platform if fmi == 2 else folder}/{model}{suffix}"] = library(SOURCES, model, platform)
     compiler.write_fmu(path, files)
     return path
 
@@ -54,7 +55,7 @@ _ARRAYS = """<?xml version="1.0" encoding="UTF-8"?>
 
 def arrays(path: Path) -> Path:
     """An FMU file of tests/fmus/foreign/arrays.c."""
-    files = {"modelDescription.xml": _ARRAYS.encode(), "binaries/x86_64-linux/arrays.so": _library("arrays")}
+    files = {"modelDescription.xml": _ARRAYS.encode(), "binaries/x86_64-linux/arrays.so": library(SOURCES, "arrays")}
     compiler.write_fmu(path, files)
     return path
 
@@ -92,9 +93,10 @@ def _description(model: str, fmi: int, stated: bool, constant: bool) -> str:
 
 
 @cache
-def _library(model: str) -> bytes:
+def library(sources: Path, model: str, platform: str = "linux64") -> bytes:
+    """{model}.c of that folder, compiled."""
     with TemporaryDirectory() as folder:
-        target, _, suffix = compiler.TARGETS["linux64"][0]
+        target, _, suffix = compiler.TARGETS[platform][0]
         output = Path(folder) / f"{model}{suffix}"
-        compiler.compile_library(SOURCES, [f"{model}.c"], target, output, ["-O1"])
+        compiler.compile_library(sources, [f"{model}.c"], target, output, ["-O1"])
         return output.read_bytes()

@@ -2,7 +2,10 @@
  *
  *   host LIBRARY RESOURCES TOKEN run      STEP COUNT REFERENCE...   prints a line of values after every step, as %a
  *   host LIBRARY RESOURCES TOKEN rollback STEP COUNT REFERENCE...   two instances; state, serialised state, reset: all to the bit
+ *   host LIBRARY RESOURCES TOKEN driven   STEP COUNT INPUT SWITCH REFERENCE...   the same as run, with INPUT set and read nowhere,
+ *       SWITCH (or "-") false from the start, the flag of no state to come back to in turn; `coarse`: on a clock of single precision
  *   host LIBRARY RESOURCES TOKEN time     STEP COUNT REFERENCE...   prints microseconds a step (doStep and reading), best of five */
+#include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -40,6 +43,8 @@ static struct {
     F(Instantiate);
     F(SetupExperiment);
     F(GetReal);
+    F(SetReal);
+    F(SetBoolean);
     F(GetFMUstate);
     F(SetFMUstate);
     F(FreeFMUstate);
@@ -49,6 +54,8 @@ static struct {
 #else
     F(InstantiateCoSimulation);
     F(GetFloat64);
+    F(SetFloat64);
+    F(SetBoolean);
     F(GetFMUState);
     F(SetFMUState);
     F(FreeFMUState);
@@ -90,10 +97,10 @@ static void find(void *library)
         memcpy(&fmu.name, &address, sizeof address);                                                                     \
     }
 #if FMI == 2
-    GET(Instantiate) GET(SetupExperiment) GET(GetReal) GET(GetFMUstate) GET(SetFMUstate) GET(FreeFMUstate)
+    GET(Instantiate) GET(SetupExperiment) GET(GetReal) GET(SetReal) GET(SetBoolean) GET(GetFMUstate) GET(SetFMUstate) GET(FreeFMUstate)
     GET(SerializedFMUstateSize) GET(SerializeFMUstate) GET(DeSerializeFMUstate)
 #else
-    GET(InstantiateCoSimulation) GET(GetFloat64) GET(GetFMUState) GET(SetFMUState) GET(FreeFMUState)
+    GET(InstantiateCoSimulation) GET(GetFloat64) GET(SetFloat64) GET(SetBoolean) GET(GetFMUState) GET(SetFMUState) GET(FreeFMUState)
     GET(SerializedFMUStateSize) GET(SerializeFMUState) GET(DeserializeFMUState)
 #endif
     GET(EnterInitializationMode) GET(ExitInitializationMode) GET(DoStep) GET(Reset) GET(Terminate) GET(FreeInstance)
@@ -136,18 +143,40 @@ static Component begin(void)
     return c;
 }
 
-static void step(Component c, long k, double size, double values[])
+static void switch_off(Component c, Reference reference)
 {
 #if FMI == 2
-    check(fmu.DoStep(c, (double)k * size, size, 1), "DoStep");
+    const fmi2Boolean off = fmi2False;
+    check(fmu.SetBoolean(c, &reference, 1, &off), "SetBoolean");
+#else
+    const fmi3Boolean off = false;
+    check(fmu.SetBoolean(c, &reference, 1, &off, 1), "SetBoolean");
+#endif
+}
+
+static void set(Component c, Reference reference, double value)
+{
+#if FMI == 2
+    check(fmu.SetReal(c, &reference, 1, &value), "SetReal");
+#else
+    check(fmu.SetFloat64(c, &reference, 1, &value, 1), "SetFloat64");
+#endif
+}
+
+static void step_at(Component c, double time, double size, int no_set_state, double values[])
+{
+#if FMI == 2
+    check(fmu.DoStep(c, time, size, no_set_state), "DoStep");
     check(fmu.GetReal(c, references, count, values), "GetReal");
 #else
     fmi3Boolean event, terminate, early;
     fmi3Float64 last;
-    check(fmu.DoStep(c, (double)k * size, size, 1, &event, &terminate, &early, &last), "DoStep");
+    check(fmu.DoStep(c, time, size, no_set_state, &event, &terminate, &early, &last), "DoStep");
     check(fmu.GetFloat64(c, references, count, values, count), "GetFloat64");
 #endif
 }
+
+static void step(Component c, long k, double size, double values[]) { step_at(c, (double)k * size, size, 1, values); }
 
 /* Steps `from` to `to`, all values one after another. */
 static double *walk(Component c, long from, long to, double size)
@@ -259,7 +288,8 @@ int main(int argc, char **argv)
     token = argv[3];
     const double size = atof(argv[5]);
     const long steps = atol(argv[6]);
-    for (int i = 7; i < argc && count < LARGEST; i++)
+    const bool coarse = strcmp(argv[4], "coarse") == 0, driven = coarse || strcmp(argv[4], "driven") == 0;
+    for (int i = driven ? 9 : 7; i < argc && count < LARGEST; i++)
         references[count++] = (Reference)strtoul(argv[i], NULL, 10);
     if (strcmp(argv[4], "rollback") == 0) {
         rollback(size, steps);
@@ -278,8 +308,13 @@ int main(int argc, char **argv)
     } else {
         Component c = begin();
         double values[LARGEST];
-        for (long k = 0; k < steps; k++) {
-            step(c, k, size, values);
+        float time = 0.0f;
+        if (driven && strcmp(argv[8], "-") != 0)
+            switch_off(c, (Reference)strtoul(argv[8], NULL, 10));
+        for (long k = 0; k < steps; k++, time += (float)size) {
+            if (driven)
+                set(c, (Reference)strtoul(argv[7], NULL, 10), (double)(k * 7919 % 13) - 6.0);
+            step_at(c, coarse ? time : (double)k * size, coarse ? (float)size : size, driven ? (int)(k % 2) : 1, values);
             for (size_t i = 0; i < count; i++)
                 printf(i + 1 < count ? "%a " : "%a\n", values[i]);
         }

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from functools import cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
+
+from foreign import library as compiled
 
 from fmucorrect.wrapping import compiler
 
@@ -98,21 +98,27 @@ def _variable(fmi: int, name: str, reference: int, causality: str, kind: str, at
     return f"<{tag} {head} {attributes}>{inside}</{tag}>"
 
 
-@cache
-def library() -> bytes:
-    """odd_solver.c for linux64."""
-    with TemporaryDirectory() as folder:
-        target, _, suffix = compiler.TARGETS["linux64"][0]
-        output = Path(folder) / f"odd{suffix}"
-        compiler.compile_library(HERE, ["odd_solver.c"], target, output, ["-O1"])
-        return output.read_bytes()
+def library(platform: str = "linux64") -> bytes:
+    """odd_solver.c, compiled."""
+    return compiled(HERE, "odd_solver", platform)
 
 
-def odd(path: Path, fmi: int, words: str = "", *, flags: str = "", extra: str = "", with_library: bool = True) -> Path:
-    """An FMU file of it."""
+def odd(
+    path: Path,
+    fmi: int,
+    words: str = "",
+    *,
+    flags: str = "",
+    extra: str = "",
+    with_library: bool = True,
+    windows: bool = False,
+) -> Path:
+    """An FMU file of it. windows: with a library for win64 too."""
     files = {"modelDescription.xml": description(fmi, words, flags, extra).encode()}
     if with_library:
         files[f"binaries/{'linux64' if fmi == 2 else 'x86_64-linux'}/odd.so"] = library()
+    if windows:
+        files[f"binaries/{'win64' if fmi == 2 else 'x86_64-windows'}/odd.dll"] = library("win64")
     path.parent.mkdir(parents=True, exist_ok=True)
     compiler.write_fmu(path, files)
     return path

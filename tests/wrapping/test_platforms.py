@@ -3,18 +3,17 @@ again from the sources inside. All in a folder with spaces and umlauts in its na
 
 from __future__ import annotations
 
-import os
 import shutil
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from tempfile import TemporaryFile
 
 import numpy as np
 import pytest
+from c_host import library_in, played
 from models import COMBINATIONS, LONG, MODELS, OSCILLATOR, RIG, columns, expected, largest
 
 from fmucorrect.fmu import open_fmu
@@ -25,7 +24,6 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="libraries for L
 CLOSE = 1e-5
 """mm"""
 STEPS = 400
-WINE = Path("/usr/lib/wine/wine64")
 CC = shutil.which("gcc") or shutil.which("cc") or ""
 SANITIZED = ("-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 each = pytest.mark.parametrize("model", MODELS)
@@ -48,25 +46,15 @@ class Player:
     @property
     def inside(self) -> Path:
         """Its library."""
-        return next(self.folder.glob(f"binaries/*/{open_fmu(self.fmu).identifier}{self.suffix}"))
+        return library_in(self.fmu, self.folder, self.suffix)
 
     def play(self, mode: str, library: Path | None = None, steps: int = STEPS) -> str:
         """What the host prints. library: instead of the one inside."""
         said = open_fmu(self.fmu)
-        three, drive = said.fmi.startswith("3"), "Z:" if self.suffix == ".dll" else ""
-        library = library or self.inside
-        resources = f"{drive}{self.folder / 'resources'}/"
-        if not three:
-            resources = (self.folder / "resources").as_uri().replace("file://", "file:///Z:" if drive else "file://")
         references = [str(said.variables[c.simulation or c.name].reference) for c in columns(self.model)[:-1]]
-        command = [*self.program, f"{drive}{library}", resources, said.token, mode, "0.001", str(steps), *references]
-        environment = {**os.environ, **self.environment}
-        with TemporaryFile() as out, TemporaryFile() as err:  # no pipes, which services of wine would hold open
-            done = subprocess.run(command, stdout=out, stderr=err, env=environment, timeout=300)
-            out.seek(0)
-            err.seek(0)
-            assert done.returncode == 0, err.read().decode(errors="replace")[-3000:]
-            return out.read().decode()
+        words = [mode, "0.001", str(steps), *references]
+        how = {"suffix": self.suffix, "library": library, "environment": self.environment}
+        return played(self.program, self.fmu, self.folder, words, **how)
 
     def walk(self, library: Path | None = None) -> np.ndarray:
         """(STEPS, columns) from the first step on."""
@@ -106,31 +94,13 @@ def test_linux(model: str, inner: int, outer: int, player: Play) -> None:
         assert largest(got, reference) < CLOSE
 
 
-@pytest.fixture(scope="module")
-def wine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, str]]:
-    """The environment that wine runs in, and a Windows of its own."""
-    if not WINE.exists():
-        pytest.skip("there is no wine64")
-    environment = {
-        "WINEPREFIX": str(tmp_path_factory.mktemp("wine") / "prefix"),
-        "WINEDEBUG": "-all",
-        "LC_ALL": "C.UTF-8",  # wine reads the names of files by it
-        "WINEDLLOVERRIDES": "mscoree,mshtml=",  # it would ask to download these
-    }
-    quiet = {"env": {**os.environ, **environment}, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    subprocess.run([WINE, "wineboot", "-i"], timeout=300, **quiet)
-    yield environment
-    subprocess.run([WINE.with_name("wineserver64"), "-k"], timeout=60, **quiet)  # that of this prefix alone
-
-
 @each_version
 @each
 def test_windows_says_the_same(
-    model: str, fmi: int, wine: dict[str, str], player: Play, host: Host, tmp_path: Path
+    model: str, fmi: int, wine: dict[str, str], player: Play, windows_host: Callable[[int], list[Path]], tmp_path: Path
 ) -> None:
     linux = player(model, fmi)
-    zig = [sys.executable, "-m", "ziglang", "cc", "-target", "x86_64-windows-gnu"]
-    windows = replace(linux, program=[WINE, host(fmi, zig, ["-lshell32"], ".exe")], environment=wine, suffix=".dll")
+    windows = replace(linux, program=windows_host(fmi), environment=wine, suffix=".dll")
     assert largest(windows.walk(), linux.walk()) < CLOSE
     elsewhere = tmp_path / "moved.dll"  # so that the solver is found only where the host says
     shutil.copy(windows.inside, elsewhere)

@@ -1,0 +1,43 @@
+"""host.c around an unpacked FMU: on Linux, and as a program for Windows under wine."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from tempfile import TemporaryFile
+
+from fmucorrect.fmu import open_fmu
+
+WINE = Path("/usr/lib/wine/wine64")
+
+
+def library_in(fmu: Path, folder: Path, suffix: str) -> Path:
+    """The FMU's library in the folder where it is unpacked."""
+    return next(folder.glob(f"binaries/*/{open_fmu(fmu).identifier}{suffix}"))
+
+
+def played(
+    program: Sequence[str | Path],
+    fmu: Path,
+    folder: Path,
+    words: Sequence[str],
+    *,
+    suffix: str = ".so",
+    library: Path | None = None,
+    environment: Mapping[str, str] | None = None,
+) -> str:
+    """What the host prints. words: mode, step and so on. library: instead of the one inside."""
+    said = open_fmu(fmu)
+    drive = "Z:" if suffix == ".dll" else ""
+    resources = f"{drive}{folder / 'resources'}/"
+    if said.fmi.startswith("2"):
+        resources = (folder / "resources").as_uri().replace("file://", "file:///Z:" if drive else "file://")
+    command = [*program, f"{drive}{library or library_in(fmu, folder, suffix)}", resources, said.token, *words]
+    with TemporaryFile() as out, TemporaryFile() as err:  # no pipes, which services of wine would hold open
+        done = subprocess.run(command, stdout=out, stderr=err, env={**os.environ, **(environment or {})}, timeout=300)
+        out.seek(0)
+        err.seek(0)
+        assert done.returncode == 0, err.read().decode(errors="replace")[-3000:]
+        return out.read().decode()
