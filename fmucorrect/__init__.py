@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from fmucorrect.railway.assessment import load_assessment
     from fmucorrect.records import describe, read, stream, writer
     from fmucorrect.registration import Offset, find_offset, resample
+    from fmucorrect.sealing import seal
     from fmucorrect.signals import Channel, Condition, Reading, Record, join
     from fmucorrect.stepper import (
         CorrectedStepper,
@@ -81,6 +82,7 @@ _NAMES = {
     "metrics": ("OracleLag", "Scores", "noise_floor", "oracle_lag", "score"),
     "records": ("describe", "read", "stream", "writer"),
     "registration": ("Offset", "find_offset", "resample"),
+    "sealing": ("seal",),
     "signals": ("Channel", "Condition", "Reading", "Record", "join"),
     "stepper": (
         "CorrectedStepper",
@@ -147,6 +149,7 @@ __all__ = [  # noqa: RUF022 (as a reader looks for them)
     "compare",
     "Comparison",
     "train",
+    "seal",
     "discover",
     "load_assessment",
     "assess",

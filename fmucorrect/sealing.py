@@ -1,0 +1,269 @@
+"""A bundle of anyone's own network: fc.seal(model, study, path) takes an ONNX file from any framework.
+
+    model = fc.seal("my_network.onnx", study, "corrector.onnx")
+    fc.run(fc.CorrectedStepper(plant, model), condition, inputs)     # and fmucorrect wrap, replay, compare as with ours
+
+The network needs `window` float32 (N, W, J) in and `corrected` float32 (N, J) out, in the units of the study's channels; W is
+taken from it. It may read `condition` and `time`, and have `state` and `next_state`, as bundle.py says. What it does not say is
+filled in from the study:
+
+- `baseline`: the window's last row, the simulation as it is.
+- `sigma`: the rms of what is left between corrected and measured in the study's development conditions. Where the network was
+  fitted to these, that is less than elsewhere.
+- `in_envelope`: 1 within the conditions and responses of development, fading to 0 outside, and `corrected` fades with it to
+  the simulation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+from jaxtyping import Float64
+from onnx import TensorProto, helper, numpy_helper
+
+import fmucorrect
+from fmucorrect import bundle
+from fmucorrect.bundle import Bundle, Info
+from fmucorrect.comparison import Comparison, compare
+from fmucorrect.errors import BundleError
+from fmucorrect.experiment import Pair
+from fmucorrect.outputs import Replacing
+from fmucorrect.screening import screen
+from fmucorrect.signals import NANOSECONDS, Channel, Condition
+from fmucorrect.stepper import CorrectedStepper, ReplayStepper, Window
+from fmucorrect.study import Study
+from fmucorrect.workfolder import WorkFolder
+
+_READ = {"window", "condition", "time", "state"}
+_GOLDEN = 8
+"""Rows of the golden pair."""
+Corners = dict[str, tuple[float, float, float, float]]
+
+
+def seal(model: str | Path | onnx.ModelProto, study: Study, path: str | Path) -> Bundle:
+    """Makes a bundle at `path` of `model`, with the channels, sample time, conditions and hash of `study`, and opens it.
+
+    Raises BundleError where the network does not fit the study or the contract; StudyError for a study of which nothing
+    sensible can be learned, and what simulation and registration raise.
+    """
+    path = Path(path)
+    where = str(model) if isinstance(model, str | Path) else str(path)
+    network = _Network.read(model, where, len(study.channels))
+    pairs = screen(study).pairs
+    info = replace(about(study, pairs), rows=network.rows, state=network.state)
+    if not network.says("in_envelope"):
+        info = replace(info, envelope=corners(study.channels, pairs))
+    inputs = _golden(pairs[0], info)
+    with WorkFolder() as folder:
+        trial = folder.path / "trial.onnx"
+        trial.write_bytes(bundle.completed(network.filled(info, np.zeros(len(study.channels))), info, inputs, where))
+        judged = [evaluate(item, bundle.load(trial)) for item in pairs]
+    left = np.concatenate([(item.measured - item.corrected)[item.scored] for item in judged])
+    figures = {item.condition.name: round(item.after.mean_nrmse, 4) for item in judged}
+    info = replace(info, evaluation={"NRMSE in development": figures})
+    with Replacing(path) as beside:
+        beside.write_bytes(bundle.completed(network.filled(info, _rms(left)), info, inputs, where))
+    return bundle.load(path)
+
+
+def evaluate(item: Pair, model: Bundle) -> Comparison:
+    """A bundle on a pair, through the same stepper as online."""
+    stepper = CorrectedStepper(ReplayStepper(item.simulated.channels), model)
+    stepper.reset(item.condition)
+    return compare(item, stepper.process(item.simulated))
+
+
+def about(study: Study, pairs: Sequence[Pair]) -> Info:
+    """What a bundle says of the study that it comes from: a window of one row, no envelope, no state."""
+    left = np.concatenate([item.measured - _simulated(item) for item in pairs])
+    return Info(
+        name=study.name,
+        channels=tuple(map(_for_bundle, study.channels)),
+        rows=1,
+        step_ns=study.simulation.step_ns,
+        uncorrected=tuple(_rms(left).tolist()),
+        envelope={},
+        conditions=tuple(map(_trained_on, study.development)),
+        parameters=dict(study.parameters),
+        units=dict(study.simulation.units),
+        study_hash=study.hash,
+        versions={"fmucorrect": fmucorrect.__version__, **{name: version(name) for name in ("onnx", "numpy")}},
+    )
+
+
+def corners(channels: Sequence[Channel], pairs: Sequence[Pair]) -> Corners:
+    """Where a correction may be used, by the rules of training.protocol.envelope: half the span of speed beyond its ends, 5 %
+    of amplitude and frequency, 1.25 times the largest response; fading over as much again (responses until 1.5 times)."""
+    found: Corners = {}
+    extent = np.max([np.abs(_simulated(item)).max(0) for item in pairs], axis=0)
+    for channel, limit in zip(channels, extent.tolist(), strict=True):
+        if limit > 0.0:
+            found[f"response {channel.name}"] = (-1.5 * limit, -1.25 * limit, 1.25 * limit, 1.5 * limit)
+    for k, name in enumerate(("speed", "amplitude", "frequency")):
+        values = [float(item.condition.features[k]) for item in pairs]
+        low, high = min(values), max(values)
+        if low > 0.0:
+            margin = (high - low) / 2.0 if k == 0 and high > low else 0.05 * high
+            found[name] = (low - 2.0 * margin, low - margin, high + margin, high + 2.0 * margin)
+    return found
+
+
+class _Network:
+    """Somebody's graph. rows: W. state: S, 0 for none."""
+
+    def __init__(self, model: onnx.ModelProto, rows: int, state: int) -> None:
+        self._model, self.rows, self.state = model, rows, state
+
+    @staticmethod
+    def read(model: str | Path | onnx.ModelProto, where: str, channels: int) -> _Network:
+        """Raises BundleError for what is no corrector of this many channels."""
+        try:
+            found = (
+                onnx.load(model)
+                if isinstance(model, str | Path)
+                else onnx.ModelProto.FromString(model.SerializeToString())
+            )
+        except Exception as error:  # neither protobuf's errors nor those of files have a common base but Exception
+            raise BundleError(f"onnx cannot open it: {error}", where=where) from error
+        constants = {item.name for item in found.graph.initializer}
+        shapes = {
+            item.name: [axis.dim_value for axis in item.type.tensor_type.shape.dim]
+            for item in (*found.graph.input, *found.graph.output)
+            if item.name not in constants
+        }
+        inputs = {item.name for item in found.graph.input} - constants
+        if "window" not in inputs or "corrected" not in shapes or inputs - _READ:
+            raise BundleError(
+                "the network has other inputs or outputs than a corrector",
+                where=where,
+                expected="window, and condition, time, state where it needs them; corrected",
+                got=f"{', '.join(sorted(inputs))} to {', '.join(item.name for item in found.graph.output)}",
+                remedy="Name them so when you export it.",
+            )
+        window, state = shapes["window"], shapes.get("state", [0, 0])
+        if len(window) != 3 or window[1] < 1 or window[2] != channels:
+            raise BundleError(
+                "input 'window' has another shape", where=where, expected=f"(N, W, {channels})", got=window
+            )
+        if ("state" in shapes) != ("next_state" in shapes) or len(state) != 2 or ("state" in shapes and state[1] < 1):
+            raise BundleError(
+                "a state goes in as 'state' (N, S) and out as 'next_state'", where=where, got=sorted(shapes)
+            )
+        return _Network(found, window[1], state[1])
+
+    def says(self, name: str) -> bool:
+        return any(item.name == name for item in self._model.graph.output)
+
+    def filled(self, info: Info, sigma: Float64[np.ndarray, " J"]) -> bytes:
+        """The graph with all inputs and outputs of a bundle. sigma: in the place of what the network does not say."""
+        model = onnx.ModelProto.FromString(self._model.SerializeToString())
+        graph = model.graph
+        said = {item.name for item in graph.output}
+        names = {
+            name: f"theirs_{name}" for name in ("corrected", "sigma") if name in said and not self.says("in_envelope")
+        }
+        for node in graph.node:
+            node.input[:] = [names.get(name, name) for name in node.input]
+            node.output[:] = [names.get(name, name) for name in node.output]
+
+        def constant(name: str, values: Any) -> str:
+            graph.initializer.append(numpy_helper.from_array(np.asarray(values), f"sealing_{name}"))
+            return f"sealing_{name}"
+
+        def add(kind: str, inputs: list[str], output: str, **attributes: Any) -> str:
+            graph.node.append(helper.make_node(kind, inputs, [output], **attributes))
+            return output
+
+        last = add("Gather", ["window", constant("last", np.int64(info.rows - 1))], "sealing_newest", axis=1)
+        if "baseline" not in said:
+            add("Identity", [last], "baseline")
+        if "in_envelope" not in said:
+            self._fade(info, add, constant, last)
+            delta = add("Sub", [names["corrected"], last], "sealing_delta")
+            add("Add", [last, add("Mul", ["in_envelope", delta], "sealing_faded")], "corrected")
+        if "sigma" not in said or names:
+            bare = np.array([info.uncorrected], np.float32)
+            theirs = names.get("sigma") or constant("sigma", sigma[None].astype(np.float32))
+            more = add("Sub", [theirs, constant("uncorrected", bare)], "sealing_more")
+            add("Add", ["sealing_uncorrected", add("Mul", ["in_envelope", more], "sealing_spread")], "sigma")
+        _declare(graph, info)
+        del graph.value_info[:], model.metadata_props[:]
+        return model.SerializeToString()
+
+    @staticmethod
+    def _fade(info: Info, add: Any, constant: Any, last: str) -> None:
+        """in_envelope: 1 less how far responses and conditions are beyond their inner corners, in widths of the fade."""
+        places = [*(f"response {channel.name}" for channel in info.channels), "speed", "amplitude", "frequency"]
+        slopes, offsets = np.zeros((len(places), 2 * len(info.envelope))), np.zeros(2 * len(info.envelope))
+        for k, (name, (a, b, c, d)) in enumerate(info.envelope.items()):
+            slopes[places.index(name), 2 * k : 2 * k + 2] = -1.0 / (b - a), 1.0 / (d - c)
+            offsets[2 * k : 2 * k + 2] = b / (b - a), -c / (d - c)
+        x = add("Concat", [last, "condition"], "sealing_x", axis=1)
+        weights = [constant("slopes", slopes.astype(np.float32)), constant("offsets", offsets.astype(np.float32))]
+        outside = add("Relu", [add("Gemm", [x, *weights], "sealing_ramps")], "sealing_outside")
+        taken = [
+            constant("taken", np.full((len(offsets), 1), -1.0, np.float32)),
+            constant("one", np.ones(1, np.float32)),
+        ]
+        add("Relu", [add("Gemm", [outside, *taken], "sealing_share")], "in_envelope")
+
+
+def _declare(graph: onnx.GraphProto, info: Info) -> None:
+    constants = {item.name for item in graph.initializer}
+    for rows, field in ((info.inputs, graph.input), (info.outputs, graph.output)):
+        kept = [item for item in field if item.name in constants]
+        del field[:]
+        field.extend(kept)
+        for name, row in rows.items():
+            kind = TensorProto.DOUBLE if name == "time" else TensorProto.FLOAT
+            field.append(helper.make_tensor_value_info(name, kind, ["N", *row]))
+
+
+def _golden(item: Pair, info: Info) -> dict[str, np.ndarray]:
+    """Inputs of the golden pair: real ones, and states of the order of 1."""
+    channels = len(info.channels)
+    windows = Window(info.rows, channels).extend(item.simulated.values[:, :channels])
+    picked = np.linspace(0, len(windows) - 1, _GOLDEN).astype(int)
+    t_ns = item.simulated.t_ns[info.rows - 1 :][picked]
+    inputs = {
+        "window": windows[picked],
+        "condition": np.tile(np.array(item.condition.features, np.float32), (_GOLDEN, 1)),
+        "time": (t_ns[:, None] - item.condition.start_ns) / NANOSECONDS,
+    }
+    if info.state:
+        inputs["state"] = np.random.default_rng(0).normal(size=(_GOLDEN, info.state)).astype(np.float32)
+    return inputs
+
+
+def _simulated(item: Pair) -> Float64[np.ndarray, "N J"]:
+    """At the rows that were measured."""
+    return item.simulated.values[item.rows, : item.measured.shape[1]]
+
+
+def _rms(values: Float64[np.ndarray, "N J"]) -> Float64[np.ndarray, " J"]:
+    return np.sqrt(np.mean(values**2, axis=0))
+
+
+def _for_bundle(channel: Channel) -> Channel:
+    """A channel without what belongs to the measurement alone."""
+    return Channel(
+        channel.name,
+        unit=channel.unit,
+        quantity=channel.quantity,
+        axis=channel.axis,
+        positive=channel.positive,
+        frame=channel.frame,
+        simulation=channel.simulation,
+    )
+
+
+def _trained_on(condition: Condition) -> dict[str, Any]:
+    """A condition with the FMU start values by which a wrapped FMU knows it again."""
+    numbers = {key: getattr(condition, key) for key in ("name", "speed", "amplitude", "frequency", "start")}
+    return {**numbers, "parameters": dict(condition.parameters)}
