@@ -307,7 +307,9 @@ _PARTNERS = {"velocity": "displacement", "nominal_force": "force"}
 
 def _check_units(study: Study, defined: Mapping[str, Unit]) -> Iterator[tuple[Location, str]]:
     """Units of channels, variables and columns that neither are known nor declared by the FMU."""
-    said = [(("channels", i, "unit"), channel.unit) for i, channel in enumerate(study.channels)]
+    said: list[tuple[Location, str]] = [
+        (("channels", i, "unit"), channel.unit) for i, channel in enumerate(study.channels)
+    ]
     said += [(("simulation", "units", name), unit) for name, unit in study.simulation.units.items()]
     for i, condition in enumerate(study.conditions):
         for name, unit in condition.reading.units.items():

@@ -54,6 +54,7 @@ k1 = 1200.0
 k2 = 800.0
 c1 = 5.0
 [training.corrector]
+families = ["window"]
 epochs = [30, 60]
 phase = true
 [[channels]]

@@ -67,6 +67,7 @@ head_width = 4
 epochs = 2
 tdnn_epochs = 2
 [training.corrector]
+families = ["window"]
 baseline_width = 4
 baseline_epochs = 10
 history = 4

@@ -41,6 +41,7 @@ tdnn_residual = { widths = [8, 8], epochs = 4, tdnn_epochs = 10 }
 proposed = { widths = [8, 8], head_width = 8, epochs = 4, tdnn_epochs = 10 }
 
 [training.corrector]
+families = ["window"]
 baseline_width = 4
 baseline_epochs = 4
 history = 4

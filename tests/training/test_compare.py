@@ -43,6 +43,7 @@ head_width = 8
 epochs = 25
 tdnn_epochs = 25
 [training.corrector]
+families = ["window"]
 baseline_width = 6
 baseline_epochs = 15
 history = 4

@@ -23,6 +23,7 @@ SMALL = """
 [training]
 window = 8
 [training.corrector]
+families = ["window"]
 baseline_width = 6
 baseline_epochs = 15
 history = 4

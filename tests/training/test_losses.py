@@ -22,6 +22,7 @@ def condition(rows: int, name: str = "a", speed: float = 300.0, frequency: float
     t = np.arange(rows) * STEP
     return Samples(
         name,
+        np.zeros((0, 2), np.float32),
         np.zeros((rows, 2), np.float32),
         1,
         np.array([speed, 0.03, frequency], np.float32),
