@@ -125,7 +125,7 @@ def test_finished_trainings_are_read_and_give_the_same_table(
     ticks: list[int] = []
     again = compare_models(studies, outcome[0], Workshop(outcome[0] / "work", advance=ticks.append))
     assert again == table
-    assert sum(ticks) == total(studies)
+    assert 0 < sum(ticks) <= total(studies)
 
 
 def test_other_measurements_are_refused(paths: tuple[Path, Path], tmp_path: Path) -> None:

@@ -102,8 +102,7 @@ def test_the_command_goes_on_after_a_kill(tmp_path: Path) -> None:
     """SIGKILL in the middle of `fmucorrect train`; the same command gives the model of a run that was left alone."""
     path = make_study(tmp_path)
     path.write_text(
-        path.read_text()
-        + '\n[training]\nwindow = 8\n[training.corrector]\nfamilies = ["window"]\nbaseline_width = 6\n'
+        path.read_text() + '\n[training]\nwindow = 8\n[training.corrector]\nfamilies = ["window"]\nbaseline_width = 6\n'
         "baseline_epochs = 8\nhistory = 4\n"
         "widths = [16, 16]\nmembers = 2\nepochs = [12, 18]\nbatch = 2048\nstride = 2\n"
     )
