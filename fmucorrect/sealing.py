@@ -98,8 +98,8 @@ def about(study: Study, pairs: Sequence[Pair]) -> Info:
 
 
 def corners(channels: Sequence[Channel], pairs: Sequence[Pair]) -> Corners:
-    """Where a correction may be used, by the rules of training.protocol.envelope: half the span of speed beyond its ends, 5 %
-    of amplitude and frequency, 1.25 times the largest response; fading over as much again (responses until 1.5 times)."""
+    """Where a correction may be used: half the span of speed beyond its ends, 5 % of amplitude and frequency, 1.25 times the
+    largest response; fading over as much again (responses until 1.5 times). Nothing of what the conditions do not say."""
     found: Corners = {}
     extent = np.max([np.abs(_simulated(item)).max(0) for item in pairs], axis=0)
     for channel, limit in zip(channels, extent.tolist(), strict=True):

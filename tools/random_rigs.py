@@ -44,7 +44,8 @@ def train_and_score(study: Study) -> list[Comparison]:
     """Train on the study's development conditions, and open every condition with the finished bundle."""
     from fmucorrect import bundle
     from fmucorrect.experiment import pair
-    from fmucorrect.training.protocol import evaluate, train
+    from fmucorrect.sealing import evaluate
+    from fmucorrect.training.protocol import train
 
     trained = train(study, replace(study.training, corrector=replace(study.training.corrector, epochs=(EPOCHS,))))
     path = study.path.parent / "corrector.onnx"

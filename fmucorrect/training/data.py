@@ -97,8 +97,7 @@ class Scales:
 
     response: (J,) displacement scales s_q, the standard deviation of the measured channels (paper, section 3.3). window:
     one scale for the simulated histories. components: (W J, d) window features, whitened as far as FLOOR lets. speed:
-    km/h, centre and half span. uncorrected: (J,) rms of measurement minus simulation. extent: (J,) largest simulated
-    deflection.
+    km/h, centre and half span. uncorrected: (J,) rms of measurement minus simulation.
     """
 
     response: Float64[np.ndarray, " J"]
@@ -106,7 +105,6 @@ class Scales:
     components: Float64[np.ndarray, "WJ d"]
     speed: tuple[float, float]
     uncorrected: Float64[np.ndarray, " J"]
-    extent: Float64[np.ndarray, " J"]
 
 
 def scales(development: Sequence[Samples], history: int, stride: int) -> Scales:
@@ -131,5 +129,4 @@ def scales(development: Sequence[Samples], history: int, stride: int) -> Scales:
         components=vectors[:, order] / spread / window,
         speed=((max(speeds) + min(speeds)) / 2.0, 2.0 * half if half > 0.0 else max(abs(max(speeds)), 1.0)),
         uncorrected=np.sqrt((error**2).mean(axis=0)),
-        extent=np.max([np.abs(s.simulated).max(axis=0) for s in development], axis=0),
     )

@@ -1,26 +1,23 @@
 """From a study to a corrector: leave-one-speed-out selection, final refit, and the model that is exported.
 
-Evaluation conditions are never opened here; `evaluate` is apart and runs on a finished bundle.
+Evaluation conditions are never opened here; `sealing.evaluate` is apart and runs on a finished bundle.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from importlib.metadata import version
 
 import numpy as np
 
-from fmucorrect.bundle import Bundle, Info
-from fmucorrect.comparison import Comparison, compare
 from fmucorrect.errors import StudyError
-from fmucorrect.experiment import Pair
 from fmucorrect.screening import Finding, Screened, screen
-from fmucorrect.signals import Channel, Condition
-from fmucorrect.stepper import CorrectedStepper, ReplayStepper
+from fmucorrect.sealing import about, corners
+from fmucorrect.signals import Channel
 from fmucorrect.study import Study
 from fmucorrect.study_training import Training
-from fmucorrect.training.data import Samples, Scales, samples, scales
+from fmucorrect.training.data import samples, scales
 from fmucorrect.training.deployed import Corners, Corrector
 from fmucorrect.training.export import to_bundle
 from fmucorrect.training.families import Fitted, count, lengths, refit
@@ -58,21 +55,17 @@ def train(study: Study, training: Training | None = None, workshop: Workshop | N
     selection = select(development, training, workshop)
     fitted, curves = refit(selection.family, development, training, selection.epochs, workshop)
     basis = scales(development, 1, training.corrector.stride)
-    corners = envelope(development, basis)
+    envelope = corners(study.channels, checked.pairs)
     head = fitted.head()
-    corrector = Corrector(head, fitted.rows, basis, corners, selection.band)
-    info = Info(
-        name=study.name,
-        channels=tuple(_for_bundle(channel) for channel in study.channels),
+    corrector = Corrector(head, fitted.rows, basis, _placed(envelope, study.channels), selection.band)
+    known = about(study, checked.pairs)
+    info = replace(
+        known,
         rows=fitted.rows,
-        step_ns=study.simulation.step_ns,
+        state=head.state,
+        envelope=envelope,
         uncorrected=tuple(float(value) for value in basis.uncorrected),
-        envelope=_named(corners, study.channels),
-        conditions=tuple(map(_trained_on, study.development)),
-        parameters=dict(study.parameters),
-        units=dict(study.simulation.units),
-        study_hash=study.hash,
-        versions=_versions(),
+        versions={**known.versions, "torch": version("torch")},
         evaluation={
             "family": selection.family,
             "held out NRMSE by family, leave one speed out": {
@@ -81,7 +74,6 @@ def train(study: Study, training: Training | None = None, workshop: Workshop | N
             "epochs": selection.epochs,
             "members": head.members,
         },
-        state=head.state,
     )
     first = development[0]
     rows = np.linspace(0, len(first.seconds) - 1, 8).astype(int)
@@ -119,63 +111,7 @@ def total_epochs(study: Study, training: Training) -> int:
     return settings.trials * min(settings.epochs) * folds + total + longest
 
 
-def envelope(development: Sequence[Samples], basis: Scales) -> Corners:
-    """Where the correction may be used. Speed: half the trained span beyond its ends, fading over another half. Amplitude
-    and frequency: 5 % beyond, fading over another 5 % (none where a condition does not say). Response: 1.25 times the
-    largest simulated response of training, fading until 1.5 times."""
-    channels = len(basis.response)
-    corners: list[tuple[int, float, float, float, float]] = []
-    for j in range(channels):
-        limit = float(basis.extent[j])
-        corners.append((j, -1.5 * limit, -1.25 * limit, 1.25 * limit, 1.5 * limit))
-    for k in range(3):
-        values = [float(item.condition[k]) for item in development]
-        low, high = min(values), max(values)
-        if low <= 0.0:
-            continue
-        margin = (high - low) / 2.0 if k == 0 and high > low else 0.05 * high
-        corners.append((channels + k, low - 2.0 * margin, low - margin, high + margin, high + 2.0 * margin))
-    return corners
-
-
-def evaluate(item: Pair, bundle: Bundle) -> Comparison:
-    """A finished bundle on a pair, through the same stepper as online."""
-    stepper = CorrectedStepper(ReplayStepper(item.simulated.channels), bundle)
-    stepper.reset(item.condition)
-    return compare(item, stepper.process(item.simulated))
-
-
-def _named(corners: Corners, channels: Sequence[Channel]) -> dict[str, tuple[float, float, float, float]]:
+def _placed(envelope: Mapping[str, Sequence[float]], channels: Sequence[Channel]) -> Corners:
+    """A bundle's envelope, as the deployed network has it."""
     names = [f"response {channel.name}" for channel in channels] + ["speed", "amplitude", "frequency"]
-    return {names[index]: (a, b, c, d) for index, a, b, c, d in corners}
-
-
-def _for_bundle(channel: Channel) -> Channel:
-    """A channel without what belongs to the measurement alone."""
-    return Channel(
-        name=channel.name,
-        unit=channel.unit,
-        quantity=channel.quantity,
-        axis=channel.axis,
-        positive=channel.positive,
-        frame=channel.frame,
-        simulation=channel.simulation,
-    )
-
-
-def _trained_on(condition: Condition) -> dict[str, Any]:
-    """A condition as a bundle names it, with the FMU start values by which a wrapped FMU knows it again."""
-    return {
-        "name": condition.name,
-        "speed": condition.speed,
-        "amplitude": condition.amplitude,
-        "frequency": condition.frequency,
-        "start": condition.start,
-        "parameters": dict(condition.parameters),
-    }
-
-
-def _versions() -> dict[str, str]:
-    from importlib.metadata import version
-
-    return {name: version(name) for name in ("torch", "onnx", "numpy")}
+    return [(names.index(name), a, b, c, d) for name, (a, b, c, d) in envelope.items()]

@@ -16,11 +16,12 @@ from fmucorrect import bundle, outputs
 from fmucorrect.comparison import BAND_90, Comparison
 from fmucorrect.experiment import pair
 from fmucorrect.metrics import Scores
+from fmucorrect.sealing import evaluate
 from fmucorrect.study import Study
 from fmucorrect.study_training import Training
 from fmucorrect.training.card import card
 from fmucorrect.training.compare_table import against_others, curve_of
-from fmucorrect.training.protocol import Trained, evaluate, train
+from fmucorrect.training.protocol import Trained, train
 from fmucorrect.training.tasks import Workshop
 from fmucorrect.training.verdict import verdict
 

@@ -11,11 +11,12 @@ import road
 
 from fmucorrect import bundle
 from fmucorrect.experiment import pair
+from fmucorrect.sealing import evaluate
 from fmucorrect.stepper import Status
 from fmucorrect.study import Study, load_study
 from fmucorrect.study_training import Family
 from fmucorrect.training.data import samples
-from fmucorrect.training.protocol import Trained, evaluate, train
+from fmucorrect.training.protocol import Trained, train
 from fmucorrect.training.results import save
 from fmucorrect.training.selection import simplest
 from fmucorrect.training.verdict import verdict

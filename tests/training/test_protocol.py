@@ -12,8 +12,9 @@ from fmucorrect import bundle
 from fmucorrect.errors import StudyError
 from fmucorrect.experiment import pair
 from fmucorrect.records import read, writer
+from fmucorrect.sealing import evaluate
 from fmucorrect.study import Study, load_study
-from fmucorrect.training.protocol import Trained, evaluate, total_epochs, train
+from fmucorrect.training.protocol import Trained, total_epochs, train
 from fmucorrect.training.results import save
 from fmucorrect.training.tasks import Workshop
 

@@ -47,7 +47,6 @@ def phase(tmp_path_factory: pytest.TempPathFactory) -> Path:
         components=np.random.default_rng(0).normal(size=(ROWS * channels, 5)),
         speed=(330.0, 30.0),
         uncorrected=np.full(channels, 1e-3),
-        extent=np.full(channels, 5e-3),
     )
     members = [Member(Baseline(ROWS * channels, 7, channels), 0.9, Residual(8, (9, 6, 5), channels)) for _ in range(3)]
     for member in members:
