@@ -68,31 +68,32 @@ def folds(development: Sequence[Samples]) -> list[tuple[list[Samples], list[Samp
 
 
 def leave_out(
-    family: Family, development: Sequence[Samples], training: Training, workshop: Workshop
+    family: Family, development: Sequence[Samples], training: Training, workshop: Workshop, limit: float = np.inf
 ) -> dict[int, list[LeftOut]]:
     """What the folds said of the conditions that they had not seen, in the study's order, by number of epochs (0 where there
-    are none to choose)."""
+    are none to choose). limit: mean NRMSE (%) beyond which longer trainings are not tried."""
     parts = folds(development)
     if family not in NETWORKS:
         found = [
             left_out(fit_filter(family, rest, training).responses(item), item) for rest, held in parts for item in held
         ]
         return {0: found}
-    candidates = lengths(family, min(len(rest) for rest, _ in parts), training)
-    members = count(family, training, left_out=True)
-    tasks = [
-        Task(
-            f"{family}, {', '.join(item.name for item in held)} left out, {n} epochs",
-            fold,
-            (family, rest, held, needed(training), n),
-            n * members,
-        )
-        for n in candidates
-        for rest, held in parts
-    ]
-    results: list[list[LeftOut]] = workshop.run(tasks)
-    size = len(parts)
-    return {n: [item for part in results[i * size : (i + 1) * size] for item in part] for i, n in enumerate(candidates)}
+    said: dict[int, list[LeftOut]] = {}
+    for n in sorted(lengths(family, min(len(rest) for rest, _ in parts), training)):
+        tasks = [
+            Task(
+                f"{family}, {', '.join(item.name for item in held)} left out, {n} epochs",
+                fold,
+                (family, rest, held, needed(training), n),
+                n * count(family, training, left_out=True),
+            )
+            for rest, held in parts
+        ]
+        results: list[list[LeftOut]] = workshop.run(tasks)
+        said[n] = [item for part in results for item in part]
+        if errors_of(said)[n] > limit:
+            break
+    return said
 
 
 def errors_of(found: Mapping[int, Sequence[LeftOut]]) -> dict[int, float]:
@@ -105,9 +106,13 @@ def select(development: Sequence[Samples], training: Training, workshop: Worksho
     tried: dict[Family, list[LeftOut]] = {}
     by_fold: dict[str, dict[int, float]] = {}
     epochs: dict[Family, int] = {}
+    bare = np.inf
     for family in families(training):
-        found = leave_out(family, development, training, workshop)
+        # what harms after a short training is no cure after a long one, and costs most of the time
+        found = leave_out(family, development, training, workshop, bare)
         errors = errors_of(found)
+        if family == "nothing":
+            bare = errors[0]
         best = epochs[family] = min(errors, key=lambda n: errors[n])
         tried[family] = found[best]
         if family == "window":
