@@ -290,7 +290,12 @@ static Status step_by_pieces(Wrapper *self, double start, double size, bool may_
 static Status complete_sample(Wrapper *self)
 {
     State *s = &self->state;
-    if (!s->on_grid || (!s->row_due && (!REMEMBERS || s->carried || s->seen < ROWS)))
+#if REMEMBERS
+    const bool behind = !s->carried && s->seen >= ROWS; /* the corrector's state has not taken this sample yet */
+#else
+    const bool behind = false;
+#endif
+    if (!s->on_grid || (!s->row_due && !behind))
         return STATUS_OK;
     if (s->enabled)
         return sampling_sample(self);
