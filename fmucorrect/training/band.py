@@ -55,6 +55,8 @@ def calibrate(folds: Sequence[LeftOut]) -> Band:
     level = np.concatenate([np.abs(f.mean).mean(axis=1) for f in folds])
     for j in range(channels):
         error = np.abs(np.concatenate([f.error[:, j] for f in folds]))
+        if not error.any():  # a perfect simulation, or a channel that does not move
+            continue
         spread = np.concatenate([f.deviation[:, j] for f in folds])
         design = np.stack([np.ones_like(level), level, spread], axis=1)
         least = 1e-3 * float(np.average(error, weights=weight))

@@ -110,6 +110,12 @@ def adam(module: nn.Module, learning_rate: float, weight_decay: float) -> torch.
     return torch.optim.Adam(module.parameters(), lr=learning_rate, weight_decay=weight_decay, fused=True)
 
 
+def one_cycle(optimiser: torch.optim.Optimizer, rate: float, steps: int) -> torch.optim.lr_scheduler.OneCycleLR:
+    """The rate rises over a tenth of the steps, three at least, and falls over the others."""
+    rise = min(max(0.1, 3.0 / steps), 0.9)
+    return torch.optim.lr_scheduler.OneCycleLR(optimiser, rate, total_steps=max(steps, 4), pct_start=rise)
+
+
 def _load(run: Run, stage: str) -> dict[str, Any] | None:
     if run.checkpoint is None or not run.checkpoint.is_file():
         return None

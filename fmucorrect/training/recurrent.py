@@ -27,7 +27,7 @@ from torch import Tensor, nn
 from fmucorrect.study_training import Training
 from fmucorrect.training.data import FLOOR, Samples, Scales
 from fmucorrect.training.deployed import Said, bias, spread, weight
-from fmucorrect.training.loop import Curve, Run, Terms, minimise
+from fmucorrect.training.loop import Curve, Run, Terms, minimise, one_cycle
 from fmucorrect.training.mlp import parameters, tanh
 from fmucorrect.training.tasks import Context
 
@@ -42,6 +42,9 @@ DAMPING = 0.25
 """Damping ratio of all oscillators at first: neighbours on the logarithmic scale of frequencies overlap."""
 STEEPEST = 1.0
 """Largest norm of a gradient that is taken whole; a pole near the unit circle makes steeper ones."""
+LEAST = 1e-6
+"""Of the response, what is at least taken for the size of what the simulation lacks: a perfect simulation lacks nothing, and
+less than this is below single precision."""
 RIDGE = 1e-6
 """Penalty of the last layer's own fit, as a share of the mean power of a feature."""
 
@@ -170,6 +173,7 @@ def view(development: Sequence[Samples], training: Training, scales: Scales) -> 
     poles = np.exp(step * omega * (-DAMPING + 1j * math.sqrt(1.0 - DAMPING**2)))
     raw = np.concatenate([_features(item, centre, size, poles) for item in development]).std(axis=0)
     lacking = np.concatenate([item.measured - item.simulated for item in development]).std(axis=0)
+    lacking = np.maximum(lacking, LEAST * scales.response)
     speeds = len({item.speed for item in development}) > 1
     return View(chosen, step, centre, size, poles, np.maximum(raw, FLOOR * raw.max()), lacking, scales.speed, speeds)
 
@@ -233,8 +237,7 @@ def fit_member(
     others = [p for name, p in network.named_parameters() if name not in ("rate", "damping")]
     groups = [{"params": others, "weight_decay": settings.weight_decay}, {"params": poles, "weight_decay": 0.0}]
     optimiser = torch.optim.AdamW(groups, lr=settings.learning_rate)
-    count = max(epochs * len(development), 4)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, settings.learning_rate, total_steps=count, pct_start=0.1)
+    schedule = one_cycle(optimiser, settings.learning_rate, epochs * len(development))
     optimiser.register_step_pre_hook(lambda *_: _shortened(network))
 
     def steps(epoch: int) -> Iterator[Terms]:

@@ -13,7 +13,7 @@ from torch import Tensor, nn
 from fmucorrect.study_training import Training
 from fmucorrect.training.data import Samples, scales
 from fmucorrect.training.grid import Inputs, inputs
-from fmucorrect.training.loop import Curve, Run, Terms, minimise
+from fmucorrect.training.loop import Curve, Run, Terms, minimise, one_cycle
 from fmucorrect.training.mlp import parameters
 from fmucorrect.training.networks import Baseline, Member, Residual, WindowHead
 from fmucorrect.training.tasks import Context
@@ -91,9 +91,7 @@ def _minimise(
     # fused: with networks this small the optimiser's own calls would take as long as their gradients
     optimiser = torch.optim.AdamW(network.parameters(), lr=rate, weight_decay=decay, fused=True)
     batches = max(1, round(len(target) / settings.batch))
-    count = epochs * batches
-    rise = min(max(0.1, 3.0 / count), 0.9)  # share of the steps; at least three
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, rate, total_steps=max(count, 4), pct_start=rise)
+    schedule = one_cycle(optimiser, rate, epochs * batches)
 
     def steps(epoch: int) -> Iterator[Terms]:
         order = torch.randperm(len(target), generator=torch.Generator().manual_seed(1_000_003 * run.seed + epoch))

@@ -47,7 +47,7 @@ def motion(road: np.ndarray, friction: float = 0.0) -> np.ndarray:
     return said
 
 
-def make(folder: Path, what: str, unit: str = "mm", count: int = 4) -> Path:
+def make(folder: Path, what: str, unit: str = "mm", count: int = 4, noise: float = NOISE) -> Path:
     """what: "friction", "filtered" (a sensor with a low pass and another gain) or "nothing". The last record is held out."""
     rng = np.random.default_rng(3)
     text = HEAD.replace('unit = "mm"', f'unit = "{unit}"')
@@ -61,7 +61,7 @@ def make(folder: Path, what: str, unit: str = "mm", count: int = 4) -> Path:
             real = np.asarray(lfilter([0.3 * 0.9], [1.0, -0.7], simulated))
         else:
             real = simulated
-        real = real + NOISE * rng.normal(size=len(real))
+        real = real + noise * rng.normal(size=len(real))
         t_ns = np.arange(len(rough), dtype=np.int64) * round(STEP * 1e9)
         for name, topic, column, values in (
             (f"s{i}.mcap", "/simulation", "z", simulated),

@@ -108,6 +108,16 @@ def test_a_family_can_be_left_out(friction: Case) -> None:
     assert set(train(study, settings).selection.tried) == {"nothing", "linear"}
 
 
+def test_a_perfect_simulation_is_left_alone(tmp_path: Path) -> None:
+    """No noise, nothing missing: no number becomes infinite, and nothing is changed."""
+    study = load_study(road.make(tmp_path, "nothing", noise=0.0))
+    made = train(study, replace(road.QUICK, recurrent=replace(road.QUICK.recurrent, steps=9)))
+    assert made.selection.family == "nothing"
+    result = evaluate(pair(study, study.evaluation[0]), bundle.load(save(made, tmp_path)))
+    assert np.array_equal(result.corrected, result.simulated)
+    assert (result.sigma[result.scored] < 1e-6).all()
+
+
 def taken(**tried: tuple[float, float, float]) -> Family:
     """Of these and nothing at all."""
     scores: Any = {"nothing": (5.0, 6.0, 5.5), **tried}
