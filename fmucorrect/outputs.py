@@ -49,7 +49,7 @@ def check_file(out: Path, inputs: Inputs, command: str, overwrite: bool) -> None
     _none_is_read([(out, out)], inputs)
     if not overwrite and _is_there(out) and not _made_by(out, command):
         raise OutputError(
-            f"this file is there already, and nothing in it says that `fmucorrect {command}` made it",
+            f"this file is there already, and nothing in it says that `fmucorrect {command}` may write it anew",
             where=str(out),
             remedy="Choose another name for -o, or give --overwrite.",
         )

@@ -75,8 +75,10 @@ def unknown_starts(study: Study, condition: Condition) -> str:
     if not condition.free or study.fmu is None:
         return ""
     variables, given = open_fmu(study.fmu, warn=False).variables, {**study.parameters, **condition.parameters}
-    begun = (f"{name} = {given.get(name, variables[name].start or '?')}" for name in condition.free)
-    return f"start values that are not known, as a first guess {', '.join(begun)}"
+    begun = [
+        f"{name} = {given.get(name, variables[name].start or '?')}" for name in condition.free if name in variables
+    ]
+    return f"start values that are not known, as a first guess {', '.join(begun)}" if begun else ""
 
 
 def driving(study: Study, condition: Condition) -> tuple[Variable, ...]:

@@ -137,6 +137,14 @@ def test_what_a_record_lost_stands_among_the_warnings_once_it_is_allowed(tmp_pat
     assert "meas_held.csv" in warning.seen
 
 
+@pytest.mark.parametrize("line", ['units = { "s22" = "mm" }', 'columns = { "wheel" = "S2 rad" }'])
+def test_a_name_that_no_record_has(tmp_path: Path, line: str) -> None:
+    """What a misspelt key says would be lost without a word; one that some records lack is no mistake."""
+    with pytest.raises(StudyError, match=r"no record of the study has a column '.*'.*did you mean"):
+        screen(make(tmp_path, more=f"records = {{ {line} }}\n"))
+    assert screen(make(tmp_path, more='records = { units = { "s2" = "mm" } }\n')).warnings == ()
+
+
 def changed(**columns: Callable[[Table], np.ndarray]) -> Fault:
     return lambda table: table | {name: column(table) for name, column in columns.items()}
 

@@ -21,6 +21,7 @@ from fmucorrect.screening.same import COPIED, overlap
 from fmucorrect.signals import NANOSECONDS, Channel, Condition, Reading, Record
 from fmucorrect.sources import damages, defined, driving, unknown_starts
 from fmucorrect.study import Study
+from fmucorrect.study_places import nearest
 
 OFF = 0.05
 """Share by which a stated frequency or speed may differ from what was measured; an amplitude by three times as much."""
@@ -55,7 +56,31 @@ def of_records(study: Study) -> tuple[Finding, ...]:
         found += _begun(study, condition)
         if condition.role == "development":
             found += _said(study, condition, measured[condition.name])
-    return (*found, *_angles(study), *_parameters(study))
+    return (*found, *_misnamed(study), *_angles(study), *_parameters(study))
+
+
+def _misnamed(study: Study) -> Iterator[Finding]:
+    """Columns that [records] names and that no file of the study has: what is said of them would be lost without a word."""
+    files = {
+        path: condition.reading
+        for condition in study.conditions
+        for path in (condition.measurement, condition.simulated, condition.inputs)
+        if path
+    }
+    topics = {path: records.topics(path, reading) for path, reading in files.items()}
+    named = {("units", name): name for reading in files.values() for name in reading.units}
+    named |= {("columns", name): column for reading in files.values() for name, column in reading.columns.items()}
+    there = sorted({t.full_name(c.name) for found in topics.values() for t in found for c in t.columns})
+    for (key, name), column in named.items():
+        if not any(records.has(topics[path], column, files[path]) for path in files):
+            yield Finding(
+                "name without a column",
+                "error",
+                f"[records] {key}, {name!r}",
+                f"no record of the study has a column {column!r}{nearest(column, there)}",
+                "What is said of it is lost",
+                "Write the column's name as the file has it, or take the line out.",
+            )
 
 
 def _damaged(condition: Condition) -> Iterator[Finding]:
