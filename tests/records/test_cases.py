@@ -224,7 +224,7 @@ def test_csv_that_is_read(
         ("time,x [mm]\n[s],[m]\n0,1\n", "'x' has two units"),
         ("time," + ",".join(f"c{i}" for i in range(25_000)) + "\n0\n", "too wide, expected at most 20000"),
         ("time,x\n0,1\n1,\0\n", "line 3 has a NUL byte"),
-        ("a,b\n0,1\n", "no column is named as the time.*Say which column"),
+        ("a,b\n0,1\n", "no column is named as the time.*Say which is the time"),
         ("dead time,x\n0,1\n0,2\n", "no column is named as the time|there is no numeric column"),
         ("time,x\n0,ok\n", "no numeric column, got .*'x': text"),
     ],
