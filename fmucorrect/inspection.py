@@ -85,7 +85,7 @@ def inspect(paths: Sequence[Path], reading: Reading = AS_IT_IS) -> Inspection:
 
 def _left_out(study: Study) -> Iterator[str]:
     """What the records of a study hold that is no column, and what was taken to be so without their saying it."""
-    files = {path: c.reading for c in study.conditions for path in (c.measurement, c.simulated, c.inputs) if path}
+    files = {path: condition.reading for condition in study.conditions for path in condition.files}
     for path, reading in files.items():
         try:
             contents = records.describe(path, reading)
@@ -147,8 +147,8 @@ def study_problems(study: Study) -> list[str]:
             problems.append(str(error))
     columns: dict[Path, Mapping[str, str]] = {}
     for condition in study.conditions:
-        for path in (condition.measurement, condition.simulated, condition.inputs):
-            if path is None or path in columns:
+        for path in condition.files:
+            if path in columns:
                 continue
             try:
                 contents = records.describe(path, condition.reading)

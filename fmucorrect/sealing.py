@@ -16,7 +16,7 @@ filled in from the study:
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
@@ -114,6 +114,19 @@ def corners(channels: Sequence[Channel], pairs: Sequence[Pair]) -> Corners:
     return found
 
 
+def ramps(
+    channels: Sequence[Channel], envelope: Mapping[str, tuple[float, float, float, float]]
+) -> tuple[Float64[np.ndarray, "Q E"], Float64[np.ndarray, " E"]]:
+    """Slopes over (response, condition) and offsets of what says how far each corner is passed, in widths of its fade; two
+    ramps an entry, negative inside."""
+    places = [*(f"response {channel.name}" for channel in channels), "speed", "amplitude", "frequency"]
+    slopes, offsets = np.zeros((len(places), 2 * len(envelope))), np.zeros(2 * len(envelope))
+    for k, (name, (a, b, c, d)) in enumerate(envelope.items()):
+        slopes[places.index(name), 2 * k : 2 * k + 2] = -1.0 / (b - a), 1.0 / (d - c)
+        offsets[2 * k : 2 * k + 2] = b / (b - a), -c / (d - c)
+    return slopes, offsets
+
+
 class _Network:
     """Somebody's graph. rows: W. state: S, 0 for none."""
 
@@ -199,11 +212,7 @@ class _Network:
     @staticmethod
     def _fade(info: Info, add: Any, constant: Any, last: str) -> None:
         """in_envelope: 1 less how far responses and conditions are beyond their inner corners, in widths of the fade."""
-        places = [*(f"response {channel.name}" for channel in info.channels), "speed", "amplitude", "frequency"]
-        slopes, offsets = np.zeros((len(places), 2 * len(info.envelope))), np.zeros(2 * len(info.envelope))
-        for k, (name, (a, b, c, d)) in enumerate(info.envelope.items()):
-            slopes[places.index(name), 2 * k : 2 * k + 2] = -1.0 / (b - a), 1.0 / (d - c)
-            offsets[2 * k : 2 * k + 2] = b / (b - a), -c / (d - c)
+        slopes, offsets = ramps(info.channels, info.envelope)
         x = add("Concat", [last, "condition"], "sealing_x", axis=1)
         weights = [constant("slopes", slopes.astype(np.float32)), constant("offsets", offsets.astype(np.float32))]
         outside = add("Relu", [add("Gemm", [x, *weights], "sealing_ramps")], "sealing_outside")

@@ -308,6 +308,13 @@ class Condition:
         return round(self.start * NANOSECONDS)
 
     @property
+    def files(self) -> tuple[Path, ...]:
+        """Measurement, simulated record and inputs, those that there are; a log that is two of them once."""
+        return tuple(
+            dict.fromkeys(path for path in (self.measurement, self.simulated, self.inputs) if path is not None)
+        )
+
+    @property
     def features(self) -> tuple[float, float, float]:
         """What a corrector is conditioned on: speed km/h, amplitude deg, frequency Hz (x_c of the paper)."""
         return (self.speed, self.amplitude, self.frequency)

@@ -173,12 +173,8 @@ def solved(result: Record, source: Path | None, responses: int) -> Record:
 
 def damages(condition: Condition) -> dict[Path, str]:
     """What the records of a condition have lost, by file, in words; a file that is whole is not there."""
-    found: dict[Path, str] = {}
-    for path in (condition.measurement, condition.simulated, condition.inputs):
-        damage = records.describe(path, condition.reading).damage if path is not None else ""
-        if path is not None and damage:
-            found[path] = damage
-    return found
+    found = {path: records.describe(path, condition.reading).damage for path in condition.files}
+    return {path: damage for path, damage in found.items() if damage}
 
 
 def excitation_channel(study: Study) -> tuple[Channel, ...]:

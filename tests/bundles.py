@@ -30,20 +30,27 @@ def make(
     """A bundle whose correction is `gain` times the sample before the newest, whole up to `last_speed` km/h, then none."""
     count = len(channels)
     graph = _graph(count, rows, gain, last_speed)
-    golden = golden_pair(graph, rows, count)
-    info = Info(
-        name="toy",
+    return _sealed(path, graph, _info("toy", channels, rows, step_ns, last_speed))
+
+
+def _info(name: str, channels: tuple[Channel, ...], rows: int, step_ns: int, last_speed: float, state: int = 0) -> Info:
+    return Info(
+        name=name,
         channels=channels,
         rows=rows,
         step_ns=step_ns,
-        uncorrected=(0.3,) * count,
+        uncorrected=(0.3,) * len(channels),
         envelope={"speed": (250.0, 280.0, last_speed, last_speed), "amplitude": WIDE, "frequency": WIDE},
         conditions=({"name": "300", "speed": 300.0, "amplitude": 0.03, "frequency": 2.0},),
         study_hash="0" * 64,
         versions={"fmucorrect": "0"},
+        state=state,
     )
+
+
+def _sealed(path: Path, graph: bytes, info: Info) -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(seal(graph, info, golden))
+    path.write_bytes(seal(graph, info, golden_pair(graph, info.rows, len(info.channels), info.state)))
     return path
 
 
@@ -101,21 +108,7 @@ def make_recurrent(
     """A bundle of format 2 that filters; whole up to `last_speed` km/h, then none."""
     count, states = len(channels), len(bank.a)
     graph = _recurrent(bank, count, rows, last_speed)
-    info = Info(
-        name="filter",
-        channels=channels,
-        rows=rows,
-        step_ns=step_ns,
-        uncorrected=(0.3,) * count,
-        envelope={"speed": (250.0, 280.0, last_speed, last_speed), "amplitude": WIDE, "frequency": WIDE},
-        conditions=({"name": "300", "speed": 300.0, "amplitude": 0.03, "frequency": 2.0},),
-        study_hash="0" * 64,
-        versions={"fmucorrect": "0"},
-        state=states,
-    )
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(seal(graph, info, golden_pair(graph, rows, count, states)))
-    return path
+    return _sealed(path, graph, _info("filter", channels, rows, step_ns, last_speed, states))
 
 
 def _recurrent(bank: Filter, count: int, rows: int, last_speed: float) -> bytes:

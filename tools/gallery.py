@@ -40,11 +40,16 @@ MEASURED = ("silverbox", "bouc_wen", "rotary")
 PLANTS = (*RIGS, *CARS, *MEASURED)
 
 
+def folder_of(plant: str) -> Path:
+    """Where its study, work and model lie."""
+    return WORK / plant.replace(", ", "_").replace(" ", "_")
+
+
 def study_of(plant: str) -> Path:
     """The study's path; it is made where it is not there."""
     if plant in RIGS:
         return ROOT / "fmus" / "roller_rig" / RIGS[plant] / "study.toml"
-    path = WORK / plant.replace(", ", "_").replace(" ", "_") / "study" / "study.toml"
+    path = folder_of(plant) / "study" / "study.toml"
     if not path.is_file():
         if plant in CARS:
             return quarter_car.write(path.parent, CARS[plant])
@@ -56,14 +61,14 @@ def study_of(plant: str) -> Path:
 def row(plant: str) -> dict[str, Any]:
     """Train and score one plant."""
     study = load_study(study_of(plant))
-    folder = WORK / plant.replace(", ", "_").replace(" ", "_")
+    folder = folder_of(plant)
     with tqdm(total=total_epochs(study, study.training), unit="epoch", desc=plant, disable=None) as bar:
         workshop = Workshop(folder / "work", CORES, advance=bar.update)
         results = train_into(folder / "model", study, study.training, f"python tools/gallery.py {plant!r}", workshop)
     selection = results.trained.selection
     return {
         "family": selection.family,
-        "tried": {family: round(float(np.mean(list(e.values()))), 4) for family, e in selection.tried.items()},
+        "tried": {family: round(error, 4) for family, error in selection.means.items()},
         "held out": {e.condition.name: _scored(e) for e in results.evaluations if e.condition.role == "evaluation"},
     }
 

@@ -17,7 +17,8 @@ from fmucorrect.fmu import FmuDescription
 from fmucorrect.signals import Condition
 from fmucorrect.study import Adjustable, Study
 
-_NONE: Mapping[str, float] = MappingProxyType({})
+AS_BEGUN: Mapping[str, float] = MappingProxyType({})
+"""No start value in place of a condition's own."""
 
 Runner = Simulator | Logged
 """What simulates a condition."""
@@ -47,7 +48,7 @@ def simulate(
     condition: Condition,
     model: Model,
     tolerated: Sequence[Adjustable],
-    starts: Mapping[str, float] = _NONE,
+    starts: Mapping[str, float] = AS_BEGUN,
 ) -> Float64[np.ndarray, "T J"]:
     """One condition with a model's terms in it, in the channels' units. starts: start values in place of the condition's own.
     Raises FmuError where the solver gives up."""

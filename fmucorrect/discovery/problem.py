@@ -23,15 +23,13 @@ from jaxtyping import Float64
 from fmucorrect.companions import files_of
 from fmucorrect.discovery.content import digest
 from fmucorrect.discovery.kept import Kept, code
-from fmucorrect.discovery.model import Model, Runner, runner, simulate, start_value, tolerance_of
+from fmucorrect.discovery.model import AS_BEGUN, Model, Runner, runner, simulate, start_value, tolerance_of
 from fmucorrect.discovery.starts import fitted
 from fmucorrect.discovery.trials import Trial, read
 from fmucorrect.errors import FmuError, StudyError
 from fmucorrect.experiment import Pair
 from fmucorrect.fmu import FmuDescription, open_fmu
 from fmucorrect.study import Adjustable, Study
-
-_AS_IT_IS: Mapping[str, float] = MappingProxyType({})
 
 LARGEST = 1e8
 """A response, in units of the noise, beyond which a model is not stable."""
@@ -166,7 +164,7 @@ class Problem:
         return [self._response(queue, k, model) for k, queue in enumerate(queues)]
 
     def _response(
-        self, queue: SimpleQueue[Runner], k: int, model: Model, starts: Mapping[str, float] = _AS_IT_IS
+        self, queue: SimpleQueue[Runner], k: int, model: Model, starts: Mapping[str, float] = AS_BEGUN
     ) -> Float64[np.ndarray, "N J"]:
         trial = self.trials[k]
         item = queue.get()

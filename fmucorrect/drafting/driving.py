@@ -4,6 +4,7 @@ then runs with a column as that input, and what comes out is held against what w
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -81,7 +82,7 @@ def named(fmu: FmuDescription, log: Run) -> tuple[InputGuess, ...]:
 def find_driving(fmu: FmuDescription, log: Run, step_ns: int) -> Driving:
     """What drives the model. Raises RecordError, FmuError and SignalError: of reading, and of the model."""
     inputs = named(fmu, log)
-    with Plant(fmu) as plant:
+    with closing(Plant(fmu)) as plant:
         driving = Driving(inputs, try_out(plant, log, {g.variable: g.column for g in inputs}, step_ns))
         while (further := _further(plant, log, driving, step_ns)) is not None:
             driving = further

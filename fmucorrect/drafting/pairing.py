@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import TracebackType
 
 import numpy as np
 from jaxtyping import Float64
@@ -178,20 +177,12 @@ class Trial:
 
 class Plant:
     """The FMU in a process of its own, which serves one run after the other as long as the same inputs are driven: to start
-    one takes longer than many a run. Close it, or use it in a with statement."""
+    one takes longer than many a run. Close it."""
 
     def __init__(self, fmu: FmuDescription) -> None:
         self.fmu = fmu
         self._stepper: IsolatedStepper | None = None
         self._made: tuple[object, ...] = ()
-
-    def __enter__(self) -> Plant:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         """End the process."""

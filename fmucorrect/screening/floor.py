@@ -12,9 +12,8 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from jaxtyping import Float64
 
-from fmucorrect.screening.same import PREDICTED, at_step
+from fmucorrect.screening.same import PREDICTED, Other, Others, Series, Values, at_step
 from fmucorrect.signals import NANOSECONDS, Record
 
 PIECES = 64
@@ -42,11 +41,6 @@ COMMON = 0.5
 """Coherence beyond doubt: below it a rare floor of steps and of noise that rises as they fall may look like it."""
 FOLLOWS = 0.9
 """Share of a record's power that a linear filter must make from the other's: a copy is one of the signal, too."""
-
-Series = Float64[np.ndarray, " T"]
-Other = Float64[np.ndarray, " U"]
-Values = Float64[np.ndarray, "T C"]
-Others = Float64[np.ndarray, "U C"]
 
 
 @dataclass(frozen=True)

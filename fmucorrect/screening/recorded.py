@@ -61,26 +61,23 @@ def of_records(study: Study) -> tuple[Finding, ...]:
 
 def _misnamed(study: Study) -> Iterator[Finding]:
     """Columns that [records] names and that no file of the study has: what is said of them would be lost without a word."""
-    files = {
-        path: condition.reading
-        for condition in study.conditions
-        for path in (condition.measurement, condition.simulated, condition.inputs)
-        if path
-    }
-    topics = {path: records.topics(path, reading) for path, reading in files.items()}
+    files = {path: condition.reading for condition in study.conditions for path in condition.files}
     named = {("units", name): name for reading in files.values() for name in reading.units}
     named |= {("columns", name): column for reading in files.values() for name, column in reading.columns.items()}
-    there = sorted({t.full_name(c.name) for found in topics.values() for t in found for c in t.columns})
+    there: set[str] = set()
+    for path, reading in files.items():  # no further than needed: to open some kinds of files takes long
+        topics = records.topics(path, reading) if named else ()
+        there |= {topic.full_name(column.name) for topic in topics for column in topic.columns}
+        named = {at: column for at, column in named.items() if not records.has(topics, column, reading)}
     for (key, name), column in named.items():
-        if not any(records.has(topics[path], column, files[path]) for path in files):
-            yield Finding(
-                "name without a column",
-                "error",
-                f"[records] {key}, {name!r}",
-                f"no record of the study has a column {column!r}{nearest(column, there)}",
-                "What is said of it is lost",
-                "Write the column's name as the file has it, or take the line out.",
-            )
+        yield Finding(
+            "name without a column",
+            "error",
+            f"[records] {key}, {name!r}",
+            f"no record of the study has a column {column!r}{nearest(column, sorted(there))}",
+            "What is said of it is lost",
+            "Write the column's name as the file has it, or take the line out.",
+        )
 
 
 def _damaged(condition: Condition) -> Iterator[Finding]:

@@ -84,7 +84,7 @@ def compare_study(study: Study, training: Training, seeds: Sequence[int], ablate
                 histories |= {f"{case.key}/{name}": values for name, values in said.items()}
         row["curves"] = fits.curves
         rows.append(row)
-    error = float(np.mean(list(selection.held_out.values())))
+    error = selection.means[family]
     row = row_of(
         "corrector",
         f"fmucorrect's corrector, family {family}",

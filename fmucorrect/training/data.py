@@ -92,41 +92,47 @@ are differences of nearly equal samples: amplified fully, float32 arithmetic on 
 
 
 @dataclass(frozen=True)
-class Scales:
-    """Everything that is derived from the development data before any network is fitted.
-
-    response: (J,) displacement scales s_q, the standard deviation of the measured channels (paper, section 3.3). window:
-    one scale for the simulated histories. components: (W J, d) window features, whitened as far as FLOOR lets. speed:
-    km/h, centre and half span. uncorrected: (J,) rms of measurement minus simulation.
-    """
+class Sizes:
+    """What every corrector is scaled with. response: (J,) displacement scales s_q, the standard deviation of the measured
+    channels (paper, section 3.3). speed: km/h, centre and half span. uncorrected: (J,) rms of measurement minus simulation."""
 
     response: Float64[np.ndarray, " J"]
-    window: float
-    components: Float64[np.ndarray, "WJ d"]
     speed: tuple[float, float]
     uncorrected: Float64[np.ndarray, " J"]
 
 
+@dataclass(frozen=True)
+class Scales(Sizes):
+    """Everything that is derived from the development data before a network on windows is fitted. window: one scale for the
+    simulated histories. components: (W J, d) window features, whitened as far as FLOOR lets."""
+
+    window: float
+    components: Float64[np.ndarray, "WJ d"]
+
+
+def sizes(development: Sequence[Samples]) -> Sizes:
+    """Sizes of the development conditions. Raises SignalError where nothing moves."""
+    response = np.concatenate([s.measured for s in development]).std(axis=0)
+    if np.ptp(np.concatenate([s.history for s in development])) == 0.0 or not (response > 0.0).all():
+        raise SignalError("the development records do not move; nothing can be learned from them")
+    speeds = [s.speed for s in development]
+    half = (max(speeds) - min(speeds)) / 2.0
+    error = np.concatenate([s.measured - s.simulated for s in development])
+    return Sizes(
+        response=response,
+        speed=((max(speeds) + min(speeds)) / 2.0, 2.0 * half if half > 0.0 else max(abs(max(speeds)), 1.0)),
+        uncorrected=np.sqrt((error**2).mean(axis=0)),
+    )
+
+
 def scales(development: Sequence[Samples], history: int, stride: int) -> Scales:
     """Scales of the development conditions. Raises SignalError where nothing moves."""
+    known = sizes(development)
     flat = np.concatenate([s.windows[::stride].reshape(len(s.windows[::stride]), -1) for s in development])
     flat = flat.astype(np.float64)
     window = float(flat.std())
-    measured = np.concatenate([s.measured for s in development])
-    response = measured.std(axis=0)
-    if window == 0.0 or not (response > 0.0).all():
-        raise SignalError("the development records do not move; nothing can be learned from them")
     # eigenvectors of the second moments: the same directions as a singular value decomposition, at a fraction of the time
     power, vectors = np.linalg.eigh(flat.T @ flat / (len(flat) * window**2))
     order = np.argsort(power)[::-1][:history]
     spread = np.sqrt(np.maximum(power[order], FLOOR**2 * power[order[0]]))
-    speeds = [s.speed for s in development]
-    half = (max(speeds) - min(speeds)) / 2.0
-    error = np.concatenate([s.measured - s.simulated for s in development])
-    return Scales(
-        response=response,
-        window=window,
-        components=vectors[:, order] / spread / window,
-        speed=((max(speeds) + min(speeds)) / 2.0, 2.0 * half if half > 0.0 else max(abs(max(speeds)), 1.0)),
-        uncorrected=np.sqrt((error**2).mean(axis=0)),
-    )
+    return Scales(known.response, known.speed, known.uncorrected, window, vectors[:, order] / spread / window)

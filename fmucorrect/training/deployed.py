@@ -16,21 +16,21 @@ tensors.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol, runtime_checkable
 
+import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Float64
 from torch import Tensor, nn
 
-from fmucorrect.training.data import Scales
+from fmucorrect.training.data import Sizes
 
 FREQUENCY_STEPS = 1e4
 """A condition comes as float32; its frequency is taken to the nearest 0.1 mHz in double precision, so that 1.3 Hz means
 1.3 Hz, and the phase stays exact for as long as a co-simulation runs."""
-Corners = Sequence[tuple[int, float, float, float, float]]
-"""Index into (q, condition); outer low, inner low, inner high, outer high."""
+Ramps = tuple[Float64[np.ndarray, "Q E"], Float64[np.ndarray, " E"]]
+"""sealing.ramps: slopes over (q, condition) and offsets of the envelope's corners."""
 
 
 class Said(NamedTuple):
@@ -81,14 +81,14 @@ class Band:
 class Corrector(nn.Module):
     """The deployed arithmetic; export.py writes these very tensors into the ONNX graph."""
 
-    def __init__(self, head: Head, rows: int, scales: Scales, envelope: Corners, band: Band) -> None:
+    def __init__(self, head: Head, rows: int, sizes: Sizes, envelope: Ramps, band: Band) -> None:
         """rows: W."""
         super().__init__()
         self.head, self.rows = head, rows
-        channels = len(scales.response)
+        channels = len(sizes.response)
         history = rows * channels
         tensors = _envelope(envelope, channels, history, history + 3 + 2 * head.phase)
-        uncorrected = torch.tensor(scales.uncorrected)
+        uncorrected = torch.tensor(sizes.uncorrected)
         tensors["S"] = torch.eye(channels * (1 + head.members), channels, dtype=torch.float64)
         size = torch.tensor(band.size, dtype=torch.float64).expand(channels, channels) / channels
         deviation = torch.diag(torch.tensor(band.deviation, dtype=torch.float64)) / max(head.members, 1)
@@ -124,23 +124,19 @@ class Corrector(nn.Module):
         return Outputs(corrected, said.bases @ t["S"], sigma, inside, said.next_state)
 
 
-def _envelope(
-    corners: Sequence[tuple[int, float, float, float, float]], channels: int, history: int, inputs: int
-) -> dict[str, Tensor]:
+def _envelope(ramps: Ramps, channels: int, history: int, inputs: int) -> dict[str, Tensor]:
     """R, r, v, Q and their company. A violation counts 1 where an outer corner is reached; violations add up."""
-    count = 2 * len(corners)
-    ramps = torch.zeros(inputs, count + 2 * channels, dtype=torch.float64)
-    levels = torch.zeros(count + 2 * channels, dtype=torch.float64)
-    for i, (index, low, inner_low, inner_high, high) in enumerate(corners):
-        row = history - channels + index
-        ramps[row, 2 * i], levels[2 * i] = -1.0 / (inner_low - low), inner_low / (inner_low - low)
-        ramps[row, 2 * i + 1], levels[2 * i + 1] = 1.0 / (high - inner_high), -inner_high / (high - inner_high)
+    slopes, offsets = (torch.from_numpy(values) for values in ramps)
+    count = len(offsets)
+    whole = torch.zeros(inputs, count + 2 * channels, dtype=torch.float64)
+    whole[history - channels : history + 3, :count] = slopes
+    levels = torch.cat([offsets, torch.zeros(2 * channels, dtype=torch.float64)])
     eye = torch.eye(channels, dtype=torch.float64)
-    ramps[history - channels : history, count:] = torch.cat([eye, -eye], 1)
+    whole[history - channels : history, count:] = torch.cat([eye, -eye], 1)
     last = torch.cat([torch.zeros(count, channels, dtype=torch.float64), eye, -eye])
     sum_up = torch.zeros(count + 2 * channels, 1, dtype=torch.float64)
     sum_up[:count] = -1.0
-    return {"R": ramps, "r": levels, "v": sum_up, "one": torch.ones(1), "Q": last, "minus_Q": -last}
+    return {"R": whole, "r": levels, "v": sum_up, "one": torch.ones(1), "Q": last, "minus_Q": -last}
 
 
 def spread(members: int, channels: int) -> Tensor:

@@ -17,13 +17,16 @@ from jaxtyping import Float
 from fmucorrect.study_training import Family, Training
 from fmucorrect.training import linear, recurrent, window
 from fmucorrect.training.band import LeftOut, left_out
-from fmucorrect.training.data import Samples, scales
+from fmucorrect.training.data import Samples, sizes
 from fmucorrect.training.deployed import Head
 from fmucorrect.training.linear import Filter
 from fmucorrect.training.loop import Curve
 from fmucorrect.training.recurrent import Oscillators, Recurrent
 from fmucorrect.training.tasks import Context, Task, Workshop
 from fmucorrect.training.window import Ensemble, Member, needed
+
+NETWORKS: tuple[Family, ...] = ("window", "recurrent")
+"""Families that are trained, in tasks; the others are fitted in closed form."""
 
 
 @runtime_checkable
@@ -55,14 +58,13 @@ def by_speed(items: Sequence[Samples]) -> list[list[int]]:
 
 def fit_filter(family: Family, development: Sequence[Samples], training: Training) -> Filter:
     """One of the families that are fitted in closed form."""
-    stride = training.corrector.stride
-    basis = scales(development, 1, stride)
+    basis = sizes(development)
     if family == "nothing":
         return linear.nothing(basis)
     if family == "amplitude":
         return linear.amplitude(development, basis)
     folds = by_speed(development) if len(development) > 1 else []
-    return linear.fit_filter(development, folds, basis, stride)
+    return linear.fit_filter(development, folds, basis, training.corrector.stride)
 
 
 def fit_member(
@@ -71,8 +73,7 @@ def fit_member(
     """One member of a family of networks."""
     if family == "window":
         return window.fit_member(context, development, training, number, epochs)
-    basis = scales(development, 1, training.corrector.stride)
-    return recurrent.fit_member(context, development, training, basis, number, epochs)
+    return recurrent.fit_member(context, development, training, sizes(development), number, epochs)
 
 
 def together(
@@ -82,9 +83,8 @@ def together(
     if family == "window":
         found = tuple(member for member in members if isinstance(member, Member))
         return Ensemble(found, window.view(development, training), training)
-    basis = scales(development, 1, training.corrector.stride)
     networks = tuple(member for member in members if isinstance(member, Oscillators))
-    return Recurrent(networks, recurrent.view(development, training, basis))
+    return Recurrent(networks, recurrent.view(development, training, sizes(development)))
 
 
 def count(family: Family, training: Training, left_out: bool = False) -> int:
@@ -122,7 +122,7 @@ def refit(
     family: Family, development: Sequence[Samples], training: Training, epochs: int, workshop: Workshop
 ) -> tuple[Fitted, tuple[Curve, ...]]:
     """The chosen family on all development conditions."""
-    if family not in ("window", "recurrent"):
+    if family not in NETWORKS:
         return fit_filter(family, development, training), ()
     tasks = [
         Task(f"member {k + 1}", fit_member, (family, list(development), needed(training), k, epochs), epochs)

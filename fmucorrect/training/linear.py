@@ -15,7 +15,7 @@ import torch
 from jaxtyping import Float, Float64
 from torch import Tensor, nn
 
-from fmucorrect.training.data import Samples, Scales
+from fmucorrect.training.data import Samples, Sizes
 from fmucorrect.training.deployed import Said
 
 LENGTHS = (1, 4, 10, 20)
@@ -58,11 +58,11 @@ class Filter:
 
 
 class LinearHead(nn.Module):
-    """y = L' x + l + v (M' x + n), v = c' x + d: the scaled speed."""
+    """y = L' x + l + v (M' x + n), v = c' x + d: the scaled speed. sloped: whether it plays a part."""
 
     def __init__(self, found: Filter) -> None:
         super().__init__()
-        self.members, self.phase, self.state = 0, False, 0
+        self.members, self.phase, self.state, self.sloped = 0, False, 0, bool(found.sloped.any())
         channels, history = found.weights.shape[1], len(found.weights) - 1
         last = np.zeros((history + 3, channels))
         last[history - channels : history] = np.eye(channels)
@@ -80,12 +80,6 @@ class LinearHead(nn.Module):
         for name, values in tensors.items():
             self.register_buffer(name, torch.from_numpy(np.ascontiguousarray(values)).float())
 
-    @property
-    def sloped(self) -> bool:
-        """Whether the speed plays a part."""
-        t = dict(self.named_buffers())
-        return bool(t["M"].any() or t["n"].any())
-
     def forward(self, x: Float[Tensor, "N X"], state: Float[Tensor, "N S"] | None = None) -> Said:
         t = dict(self.named_buffers())
         response = torch.addmm(t["l"], x, t["L"])
@@ -94,19 +88,19 @@ class LinearHead(nn.Module):
         return Said(response, x @ t["E"])
 
 
-def nothing(scales: Scales) -> Filter:
+def nothing(sizes: Sizes) -> Filter:
     """The simulation as it is."""
-    channels = len(scales.response)
-    return Filter(np.zeros((1 + channels, channels)), np.zeros((1 + channels, channels)), scales.speed)
+    channels = len(sizes.response)
+    return Filter(np.zeros((1 + channels, channels)), np.zeros((1 + channels, channels)), sizes.speed)
 
 
-def amplitude(development: Sequence[Samples], scales: Scales) -> Filter:
+def amplitude(development: Sequence[Samples], sizes: Sizes) -> Filter:
     """One factor for all channels and conditions (eq. alignment_fit without the TDNN)."""
-    measured = sum(float((item.measured**2 / scales.response**2).sum()) for item in development)
-    simulated = sum(float((item.simulated**2 / scales.response**2).sum()) for item in development)
-    gain = (np.sqrt(measured / simulated) - 1.0) * np.eye(len(scales.response))
+    measured = sum(float((item.measured**2 / sizes.response**2).sum()) for item in development)
+    simulated = sum(float((item.simulated**2 / sizes.response**2).sum()) for item in development)
+    gain = (np.sqrt(measured / simulated) - 1.0) * np.eye(len(sizes.response))
     weights = np.concatenate([np.zeros((1, len(gain))), gain])
-    return Filter(weights, np.zeros_like(weights), scales.speed)
+    return Filter(weights, np.zeros_like(weights), sizes.speed)
 
 
 @dataclass(frozen=True)
@@ -129,11 +123,11 @@ class _Normal:
         return float(np.mean(100.0 * np.sqrt(np.maximum(square, 0.0) / self.count) / self.extent))
 
 
-def fit_filter(development: Sequence[Samples], folds: Sequence[Sequence[int]], scales: Scales, stride: int) -> Filter:
+def fit_filter(development: Sequence[Samples], folds: Sequence[Sequence[int]], sizes: Sizes, stride: int) -> Filter:
     """Length, penalty and whether the taps follow the speed: those with the smallest mean NRMSE on what is left out. folds:
     indices of the conditions that are left out together; without any the longest filter is taken, at the middle penalty."""
-    found = [_normal(item, scales, stride) for item in development]
-    window, channels = development[0].window, len(scales.response)
+    found = [_normal(item, sizes, stride) for item in development]
+    window, channels = development[0].window, len(sizes.response)
     lengths = sorted({length for length in (*LENGTHS, window) if length <= window})
     speeds = len({item.speed for item in development}) > 2
     best: tuple[float, int, bool, float] = (np.inf, lengths[-1], False, PENALTIES[len(PENALTIES) // 2])
@@ -147,18 +141,18 @@ def fit_filter(development: Sequence[Samples], folds: Sequence[Sequence[int]], s
             best = (float(np.mean(errors)), length, sloped, penalty)
     _, length, sloped, penalty = best
     solved = _solve(found, _kept(window, length, channels), sloped, penalty)
-    scale = np.concatenate([[1.0], np.tile(scales.response, length)])
-    parts = [part / scale[:, None] * scales.response for part in solved]
-    return Filter(parts[0], parts[1], scales.speed)
+    scale = np.concatenate([[1.0], np.tile(sizes.response, length)])
+    parts = [part / scale[:, None] * sizes.response for part in solved]
+    return Filter(parts[0], parts[1], sizes.speed)
 
 
-def _normal(item: Samples, scales: Scales, stride: int) -> _Normal:
-    windows = item.windows[::stride].astype(np.float64) / scales.response
+def _normal(item: Samples, sizes: Sizes, stride: int) -> _Normal:
+    windows = item.windows[::stride].astype(np.float64) / sizes.response
     x = np.concatenate([np.ones((len(windows), 1)), windows.reshape(len(windows), -1)], axis=1)
     measured = item.measured[::stride]
-    lacking = (measured - item.simulated[::stride]) / scales.response
-    extent = np.ptp(measured, axis=0) / scales.response
-    speed = (item.speed - scales.speed[0]) / scales.speed[1]
+    lacking = (measured - item.simulated[::stride]) / sizes.response
+    extent = np.ptp(measured, axis=0) / sizes.response
+    speed = (item.speed - sizes.speed[0]) / sizes.speed[1]
     return _Normal(x.T @ x, x.T @ lacking, (lacking**2).sum(axis=0), extent, speed, len(x))
 
 

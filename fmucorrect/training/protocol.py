@@ -5,7 +5,6 @@ Evaluation conditions are never opened here; `sealing.evaluate` is apart and run
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 
@@ -13,17 +12,16 @@ import numpy as np
 
 from fmucorrect.errors import StudyError
 from fmucorrect.screening import Finding, Screened, screen
-from fmucorrect.sealing import about, corners
-from fmucorrect.signals import Channel
+from fmucorrect.sealing import about, corners, ramps
 from fmucorrect.study import Study
 from fmucorrect.study_training import Training
-from fmucorrect.training.data import samples, scales
-from fmucorrect.training.deployed import Corners, Corrector
+from fmucorrect.training.data import samples, sizes
+from fmucorrect.training.deployed import Corrector
 from fmucorrect.training.export import to_bundle
-from fmucorrect.training.families import Fitted, count, lengths, refit
+from fmucorrect.training.families import NETWORKS, Fitted, count, lengths, refit
 from fmucorrect.training.loop import Curve
 from fmucorrect.training.search import Trial, search
-from fmucorrect.training.selection import NETWORKS, Selection, families, select
+from fmucorrect.training.selection import Selection, families, select
 from fmucorrect.training.tasks import Workshop
 
 
@@ -54,10 +52,10 @@ def train(study: Study, training: Training | None = None, workshop: Workshop | N
     training, trials = search(development, training, workshop)
     selection = select(development, training, workshop)
     fitted, curves = refit(selection.family, development, training, selection.epochs, workshop)
-    basis = scales(development, 1, training.corrector.stride)
+    basis = sizes(development)
     envelope = corners(study.channels, checked.pairs)
     head = fitted.head()
-    corrector = Corrector(head, fitted.rows, basis, _placed(envelope, study.channels), selection.band)
+    corrector = Corrector(head, fitted.rows, basis, ramps(study.channels, envelope), selection.band)
     known = about(study, checked.pairs)
     info = replace(
         known,
@@ -69,7 +67,7 @@ def train(study: Study, training: Training | None = None, workshop: Workshop | N
         evaluation={
             "family": selection.family,
             "held out NRMSE by family, leave one speed out": {
-                family: round(float(np.mean(list(errors.values()))), 4) for family, errors in selection.tried.items()
+                family: round(error, 4) for family, error in selection.means.items()
             },
             "epochs": selection.epochs,
             "members": head.members,
@@ -109,9 +107,3 @@ def total_epochs(study: Study, training: Training) -> int:
         longest = max(longest, count(family, training) * max(lengths(family, conditions, training)))
     settings = training.corrector
     return settings.trials * min(settings.epochs) * folds + total + longest
-
-
-def _placed(envelope: Mapping[str, Sequence[float]], channels: Sequence[Channel]) -> Corners:
-    """A bundle's envelope, as the deployed network has it."""
-    names = [f"response {channel.name}" for channel in channels] + ["speed", "amplitude", "frequency"]
-    return [(names.index(name), a, b, c, d) for name, (a, b, c, d) in envelope.items()]

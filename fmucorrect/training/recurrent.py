@@ -25,7 +25,7 @@ from scipy.signal import lfilter
 from torch import Tensor, nn
 
 from fmucorrect.study_training import Training
-from fmucorrect.training.data import FLOOR, Samples, Scales
+from fmucorrect.training.data import FLOOR, Samples, Sizes
 from fmucorrect.training.deployed import Said, bias, spread, weight
 from fmucorrect.training.loop import Curve, Run, Terms, minimise, one_cycle
 from fmucorrect.training.mlp import parameters, tanh
@@ -163,7 +163,7 @@ def _features(item: Samples, centre: np.ndarray, size: np.ndarray, poles: np.nda
     return np.concatenate([q[1:], flat.real, flat.imag], axis=1)
 
 
-def view(development: Sequence[Samples], training: Training, scales: Scales) -> View:
+def view(development: Sequence[Samples], training: Training, sizes: Sizes) -> View:
     """From the development conditions, or those of a fold, alone."""
     chosen = pace(development)
     step = development[0].step
@@ -173,9 +173,9 @@ def view(development: Sequence[Samples], training: Training, scales: Scales) -> 
     poles = np.exp(step * omega * (-DAMPING + 1j * math.sqrt(1.0 - DAMPING**2)))
     raw = np.concatenate([_features(item, centre, size, poles) for item in development]).std(axis=0)
     lacking = np.concatenate([item.measured - item.simulated for item in development]).std(axis=0)
-    lacking = np.maximum(lacking, LEAST * scales.response)
+    lacking = np.maximum(lacking, LEAST * sizes.response)
     speeds = len({item.speed for item in development}) > 1
-    return View(chosen, step, centre, size, poles, np.maximum(raw, FLOOR * raw.max()), lacking, scales.speed, speeds)
+    return View(chosen, step, centre, size, poles, np.maximum(raw, FLOOR * raw.max()), lacking, sizes.speed, speeds)
 
 
 class Oscillators(nn.Module):
@@ -220,10 +220,10 @@ class Oscillators(nn.Module):
 
 
 def fit_member(
-    context: Context, development: Sequence[Samples], training: Training, scales: Scales, member: int, epochs: int
+    context: Context, development: Sequence[Samples], training: Training, sizes: Sizes, member: int, epochs: int
 ) -> tuple[Oscillators, list[Curve]]:
     """One network to the development conditions, a record a step of the optimiser, then the last layer at every sample."""
-    settings, see = training.recurrent, view(development, training, scales)
+    settings, see = training.recurrent, view(development, training, sizes)
     run = Run(1000 * training.seed + 7 * member + 3, every=10, checkpoint=context.checkpoint)
     run.tick = context.tick
     stride, channels = see.pace.stride, len(see.lacking)

@@ -16,11 +16,9 @@ from fmucorrect.study_training import FAMILIES, Family, Training
 from fmucorrect.training.band import LeftOut, calibrate, left_out
 from fmucorrect.training.data import Samples
 from fmucorrect.training.deployed import Band
-from fmucorrect.training.families import by_speed, count, fit_filter, fold, lengths
+from fmucorrect.training.families import NETWORKS, by_speed, count, fit_filter, fold, lengths
 from fmucorrect.training.tasks import Task, Workshop
 from fmucorrect.training.window import needed
-
-NETWORKS: tuple[Family, ...] = ("window", "recurrent")
 
 
 @dataclass(frozen=True)
@@ -48,10 +46,14 @@ class Selection:
         return self.tried[self.family]
 
     @property
+    def means(self) -> dict[Family, float]:
+        """Mean held-out NRMSE (%) of each family."""
+        return {family: float(np.mean(list(scores.values()))) for family, scores in self.tried.items()}
+
+    @property
     def learned(self) -> float:
         """Share of what the simulation lacked that was found at conditions that were left out; 0 to 1."""
-        bare, left = (float(np.mean(list(self.tried[f].values()))) for f in ("nothing", self.family))
-        return 1.0 - left / bare
+        return 1.0 - self.means[self.family] / self.means["nothing"]
 
 
 def families(training: Training) -> tuple[Family, ...]:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from fmucorrect.comparison import Comparison
 from fmucorrect.study_training import Family
 from fmucorrect.training.selection import Selection
@@ -21,7 +19,7 @@ WORDS: dict[Family, str] = {
 
 def verdict(selection: Selection, evaluations: Sequence[Comparison] = ()) -> str:
     """One to three sentences. evaluations: of all conditions, those of development are left aside."""
-    bare, left = _mean(selection, "nothing"), _mean(selection, selection.family)
+    bare, left = selection.means["nothing"], selection.means[selection.family]
     others = [WORDS[family] for family in selection.tried if family != "nothing"]
     if selection.family == "nothing":
         text = (
@@ -55,7 +53,7 @@ def table(selection: Selection) -> list[tuple[str, list[float], float]]:
         (
             WORDS[family] + (" (taken)" if family == selection.family else ""),
             list(scores.values()),
-            float(np.mean(list(scores.values()))),
+            selection.means[family],
         )
         for family, scores in selection.tried.items()
     ]
@@ -64,7 +62,3 @@ def table(selection: Selection) -> list[tuple[str, list[float], float]]:
 def conditions(selection: Selection) -> list[str]:
     """The columns of that table."""
     return list(selection.tried["nothing"])
-
-
-def _mean(selection: Selection, family: Family) -> float:
-    return float(np.mean(list(selection.tried[family].values())))

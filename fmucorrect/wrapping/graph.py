@@ -16,12 +16,10 @@ import onnx
 from jaxtyping import Float32
 from onnx import helper, numpy_helper, shape_inference
 
+from fmucorrect.bundle_metadata import NEXT_STATE, OUTPUTS, STATE
 from fmucorrect.errors import WrapError
 
 INPUTS = ("window", "condition", "time")
-OUTPUTS = ("corrected", "baseline", "sigma", "in_envelope")
-STATE, NEXT_STATE = "state", "next_state"
-"""The last input and output, where the corrector has a state."""
 
 _NARROW = 16
 """Columns that are not worth a product of their own: one vector of the widest instruction set."""

@@ -19,6 +19,7 @@ from onnx import helper
 from fmucorrect import bundle
 from fmucorrect.bundle import Info
 from fmucorrect.errors import MissingExtra, WrapError
+from fmucorrect.sealing import ramps
 from fmucorrect.training.data import Scales
 from fmucorrect.training.deployed import Band, Corrector
 from fmucorrect.training.export import to_bundle
@@ -56,7 +57,6 @@ def phase(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "speed": (240.0, 270.0, 390.0, 420.0),
         "amplitude": (0.01, 0.02, 0.04, 0.05),
     }
-    envelope = [(i, *corners[name]) for i, name in enumerate(corners)]
     band = Band((1e-3,) * channels, (0.1,) * channels, (0.2,) * channels)
     info = Info(
         name="phase",
@@ -71,7 +71,7 @@ def phase(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
     windows = np.random.default_rng(1).normal(size=(4, ROWS, channels), scale=2e-3).astype(np.float32)
     content = to_bundle(
-        Corrector(WindowHead(members, scales, phase=True), ROWS, scales, envelope, band),
+        Corrector(WindowHead(members, scales, phase=True), ROWS, scales, ramps(CHANNELS[:channels], corners), band),
         info,
         windows,
         np.array([330.0, 0.03, 1.3]),
