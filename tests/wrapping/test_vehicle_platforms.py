@@ -13,7 +13,7 @@ from tempfile import TemporaryFile
 import numpy as np
 import pytest
 from models import solver
-from test_platforms import CC, SANITIZED, WINE, build, wine  # noqa: F401  (wine is a fixture)
+from test_platforms import CC, SANITIZED, build
 
 from fmucorrect.fmu import open_fmu
 
@@ -57,12 +57,12 @@ def library(folder: Path, suffix: str) -> Path:
 
 
 @both
-def test_windows_says_the_same(fmi: int, wine: dict[str, str], unpacked: Unpack, host: Host) -> None:  # noqa: F811
+def test_windows_says_the_same(
+    fmi: int, wine: dict[str, str], unpacked: Unpack, host: Host, windows_host: Callable[[int], list[Path]]
+) -> None:
     folder = unpacked(solver("full_vehicle", fmi))
     linux = walk(play(fmi, folder, library(folder, ".so"), [host(fmi)]))
-    zig = [sys.executable, "-m", "ziglang", "cc", "-target", "x86_64-windows-gnu"]
-    program = [WINE, host(fmi, zig, ["-lshell32"], ".exe")]
-    windows = walk(play(fmi, folder, library(folder, ".dll"), program, **wine))
+    windows = walk(play(fmi, folder, library(folder, ".dll"), windows_host(fmi), **wine))
     assert linux.shape == (STEPS, len(OUTPUTS))
     assert windows == pytest.approx(linux, rel=1e-6, abs=1e-9)
 
