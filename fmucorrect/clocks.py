@@ -1,10 +1,11 @@
 """One clock for a condition: which instant of its records is time zero of the run, and where the measurement lies.
 
-A run begins at 0; inputs, a simulated record and the measurement have stamps of their own. What one recorder wrote into one
-file has one clock. Else the recorded excitation tells where the measurement lies (offset and rate, `registration`), where
-the study has one; without it stamps that overlap are believed; and where they do not, nothing can be known, which is an
-error. `clock` in the study decides instead: "common", "excitation", or s from the simulation's first sample to the
-measurement's.
+A run begins at 0; inputs, a simulated record and the measurement have stamps of their own. What one recorder wrote into
+one file has one clock. Else the recorded excitation tells where the measurement lies (offset and rate, `registration`),
+where the study has one; without it stamps that overlap are believed; and where they do not, nothing can be known, which
+is an error. A run begins with its inputs; where the study's `start` says that the excitation begins no earlier than
+they do, their stamps are the run's own time, and the first input is held from 0 on. `clock` in the study decides
+instead: "common", "excitation", or s from the simulation's first sample to the measurement's.
 """
 
 from __future__ import annotations
@@ -51,9 +52,9 @@ def clock(study: Study, condition: Condition) -> Clock:
     theirs = given or (0, measured[1] - measured[0])
     if condition.measurement is None:
         return Clock(theirs[0], (theirs[1] - theirs[0]) / NANOSECONDS, False, None, "")
-    # inputs whose stamps may be the run's own time are that, unless the same recorder began both at once
-    counted = condition.simulated is None and 0 <= theirs[0] < measured[1] - measured[0]
-    first = 0 if counted and abs(theirs[0] - measured[0]) > study.simulation.step_ns else theirs[0]
+    # a run begins with its inputs, unless the study knows a time of the run, `start`, before which they begin late
+    late = condition.simulated is None and 0 < theirs[0] <= condition.start_ns
+    first = 0 if late else theirs[0]
     said = condition.clock
     if isinstance(said, float):
         told = f"as the study says, the measurement begins at {said:+.9g} s of the run"

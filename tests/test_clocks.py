@@ -159,13 +159,29 @@ def test_a_text_file_as_the_study_tells_it(tmp_path: Path):
 
 
 def test_inputs_that_begin_late_in_the_run(tmp_path: Path):
-    """Stamps of inputs count from the run's begin where the measurement has a clock of its own."""
+    """Stamps of inputs are the run's own time where the study says that the excitation begins then."""
     t, base, x = driven()
     inputs = log(tmp_path / "inputs.csv", t, 1.0, base__d=base)
     measurement = log(tmp_path / "measured.mcap", t, EPOCH, base__d=base, x=x)
-    item = paired(tmp_path, inputs, measurement, excitation=EXCITATION)
+    paired(tmp_path, inputs, measurement, excitation=EXCITATION)
+    study = tmp_path / "study.toml"
+    study.write_text(study.read_text(encoding="utf-8") + "start = 1.0\n", encoding="utf-8")
+    item = pair(load_study(study), load_study(study).condition("one"))
     assert item.offset is not None
     assert item.offset.offset == pytest.approx(1.0, abs=1e-4)
+
+
+@pytest.mark.parametrize("begins", [0.1, 2.0, EPOCH])
+@pytest.mark.parametrize("later", [0, 1, 2, 500])
+def test_a_run_begins_with_its_inputs(tmp_path: Path, begins: float, later: int):
+    """Two recorders; the second one began a little later, and its clock stands anywhere."""
+    t, base, x = driven()
+    inputs = log(tmp_path / "inputs.csv", t, begins, base__d=base)
+    measurement = log(tmp_path / "measured.csv", t[later:], 3.0, base__d=base[later:], x=x[later:])
+    item = paired(tmp_path, inputs, measurement, excitation=EXCITATION)
+    assert left(item) < 1e-3
+    assert item.offset is not None
+    assert item.offset.offset == pytest.approx(1e-3 * later, abs=1e-6)
 
 
 @pytest.mark.parametrize("begins", [0.0, 2.0, EPOCH])

@@ -137,7 +137,7 @@ def test_what_a_record_lost_stands_among_the_warnings_once_it_is_allowed(tmp_pat
     assert "meas_held.csv" in warning.seen
 
 
-@pytest.mark.parametrize("line", ['units = { "s22" = "mm" }', 'columns = { "wheel" = "S2 rad" }'])
+@pytest.mark.parametrize("line", ['units = { "s22" = "mm" }', 'columns = { "wheel" = "S2 rad" }', 'time = "tmie"'])
 def test_a_name_that_no_record_has(tmp_path: Path, line: str) -> None:
     """What a misspelt key says would be lost without a word; one that some records lack is no mistake."""
     with pytest.raises(StudyError, match=r"no record of the study has a column '.*'.*did you mean"):

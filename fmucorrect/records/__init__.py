@@ -152,7 +152,12 @@ def describe(path: str | PathLike[str], reading: Reading = AS_IT_IS) -> Contents
         known = with_units(source.topics(), reading)
         topics = tuple(TopicContents(topic, source.extent(topic.name)) for topic in known)
         own = reading.rate and not any(counted(reading.rate) in topic.metadata.get("assumed", "") for topic in known)
-        unused = (f"rate = {reading.rate:.10g}: the file has a time of its own",) if own else ()
+        unused = [f"rate = {reading.rate:.10g}: the file has a time of its own"] if own else []
+        if reading.time and all(topic.time != reading.time for topic in known):
+            theirs = ", ".join(dict.fromkeys(repr(topic.time) for topic in known if topic.time))
+            unused.append(
+                f"time = {reading.time!r}: there is no such column; the time is {theirs or 'that of the log'}"
+            )
         return Contents(
             source.path, source.format, topics, source.truncated, source.damage, (*source.left_out, *unused)
         )

@@ -85,7 +85,9 @@ class ChildSource:
         self.damage: str = told["damage"]
         self.left_out: tuple[str, ...] = tuple(told["left_out"])
         self._topics = tuple(
-            Topic(t["name"], tuple(Column(*c) for c in t["columns"]), t["encoding"], t["metadata"], t["note"])
+            Topic(
+                t["name"], tuple(Column(*c) for c in t["columns"]), t["encoding"], t["metadata"], t["note"], t["time"]
+            )
             for t in told["topics"]
         )
 
@@ -178,7 +180,7 @@ def serve(opened: str, path: str, shown: str, told_reading: str) -> None:
         source = Guarded(path, lambda path: source_class(path, reading))
         topics = [
             {"name": t.name, "columns": [[c.name, c.unit] for c in t.columns], "encoding": t.encoding}
-            | {"metadata": dict(t.metadata), "note": t.note}
+            | {"metadata": dict(t.metadata), "note": t.note, "time": t.time}
             for t in source.topics()
         ]
         told = {"format": source.format, "truncated": source.truncated, "damage": source.damage}

@@ -36,7 +36,8 @@ class Topic:
     """Columns that share their stamps: a topic of MCAP, a group of MDF4 and TDMS; tables have one, named "".
 
     encoding: how a sample is written, in words. metadata: text by key, as the file gives it.
-    note: why there are no columns, if the encoding cannot be read.
+    note: why there are no columns, if the encoding cannot be read. time: the column that is the time of all; "" where it is
+    none (the log's own time, a rate).
     """
 
     name: str
@@ -44,6 +45,7 @@ class Topic:
     encoding: str
     metadata: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     note: str = ""
+    time: str = ""
 
     def full_name(self, column: str) -> str:
         """`topic.column`: the topic's leading slash goes, inner slashes stay."""

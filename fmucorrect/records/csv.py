@@ -66,7 +66,8 @@ class CsvSource:
         told = {"assumed": "; ".join(found.assumed), "preamble": found.preamble}
         metadata = {key: text for key, text in told.items() if text}
         note = "" if found.numeric else "; ".join(found.left_out)
-        return (Topic("", tuple(found.columns[c] for c in found.numeric), "text", metadata, note),)
+        time = "" if found.rate else found.columns[found.time].name
+        return (Topic("", tuple(found.columns[c] for c in found.numeric), "text", metadata, note, time),)
 
     def blocks(self, topic: str, columns: Sequence[str]) -> Iterator[Block]:
         """Blocks of lines. Raises RecordError for a cell that is no number, with line and column."""

@@ -187,7 +187,8 @@ class Mdf4Source:
         self._groups[name] = {label: (number, index) for label, (index, _) in zip(names, found, strict=True)}
         columns = tuple(Column(label, column.unit) for label, (_, column) in zip(names, found, strict=True))
         metadata = {**self._notes, **({"assumed": told} if told else {})}
-        return Topic(name, columns, "channel group", metadata, "" if columns else "no numbers")
+        time = str(group.channels[master[0]].name)
+        return Topic(name, columns, "channel group", metadata, "" if columns else "no numbers", time)
 
     def _master(self, number: int, group: Any) -> tuple[tuple[int, int] | None, str]:
         """The channel that is the time, with ns in its unit; or None, and why there is none."""

@@ -96,7 +96,8 @@ class ParquetSource:
         columns = tuple(Column(name, self._unit(self._fields[place])) for name, place in self._places.items())
         assumed = "; ".join(dict.fromkeys(self._assumed))
         note = "" if columns else "; ".join(self.left_out)
-        return (Topic("", columns, "columns", self._metadata | ({"assumed": assumed} if assumed else {}), note),)
+        time = "" if self._time is None else str(self._fields[self._time].name)
+        return (Topic("", columns, "columns", self._metadata | ({"assumed": assumed} if assumed else {}), note, time),)
 
     def blocks(self, topic: str, columns: Sequence[str]) -> Iterator[Block]:
         """Batches of rows; null is NaN."""

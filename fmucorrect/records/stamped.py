@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float64, Int64
 
 from fmucorrect.records import seconds
-from fmucorrect.records.contents import Extent
+from fmucorrect.records.contents import Extent, Topic
 from fmucorrect.records.mcap import McapSource
 from fmucorrect.records.source import NO_TIME, Block, extent_of
 from fmucorrect.signals import NANOSECONDS
@@ -28,9 +29,14 @@ class StampedMcap(McapSource):
         super().__init__(path)
         self._time = time
 
+    def topics(self) -> tuple[Topic, ...]:
+        """In file order."""
+        told = {topic.name: self._columns_of_time(topic) for topic in super().topics()}
+        return tuple(replace(topic, time=self._time if told[topic.name] else "") for topic in super().topics())
+
     def blocks(self, topic: str, columns: Sequence[str]) -> Iterator[Block]:
         """All rows of a topic in file order; without a time where a row has none."""
-        told = self._columns_of_time(topic)
+        told = self._told_of(topic)
         if not told:
             yield from super().blocks(topic, columns)
             return
@@ -40,11 +46,14 @@ class StampedMcap(McapSource):
 
     def extent(self, topic: str) -> Extent:
         """Rows and time range of a topic."""
-        return extent_of(self.blocks(topic, [])) if self._columns_of_time(topic) else super().extent(topic)
+        return extent_of(self.blocks(topic, [])) if self._told_of(topic) else super().extent(topic)
 
-    def _columns_of_time(self, topic: str) -> tuple[tuple[str, ...], int] | None:
+    def _told_of(self, name: str) -> tuple[tuple[str, ...], int] | None:
+        return next((self._columns_of_time(topic) for topic in super().topics() if topic.name == name), None)
+
+    def _columns_of_time(self, topic: Topic) -> tuple[tuple[str, ...], int] | None:
         """The columns that are the time, and ns in a unit of the first."""
-        there = {c.name: c.unit for found in self.topics() if found.name == topic for c in found.columns}
+        there = {column.name: column.unit for column in topic.columns}
         if self._time in there:
             return (self._time,), seconds.unit_ns(there[self._time]) or NANOSECONDS
         for whole, rest in _PARTS:

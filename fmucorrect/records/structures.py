@@ -32,13 +32,15 @@ class Unreadable:
 
 @dataclass
 class Table:
-    """Series that share a time: the variables beside it, or the members of its structure. name: of the structure."""
+    """Series that share a time: the variables beside it, or the members of its structure. name: of the structure. time: of
+    the variable."""
 
     name: str
     t_ns: np.ndarray
     series: dict[str, np.ndarray] = field(default_factory=dict[str, np.ndarray])
     units: dict[str, str] = field(default_factory=dict[str, str])
     assumed: list[str] = field(default_factory=list[str])
+    time: str = ""
 
 
 class Tables:
@@ -86,6 +88,7 @@ class Tables:
                 self.encoding,
                 self._metadata | ({"assumed": "; ".join(table.assumed)} if table.assumed else {}),
                 "" if table.series else "no numbers as long as the time",
+                table.time,
             )
             for table in self._tables
         )
@@ -167,7 +170,9 @@ class Tables:
             assumed.append(f"the time is {name!r}, in {unit}")
         whole = times.dtype.kind in "iu"
         t_ns = seconds.whole_to_ns(times, per) if whole else seconds.to_ns(times.astype(np.float64), per)
-        return Table(path, seconds.shifted(t_ns, start[0] or (self._origin if not path else 0)), assumed=assumed)
+        return Table(
+            path, seconds.shifted(t_ns, start[0] or (self._origin if not path else 0)), assumed=assumed, time=key
+        )
 
     def _member(self, name: str, value: Any, unit: Any, table: Table | None) -> None:
         if isinstance(value, dict):

@@ -99,11 +99,11 @@ class TdmSource(Tables):
     def _timed(self, title: str, channel: tuple[str, np.ndarray, str, dict[str, str]]) -> Table:
         name, values, unit, _ = channel
         if values.dtype.kind == "M":
-            return Table(title, values.astype("datetime64[ns]").astype(np.int64))
+            return Table(title, values.astype("datetime64[ns]").astype(np.int64), time=name)
         per = seconds.unit_ns("s" if unit == "1" else unit)
         if per is None:
             raise RecordError(f"the unit of the time '{title}.{name}' is not known", where=self.path, got=repr(unit))
-        return Table(title, seconds.to_ns(values.astype(np.float64), per))
+        return Table(title, seconds.to_ns(values.astype(np.float64), per), time=name)
 
     def _channel(
         self, title: str, channel: tuple[str, np.ndarray, str, dict[str, str]], tables: list[Table], timed: bool

@@ -164,7 +164,9 @@ class TdmsSource:
             return [_Series(Topic(group.name, (), "time channel", metadata, note), group.name, {}, 0)]
         there = min([len(time), *(len(channel) for channel in fitting)])
         self._require_room(group.name, [time, *fitting], there)
-        topic = Topic(group.name, _columns(fitting), "time channel", metadata, "" if fitting else "no numbers")
+        topic = Topic(
+            group.name, _columns(fitting), "time channel", metadata, "" if fitting else "no numbers", time.name
+        )
         return [_Series(topic, group.name, {c.name: c for c in fitting}, there, time, per)]
 
     def _waveforms(self, group: Any) -> list[_Series]:

@@ -64,17 +64,23 @@ def _misnamed(study: Study) -> Iterator[Finding]:
     files = {path: condition.reading for condition in study.conditions for path in condition.files}
     named = {("units", name): name for reading in files.values() for name in reading.units}
     named |= {("columns", name): column for reading in files.values() for name, column in reading.columns.items()}
+    named |= {("time", reading.time): reading.time for reading in files.values() if reading.time}
     there: set[str] = set()
     for path, reading in files.items():  # no further than needed: to open some kinds of files takes long
         topics = records.topics(path, reading) if named else ()
-        there |= {topic.full_name(column.name) for topic in topics for column in topic.columns}
-        named = {at: column for at, column in named.items() if not records.has(topics, column, reading)}
+        times = {topic.time for topic in topics}
+        there |= times | {topic.full_name(column.name) for topic in topics for column in topic.columns}
+        named = {
+            (key, name): column
+            for (key, name), column in named.items()
+            if not (column in times if key == "time" else records.has(topics, column, reading))
+        }
     for (key, name), column in named.items():
         yield Finding(
             "name without a column",
             "error",
-            f"[records] {key}, {name!r}",
-            f"no record of the study has a column {column!r}{nearest(column, sorted(there))}",
+            f"[records] {key}" + ("" if key == "time" else f", {name!r}"),
+            f"no record of the study has a column {column!r}{' of times' * (key == 'time')}{nearest(column, sorted(there))}",
             "What is said of it is lost",
             "Write the column's name as the file has it, or take the line out.",
         )
