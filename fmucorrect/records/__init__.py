@@ -23,7 +23,7 @@ from os import PathLike, fspath
 from pathlib import Path
 
 from fmucorrect.errors import RecordError
-from fmucorrect.records import assemble
+from fmucorrect.records import assemble, naming
 from fmucorrect.records.columns import find, has, with_units
 from fmucorrect.records.contents import Contents, Topic, TopicContents
 from fmucorrect.records.guarded import Guarded, damaged
@@ -153,7 +153,7 @@ def describe(path: str | PathLike[str], reading: Reading = AS_IT_IS) -> Contents
         topics = tuple(TopicContents(topic, source.extent(topic.name)) for topic in known)
         own = reading.rate and not any(counted(reading.rate) in topic.metadata.get("assumed", "") for topic in known)
         unused = [f"rate = {reading.rate:.10g}: the file has a time of its own"] if own else []
-        if reading.time and all(topic.time != reading.time for topic in known):
+        if reading.time and not any(is_time(topic, reading.time) for topic in known):
             theirs = ", ".join(dict.fromkeys(repr(topic.time) for topic in known if topic.time))
             unused.append(
                 f"time = {reading.time!r}: there is no such column; the time is {theirs or 'that of the log'}"
@@ -163,6 +163,11 @@ def describe(path: str | PathLike[str], reading: Reading = AS_IT_IS) -> Contents
         )
     finally:
         source.close()
+
+
+def is_time(topic: Topic, name: str) -> bool:
+    """Whether the time of a topic is the column of this name, which may have its unit behind it."""
+    return topic.time in (name, naming.bare(name))
 
 
 def suffix_of(path: str | PathLike[str]) -> str:

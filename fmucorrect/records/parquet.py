@@ -1,4 +1,5 @@
-"""Parquet: a column `time` in s or its unit, or of a type of time, units in the columns' metadata key `unit`.
+"""Parquet: a column `time` in s or its unit, or of a type of time, units in the columns' metadata key `unit` or, as a table
+of pandas has them, in the names: `x [mm]`. The index of such a table is its time where nothing else is.
 
 Columns that are no numbers are named in `left_out`; equal names are numbered. Pages are written with checksums. Reading
 is done in a process of its own: damaged metadata can end the interpreter, and a small file can unfold to gigabytes.
@@ -9,6 +10,7 @@ seconds of the first stamp are subtracted and stand in the file's metadata as `t
 from __future__ import annotations
 
 import importlib.util
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -30,6 +32,8 @@ _CHUNK, _EXPANSION = 2**28, 100
 """Bytes that one column of a row group may unfold to, as it is unfolded in memory."""
 _LOOKED_AT = 100
 """Times that are looked at for what they count."""
+_INDEX = re.compile(r"__index_level_\d+__")
+"""What pandas calls an index without a name."""
 _PER_SECOND = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1_000, "ns": 1}
 
 
@@ -93,10 +97,10 @@ class ParquetSource:
 
     def topics(self) -> tuple[Topic, ...]:
         """One topic, of the columns of numbers and truth values."""
-        columns = tuple(Column(name, self._unit(self._fields[place])) for name, place in self._places.items())
+        columns = tuple(Column(name, self._column(self._fields[place]).unit) for name, place in self._places.items())
         assumed = "; ".join(dict.fromkeys(self._assumed))
         note = "" if columns else "; ".join(self.left_out)
-        time = "" if self._time is None else str(self._fields[self._time].name)
+        time = "" if self._time is None else naming.bare(str(self._fields[self._time].name))
         return (Topic("", columns, "columns", self._metadata | ({"assumed": assumed} if assumed else {}), note, time),)
 
     def blocks(self, topic: str, columns: Sequence[str]) -> Iterator[Block]:
@@ -155,16 +159,22 @@ class ParquetSource:
         return array.dictionary_decode() if self._arrow.types.is_dictionary(array.type) else array
 
     def _time_place(self) -> int | None:
-        """The column `time`, or else the only one whose name says time, or that holds time stamps; None where there is none and
-        a rate is known."""
-        named = [i for i, field in enumerate(self._fields) if naming.is_time(field.name)]
-        stamps = [i for i, field in enumerate(self._fields) if self._arrow.types.is_timestamp(field.type)]
-        exact = [i for i in named if self._fields[i].name.lower() == "time"]
-        told = [i for i, field in enumerate(self._fields) if field.name == self._told]
-        for candidates in (told, exact, [i for i in named if i in stamps], named, stamps):
+        """The column `time`, or else the only one whose name says time, that holds time stamps, or that pandas made of an
+        index; None where there is none and a rate is known."""
+        types, names = self._arrow.types, [str(field.name) for field in self._fields]
+        named = [i for i, name in enumerate(names) if naming.time_column(name)]
+        stamps = [
+            i for i, field in enumerate(self._fields) if types.is_timestamp(field.type) or types.is_duration(field.type)
+        ]
+        exact = [i for i in named if naming.bare(names[i]).lower() == "time"]
+        told = [i for i, name in enumerate(names) if self._told and self._told in (name, naming.bare(name))]
+        # whole numbers would be those of the rows that were kept of a longer table
+        index = [i for i, f in enumerate(self._fields) if _INDEX.fullmatch(names[i]) and types.is_floating(f.type)]
+        for candidates in (told, exact, [i for i in named if i in stamps], named, stamps, index):
             if len(candidates) == 1:
                 if candidates not in (told, exact):
-                    self._assumed.append(f"the time is column {self._fields[candidates[0]].name!r}")
+                    what = "the index of the table" if candidates == index else f"column {names[candidates[0]]!r}"
+                    self._assumed.append(f"the time is {what}")
                 return candidates[0]
         if self._rate and not (told or named or stamps):
             self._assumed.append(counted(self._rate))
@@ -173,7 +183,7 @@ class ParquetSource:
             "there are several columns 'time'" if exact else "there is no column 'time'",
             where=self.path,
             expected="'time' in s",
-            got=", ".join(str(field.name) for field in self._fields[:20]),
+            got=", ".join(names[:20]),
             remedy=UNTIMED,
         )
 
@@ -193,7 +203,8 @@ class ParquetSource:
             raise RecordError(
                 "the column of the time is no time", where=self.path, expected="numbers or stamps", got=str(field.type)
             )
-        unit = self._unit(field)
+        said = naming.time_column(str(field.name), known=True)
+        unit = said.unit if said is not None and (field.metadata or {}).get(b"unit") is None else self._unit(field)
         per = seconds.unit_ns("s" if unit == "1" else unit)
         if per is None:
             raise RecordError(
@@ -222,7 +233,7 @@ class ParquetSource:
                 found.append(place)
             else:
                 self._left_out.append(f"column {field.name!r}: {str(kind)[:60]}, no numbers")
-        names, told = naming.numbered([self._fields[place].name for place in found])
+        names, told = naming.numbered([self._column(self._fields[place]).name for place in found])
         if told:
             self._assumed.append(told)
         return dict(zip(names, found, strict=True))
@@ -241,6 +252,12 @@ class ParquetSource:
         except UnicodeDecodeError:
             self._assumed.append("some metadata is no UTF-8: read as Windows-1252 (Western European)")
             return raw.decode("cp1252", "replace")
+
+    def _column(self, field: Any) -> Column:
+        """Its name and unit: as its metadata say, or its name."""
+        if (field.metadata or {}).get(b"unit") is not None:
+            return Column(str(field.name), self._unit(field))
+        return naming.column(str(field.name), naming.arrays([str(other.name) for other in self._fields]))
 
     def _unit(self, field: Any) -> str:
         return self._text((field.metadata or {}).get(b"unit", b"1")) or "1"

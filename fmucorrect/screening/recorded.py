@@ -68,12 +68,17 @@ def _misnamed(study: Study) -> Iterator[Finding]:
     there: set[str] = set()
     for path, reading in files.items():  # no further than needed: to open some kinds of files takes long
         topics = records.topics(path, reading) if named else ()
-        times = {topic.time for topic in topics}
-        there |= times | {topic.full_name(column.name) for topic in topics for column in topic.columns}
+        there |= {topic.time for topic in topics} | {
+            topic.full_name(column.name) for topic in topics for column in topic.columns
+        }
         named = {
             (key, name): column
             for (key, name), column in named.items()
-            if not (column in times if key == "time" else records.has(topics, column, reading))
+            if not (
+                any(records.is_time(topic, column) for topic in topics)
+                if key == "time"
+                else records.has(topics, column, reading)
+            )
         }
     for (key, name), column in named.items():
         yield Finding(

@@ -8,6 +8,7 @@ from pathlib import Path
 import asammdf
 import nptdms
 import numpy as np
+import pandas
 import pyarrow as pa
 import pyarrow.parquet
 import pytest
@@ -203,3 +204,24 @@ def test_tdms_scales_without_number_are_refused(key: str, tmp_path: Path) -> Non
         file.write_segment([nptdms.ChannelObject("g", "a", np.arange(10.0), wave)])
     with pytest.raises(RecordError, match=r"states 2[0-9]* scales, expected at most 100"):
         records.read(tmp_path / "run.tdms")
+
+
+@pytest.mark.parametrize("index", ["timedelta", "seconds", "named"])
+def test_a_table_of_pandas_whose_index_is_the_time(index: str, tmp_path: Path) -> None:
+    """Units stand in the names, as a header of CSV has them; rows that were kept of a longer table are no time."""
+    t = np.arange(40) * 0.002
+    table = pandas.DataFrame({"x [mm]": np.sin(t), "F (kN)": np.cos(t), "v_m/s": t})
+    indices = {
+        "timedelta": pandas.to_timedelta(t, unit="s"),
+        "seconds": t,
+        "named": pandas.Index(t * 1e3, name="t [ms]"),
+    }
+    table.index = indices[index]
+    table.to_parquet(tmp_path / "run.parquet")
+    record = records.read(tmp_path / "run.parquet")
+    assert [(channel.name, channel.unit) for channel in record.channels] == [("x", "mm"), ("F", "kN"), ("v_m/s", "1")]
+    assert record.t_ns.tolist() == [2_000_000 * i for i in range(40)]
+    assert records.read(tmp_path / "run.parquet", ["x [mm]"]).values[:, 0] == pytest.approx(np.sin(t))
+    table.reset_index(drop=True)[::2].to_parquet(tmp_path / "rows.parquet")
+    with pytest.raises(RecordError, match="there is no column 'time'"):
+        records.read(tmp_path / "rows.parquet")
