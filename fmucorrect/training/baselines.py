@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
 from fmucorrect.metrics import score
@@ -62,6 +62,66 @@ class Nearest:
 def fit_nearest(development: Sequence[Samples], training: Training, run: Run, held: Sequence[Samples] = ()) -> Nearest:
     """Nothing is fitted."""
     return Nearest(tuple((item.condition, item.seconds, item.measured) for item in development))
+
+
+@dataclass(frozen=True)
+class Interpolated:
+    """Between the measurements, each replayed at the excitation's phase (its time, where nothing oscillates): a polynomial in
+    what differs between their conditions, by least squares. No simulation.
+
+    records: condition, seconds and measurement of each. weights: (P, R), what each record gives to each coefficient. center,
+    span, differs: of the conditions, (3,). order: of the polynomial.
+    """
+
+    records: tuple[tuple[np.ndarray, np.ndarray, np.ndarray], ...]
+    weights: Float[np.ndarray, "P R"]
+    center: Float[np.ndarray, "3"]
+    span: Float[np.ndarray, "3"]
+    differs: Bool[np.ndarray, "3"]
+    order: int
+    parameters: int = 0
+
+    def predict(self, item: Samples, stride: int = 1) -> np.ndarray:
+        """(N, J) in the channels' units."""
+        own = self.monomials(item.condition[None])[0] @ self.weights
+        seconds = item.seconds[::stride]
+        said = np.zeros((len(seconds), item.measured.shape[1]))
+        for share, (condition, at, measured) in zip(own, self.records, strict=True):
+            turns = condition[2] > 0.0 and item.condition[2] > 0.0
+            then = seconds * (item.condition[2] / condition[2]) if turns else seconds
+            for j in range(said.shape[1]):
+                said[:, j] += share * np.interp(then, at, measured[:, j])
+        return said
+
+    def monomials(self, conditions: Float[np.ndarray, "R 3"]) -> Float[np.ndarray, "R P"]:
+        """One, and the powers of each feature that differs."""
+        features = ((conditions - self.center) / self.span)[:, self.differs]
+        powers = [features**n for n in range(1, self.order + 1)]
+        return np.concatenate([np.ones((len(conditions), 1)), *powers], axis=1)
+
+
+def _fit_interpolated(order: int, development: Sequence[Samples]) -> Interpolated:
+    """A pseudo-inverse: fewer conditions than coefficients leave the smallest ones."""
+    conditions = np.array([item.condition for item in development], float)
+    center, span = conditions.mean(axis=0), np.ptp(conditions, axis=0)
+    records = tuple((item.condition, item.seconds, item.measured) for item in development)
+    unweighted = np.zeros((0, len(records)))
+    made = Interpolated(records, unweighted, center, np.where(span > 0.0, span, 1.0), span > 0.0, order)
+    return replace(made, weights=np.linalg.pinv(made.monomials(conditions)))
+
+
+def fit_straight(
+    development: Sequence[Samples], training: Training, run: Run, held: Sequence[Samples] = ()
+) -> Interpolated:
+    """Linear in the condition."""
+    return _fit_interpolated(1, development)
+
+
+def fit_quadratic(
+    development: Sequence[Samples], training: Training, run: Run, held: Sequence[Samples] = ()
+) -> Interpolated:
+    """Quadratic in the condition."""
+    return _fit_interpolated(2, development)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,16 @@ from fmucorrect.diagnosis import agreements, recommend
 from fmucorrect.experiment import Pair
 from fmucorrect.study import Study
 from fmucorrect.study_training import Corrector, Training
-from fmucorrect.training.baselines import EPOCHS, fit_fir, fit_gru, fit_harmonics, fit_nearest, fit_rho
+from fmucorrect.training.baselines import (
+    EPOCHS,
+    fit_fir,
+    fit_gru,
+    fit_harmonics,
+    fit_nearest,
+    fit_quadratic,
+    fit_rho,
+    fit_straight,
+)
 from fmucorrect.training.data import Samples
 from fmucorrect.training.loop import Curve, Run
 from fmucorrect.training.model import Model, nrmse
@@ -55,6 +64,22 @@ def _proposed(training: Training) -> Mapping[str, int]:
 
 CASES = (
     Case("nearest", "Measurement of the nearest speed, replayed", "baseline", "phase", fit_nearest, _none),
+    Case(
+        "straight",
+        "Measurements interpolated, linear in the condition",
+        "baseline",
+        "phase, condition",
+        fit_straight,
+        _none,
+    ),
+    Case(
+        "quadratic",
+        "Measurements interpolated, quadratic in the condition",
+        "baseline",
+        "phase, condition",
+        fit_quadratic,
+        _none,
+    ),
     Case("rho", "Amplitude factor alone", "baseline", "simulation", fit_rho, _none),
     Case("fir", "Linear FIR filter, taps affine in speed", "baseline", "history, speed", fit_fir, _none),
     Case("harmonics", "Ridge on harmonics of the excitation", "baseline", "phase, speed", fit_harmonics, _none),
