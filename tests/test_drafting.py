@@ -7,6 +7,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import asammdf
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -18,7 +19,7 @@ from fmucorrect.errors import RecordError
 from fmucorrect.experiment import pair
 from fmucorrect.fmu import IsolatedStepper
 from fmucorrect.inspection import study_problems
-from fmucorrect.records import writer
+from fmucorrect.records import read, writer
 from fmucorrect.signals import Channel, Condition, Record
 from fmucorrect.stepper import grid, run
 from fmucorrect.study import load_study
@@ -252,6 +253,61 @@ def test_what_cannot_be_drafted(car: Path, logs: list[Path], tmp_path: Path):
         draft(car, [path])
     with pytest.raises(RecordError, match=r"one simulated record for each run"):
         draft(car, logs, [logs[0]])
+
+
+def test_a_log_of_outputs_alone_drives_nothing(car: Path, logs: list[Path], tmp_path: Path):
+    """Each would show the other, were it the road; their names say what they are."""
+    record = read(logs[0], ["Susp.travel", "Body acc"])
+    names = (Channel("travel", "mm"), Channel("acc_body", "gn"))
+    with writer(tmp_path / "log.csv") as file:
+        file.write("/log", replace(record, channels=names))
+    with pytest.raises(RecordError, match=r"none drives its inputs .*zr"):
+        draft(car, [tmp_path / "log.csv"])
+
+
+def test_one_log_twice(car: Path, logs: list[Path]):
+    with pytest.raises(RecordError, match="the log stands there twice"):
+        draft(car, [logs[0], logs[0].parent / "." / logs[0].name])
+
+
+def test_groups_with_rates_of_their_own(car: Path, logs: list[Path], tmp_path: Path):
+    """A bus log: every group has its own samples, and one of them ends early."""
+    drives: list[Path] = []
+    for log in logs:
+        record = read(log)
+        t = (record.t_ns - record.t_ns[0]) / 1e9
+        road, travel, body, oil = record.values.T
+        with asammdf.MDF() as file:
+            file.append([asammdf.Signal(body, t + 0.0007, unit="g", name="Body acc")])
+            slow = [
+                asammdf.Signal(x[::2], t[::2], unit="mm", name=n) for n, x in (("Road_zr", road), ("Travel", travel))
+            ]
+            file.append(slow, common_timebase=True)
+            file.append([asammdf.Signal(oil[:50], t[:50], unit="K", name="Oil")])
+            drives.append(Path(file.save(tmp_path / f"{log.stem}.mf4")))
+    found = draft(car, drives)
+    (path := tmp_path / "study.toml").write_text(found.text(path), encoding="utf-8")
+    study = load_study(path)
+    assert {channel.measurement for channel in study.channels} == {"Travel", "Body acc"}
+    assert [text for text in found.left_out if "it reaches from 0 to 0.098 s" in text]
+    item = pair(study, study.conditions[1])
+    off = np.abs(item.measured - item.response).max(axis=0) / np.abs(item.measured).max(axis=0)
+    assert off.max() < 0.05
+
+
+def test_a_log_that_says_no_units_beside_one_that_does(car: Path, logs: list[Path], tmp_path: Path):
+    """The one that says them is first looked at, wherever it stands."""
+    record = read(logs[0])
+    with writer(tmp_path / "bare.csv") as file:
+        file.write("/log", replace(record, channels=tuple(Channel(channel.name, "1") for channel in record.channels)))
+    (path := tmp_path / "study.toml").write_text(
+        draft(car, [tmp_path / "bare.csv", logs[1]]).text(path), encoding="utf-8"
+    )
+    study = load_study(path)
+    for condition in study.conditions:
+        item = pair(study, condition)
+        off = np.abs(item.measured - item.response).max(axis=0) / np.abs(item.measured).max(axis=0)
+        assert off.max() < 0.05
 
 
 def test_the_command_keeps_a_study_that_is_there(car: Path, logs: list[Path], tmp_path: Path):

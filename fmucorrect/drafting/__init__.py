@@ -18,7 +18,7 @@ from pathlib import Path
 from fmucorrect.clocks import overlapping
 from fmucorrect.drafting.driving import find_driving
 from fmucorrect.drafting.joints import find_joints, joint_units
-from fmucorrect.drafting.pairing import Run, beside, find_channels, input_units, quiet, read_run, step_of
+from fmucorrect.drafting.pairing import UNITLESS, Run, beside, find_channels, input_units, quiet, read_run, step_of
 from fmucorrect.drafting.parameters import find_parameters
 from fmucorrect.drafting.written import Draft, DraftedRun
 from fmucorrect.errors import FmuError, RecordError, few
@@ -53,18 +53,22 @@ def draft(
     model = open_fmu(Path(fmu))
     if not [v for v in model.of("output") if v.number]:
         raise FmuError("it has no outputs that could be compared", where=str(fmu))
-    logs = [read_run(Path(run), reading) for run in runs]
+    logs = _read(runs, reading)
+    # what a log says of units holds for the others, so that the one which says most comes first
+    first = max(logs, key=lambda log: sum(unit not in UNITLESS for unit in log.columns.values()))
     if len(logs) > 1:
-        logs[0] = beside(logs[0], logs[1])
-    step_ns, why = step_of(model, logs[0])
+        first = beside(first, next(log for log in logs if log is not first))
+    step_ns, why = step_of(model, first)
     progress(STEPS[1])
-    driving = find_driving(model, logs[0], step_ns)
+    driving = find_driving(model, first, step_ns)
     inputs, trial = {guess.variable: guess.column for guess in driving.inputs}, driving.trial
-    channels = find_channels(model, logs[0], trial)
+    channels = find_channels(model, first, trial)
     if not channels:
+        free = [v.name for v in model.of("input") if v.number and v.name not in inputs]
+        still = f", and none drives its inputs {few(free)}" if free and not inputs else ""
         raise RecordError(
-            "no column shows an output of the FMU, by its name or by what it holds",
-            where=str(runs[0]),
+            f"no column shows an output of the FMU, by its name or by what it holds{still}",
+            where=str(first.path),
             expected=f"measurements of {few([v.name for v in trial.outputs])}",
             got=few(trial.columns),
             remedy="Write the study by hand (fmucorrect/README.md), or give the columns the names of the outputs.",
@@ -72,7 +76,7 @@ def draft(
     progress(STEPS[2])
     # what is missing may add to an input that is driven, where the model has no other place for it
     joints = find_joints(model, tuple(inputs)) or find_joints(model, ())
-    units = joint_units(model, joints) | input_units(model, logs[0], inputs)
+    units = joint_units(model, joints) | input_units(model, first, inputs)
     units |= {guess.output: guess.variable_unit for guess in channels if guess.variable_unit}
     held_out = len(logs) - 1 if len(logs) > 1 else None
     drafted = [
@@ -82,6 +86,13 @@ def draft(
             "evaluation" if i == held_out else "development",
             tuple(column for column in (*(g.column for g in channels), *inputs.values()) if column not in log.columns),
             _clock(log, Path(references[i]) if references else None, bool(inputs)),
+            {
+                guess.column: unit
+                for guess in (*driving.inputs, *channels)
+                if not guess.column_unit
+                and log.columns.get(guess.column) in UNITLESS
+                and (unit := first.columns[guess.column]) not in UNITLESS
+            },
         )
         for i, log in enumerate(logs)
     ]
@@ -97,13 +108,25 @@ def draft(
         quiet=quiet(trial),
         units=units,
         unpaired=tuple(
-            f"{c}{', the same in two runs to the last digit: a command' if c in logs[0].repeated else ''}"
+            f"{c}{', the same in two runs to the last digit: a command' if c in first.repeated else ''}"
             for c in trial.columns
             if c not in {guess.column for guess in channels}
         ),
-        left_out=logs[0].left_out,
-        reading=reading,
+        left_out=first.left_out,
+        reading=next((log.reading for log in logs if log.reading != reading), reading),
     )
+
+
+def _read(runs: Sequence[str | PathLike[str]], reading: Reading) -> list[Run]:
+    """The logs. Raises RecordError, also where one stands there twice."""
+    logs: dict[Path, Run] = {}
+    for run in map(Path, runs):
+        if run.resolve() in logs:
+            raise RecordError(
+                "the log stands there twice", where=str(run), remedy="Name each run once: a copy proves nothing."
+            )
+        logs[run.resolve()] = read_run(run, reading)
+    return list(logs.values())
 
 
 def _clock(log: Run, reference: Path | None, driven: bool) -> str:

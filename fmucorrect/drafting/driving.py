@@ -80,7 +80,7 @@ def named(fmu: FmuDescription, log: Run) -> tuple[InputGuess, ...]:
 
 
 def find_driving(fmu: FmuDescription, log: Run, step_ns: int) -> Driving:
-    """What drives the model. Raises RecordError, FmuError and SignalError: of reading, and of the model."""
+    """What drives the model. Raises FmuError and SignalError: of the model."""
     inputs = named(fmu, log)
     with closing(Plant(fmu)) as plant:
         driving = Driving(inputs, try_out(plant, log, {g.variable: g.column for g in inputs}, step_ns))
@@ -113,18 +113,24 @@ def _further(plant: Plant, log: Run, known: Driving, step_ns: int) -> Driving | 
 
 
 def _possible(fmu: FmuDescription, log: Run, known: Driving) -> Iterator[tuple[Variable, str]]:
-    """Inputs without a column, and columns that move and may be of the same quantity. Once something drives the model, a
-    force at a joint is left to what the model lacks."""
+    """Inputs without a column, and columns that move and may be of the same quantity, but for those that are named as an
+    output. Once something drives the model, a force at a joint is left to what the model lacks."""
     driven = [guess.variable for guess in known.inputs]
     moving = dict(zip(known.trial.columns, np.ptp(known.trial.measured, axis=0) > 0.0, strict=True))
     free = [v for v in fmu.of("input") if v.number and not v.discrete and v.name not in driven]
     pushing = {joint.force for joint in find_joints(fmu, driven)} if driven and free else ()
+    outputs = {
+        column
+        for column, unit in log.columns.items()
+        for output in known.trial.outputs
+        if may_be(output.unit, unit, fmu.defined) and likeness(column, output.name) >= NAMED
+    }
     for variable in free:
         for column, unit in log.columns.items():
             theirs = "displacement" if quantity(unit) == "angle" else quantity(unit)
             alike = not kind(variable) or theirs in (None, kind(variable))
             fits = alike and may_be(variable.unit, unit, fmu.defined)
-            if fits and variable.name not in pushing and moving.get(column):
+            if fits and variable.name not in pushing and moving.get(column) and column not in outputs:
                 yield variable, column
 
 

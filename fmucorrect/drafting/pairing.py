@@ -15,6 +15,8 @@ from fmucorrect.drafting.guess import likeness, quantity, si
 from fmucorrect.drafting.joints import SI, kind
 from fmucorrect.errors import RecordError
 from fmucorrect.fmu import FmuDescription, IsolatedStepper, Variable, input_record
+from fmucorrect.records.contents import TopicContents
+from fmucorrect.records.timebase import seconds_text
 from fmucorrect.registration import resample
 from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Channel, Condition, Reading, Record
 from fmucorrect.stepper import grid, run
@@ -28,6 +30,8 @@ ROWS = 200_000
 """Samples of it at most."""
 MOVES = 1e-3
 """Share of an input's swing from which it moves."""
+COVERED = 0.9
+"""Share of a log's time that a topic covers to be read with the others."""
 SHORT = 0.5
 """s; in less than that no noise floor can be told."""
 SHOWS = 0.5
@@ -47,18 +51,26 @@ UNITLESS = ("", "1", "-")
 
 @dataclass(frozen=True)
 class Run:
-    """A log. columns: unit by the name that selects it, of the numeric columns that share the most rows. stamps: first and
-    last, ns. interval_ns: between samples, on average. repeated: columns that are the same in another run to the last digit:
-    commands, no measurements. reading: what is known of the file beside what it says."""
+    """A log. columns: unit by the name that selects it, of the numeric columns, those with the most samples first. record:
+    these columns, all rows. left_out: what else it holds, and why, in words. repeated: columns that are the same in another
+    run to the last digit: commands, no measurements. reading: how a study has to read it, beside what the file says."""
 
     path: Path
     columns: Mapping[str, str]
-    topic: str
-    stamps: tuple[int, int]
-    interval_ns: int
+    record: Record
     left_out: tuple[str, ...]
     repeated: frozenset[str] = frozenset()
     reading: Reading = AS_IT_IS
+
+    @property
+    def stamps(self) -> tuple[int, int]:
+        """First and last, ns."""
+        return int(self.record.t_ns[0]), int(self.record.t_ns[-1])
+
+    @property
+    def interval_ns(self) -> int:
+        """Between samples, on average."""
+        return round((self.stamps[1] - self.stamps[0]) / (len(self.record) - 1))
 
     @property
     def believed(self) -> bool:
@@ -69,10 +81,6 @@ class Run:
     def begins(self) -> int:
         """The stamp at which a run begins that nothing drives."""
         return 0 if self.believed else self.stamps[0]
-
-    def read(self, names: Sequence[str]) -> Record:
-        """These columns. Raises RecordError."""
-        return records.read(self.path, names, topic=self.topic or None, reading=self.reading)
 
 
 @dataclass(frozen=True)
@@ -95,49 +103,77 @@ class ChannelGuess:
 
 
 def read_run(path: Path, reading: Reading = AS_IT_IS) -> Run:
-    """The columns of a log. reading: what is known of it beside what it says. Raises RecordError where it cannot be read, is
-    damaged, or has none."""
+    """The columns of a log; of topics with other samples than the fastest what lies at its stamps, as `repair` of a study
+    would have it. reading: what is known of it beside what it says. Raises RecordError where it cannot be read, is damaged, or
+    has none."""
     contents = records.describe(path, reading)
     if contents.damage:
         raise records.damaged(str(path), contents.damage)
     filled = [item for item in contents.topics if item.topic.columns and item.extent.rows > 1]
     if not filled:
         raise RecordError("there are no numeric columns with rows", where=str(path))
-    chosen = max(filled, key=lambda item: (len(item.topic.columns), item.extent.rows))
-    others = tuple(f"topic {item.topic.name}" for item in filled if item is not chosen)
-    stamps = chosen.extent.start_ns or 0, chosen.extent.stop_ns or 0
-    interval = round((stamps[1] - stamps[0]) / (chosen.extent.rows - 1))
-    columns = {column.name: column.unit for column in chosen.topic.columns}
-    left_out = (*contents.left_out, *others)
-    return _readable(Run(path, columns, chosen.topic.name, stamps, interval, left_out, reading=reading))
-
-
-def _readable(run: Run) -> Run:
-    """Without the columns that have no value at some row, which the others are as good without. Raises RecordError where that
-    is every one."""
+    kept, left_out = _beside_each_other(filled)
+    names = [column.name for item in kept for column in item.topic.columns]
+    units = {
+        item.topic.full_name(column.name) if names.count(column.name) > 1 else column.name: column.unit
+        for item in kept
+        for column in item.topic.columns
+    }
     try:
-        run.read(list(run.columns))
+        record, wrong = _readable(path, list(units), reading)
+    except RecordError:
+        if len(kept) == 1:
+            raise
+        reading = replace(reading, repair=",".join(filter(None, [reading.repair, "interpolate"])))
+        record, wrong = _readable(path, list(units), reading)
+    columns = {channel.name: units[channel.name] for channel in record.channels}
+    return Run(path, columns, record, (*contents.left_out, *left_out, *wrong), reading=reading)
+
+
+def _beside_each_other(filled: Sequence[TopicContents]) -> tuple[list[TopicContents], list[str]]:
+    """The topics that cover most of the time that the largest one has, the fastest first; and why the others do not stay: a
+    run has what all of its columns have."""
+    largest = max(filled, key=lambda item: (len(item.topic.columns), item.extent.rows))
+    start, stop = (item or 0 for item in (largest.extent.start_ns, largest.extent.stop_ns))
+    kept, left_out = list[TopicContents](), list[str]()
+    for item in sorted(filled, key=lambda item: -item.extent.rows):
+        first, last = item.extent.start_ns or 0, item.extent.stop_ns or 0
+        if min(last, stop) - max(first, start) >= COVERED * (stop - start):
+            kept.append(item)
+        else:
+            there = f"{seconds_text(first)} to {seconds_text(last)} s"
+            whole = f"{seconds_text(start)} to {seconds_text(stop)} s"
+            left_out.append(
+                f"topic {item.topic.name}: it reaches from {there}, {largest.topic.name or 'the other'} {whole}"
+            )
+    return kept, left_out
+
+
+def _readable(path: Path, columns: Sequence[str], reading: Reading) -> tuple[Record, list[str]]:
+    """All columns but those that have no value at some row, which the others are as good without; and what is wrong with
+    these. Raises RecordError where that is every one."""
+    try:
+        return records.read(path, columns, reading=reading), []
     except RecordError as error:
         wrong: dict[str, str] = {}
-        for column in run.columns:
+        for column in columns:
             try:
-                run.read([column])
+                records.read(path, [column], reading=reading)
             except RecordError as own:
                 wrong[column] = str(own)
-        if len(wrong) == len(run.columns):
+        if not wrong or len(wrong) == len(columns):
             raise error
-        columns = {column: unit for column, unit in run.columns.items() if column not in wrong}
-        return replace(run, columns=columns, left_out=(*run.left_out, *wrong.values()))
-    return run
+        kept = [column for column in columns if column not in wrong]
+        return records.read(path, kept, reading=reading), list(wrong.values())
 
 
 def beside(log: Run, other: Run) -> Run:
-    """The log, with what is repeated in the other one. Raises RecordError."""
+    """The log, with what is repeated in the other one."""
     shared = [column for column in log.columns if column in other.columns]
     if not shared:
         return log
-    rows = min(len(record := log.read(shared)), len(again := other.read(shared)))
-    a, b = record.values[:rows], again.values[:rows]
+    rows = min(len(log.record), len(other.record))
+    a, b = (run.record.rows(0, rows).select(shared).values for run in (log, other))
     swing = np.ptp(a, axis=0)
     same = (np.abs(a - b).max(axis=0) <= ROUNDED * swing) & (swing > 0.0)
     return replace(log, repeated=frozenset(name for name, one in zip(shared, same, strict=True) if one))
@@ -209,20 +245,19 @@ class Plant:
 
 
 def try_out(plant: Plant, log: Run, inputs: Mapping[str, str], step_ns: int) -> Trial:
-    """Inputs and measurements of one log have one clock; a run that nothing drives begins at `log.begins`. Raises RecordError,
-    FmuError and SignalError: of reading, and of the model."""
+    """Inputs and measurements of one log have one clock; a run that nothing drives begins at `log.begins`. Raises FmuError and
+    SignalError: of the model."""
     fmu = plant.fmu
     outputs = [v for v in fmu.of("output") if v.number and not v.discrete][:OUTPUTS]
     columns = tuple(column for column in log.columns if column not in inputs.values())
-    logged = log.read((*columns, *inputs.values()))
-    record = logged.select(columns)
+    record = log.record.select(columns)
     first = int(record.t_ns[0])
     late = 0 if inputs else first - log.begins
     length = (min(int(record.t_ns[-1]) - first, LOOKED * NANOSECONDS, ROWS * step_ns) + late) / NANOSECONDS
     channels = tuple(Channel(variable.name, "", simulation=variable.name) for variable in outputs)
     driven = None
     if inputs:
-        given = logged.select(list(inputs.values()))
+        given = log.record.select(list(inputs.values()))
         driven = replace(given, channels=tuple(Channel(name, log.columns[inputs[name]]) for name in inputs))
     known = input_units(fmu, log, inputs)
     chunks: Iterable[Record] = grid(length, step_ns)

@@ -19,14 +19,15 @@ from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Reading
 
 @dataclass(frozen=True)
 class DraftedRun:
-    """A log, the simulated record that belongs to it, its role, what the others have and it has not, and its clock in the study
-    with the reason, "" for none."""
+    """A log, the simulated record that belongs to it, its role, what the others have and it has not, its clock in the study
+    with the reason, "" for none, and the units that another log says and it does not."""
 
     path: Path
     simulated: Path | None
     role: str
     missing: tuple[str, ...]
     clock: str
+    units: Mapping[str, str]
 
 
 @dataclass(frozen=True)
@@ -85,7 +86,7 @@ class Draft:
         guesses = (*self.driving.inputs, *self.channels)
         unsaid = {guess.column: guess.column_unit for guess in guesses if guess.column_unit}
         renamed = [guess for guess in self.driving.inputs if guess.variable != guess.column]
-        keys = ("time", "rate", "delimiter", "decimal", "encoding")
+        keys = ("time", "rate", "delimiter", "decimal", "encoding", "repair")
         told = {key: value for key in keys if (value := getattr(self.reading, key))}
         if unsaid or told:
             yield ""
@@ -148,9 +149,11 @@ class Draft:
             yield f"measurement = {toml(_relative(run.path, folder))}"
             if run.simulated is not None:
                 yield f"simulated = {toml(_relative(run.simulated, folder))}"
-            if run.clock:
-                value, _, reason = run.clock.partition("  #")
-                yield f"records = {{ clock = {value} }}  #{reason}"
+            if run.clock or run.units:
+                value, _, reason = run.clock.partition("  # guess: ")
+                entries = [f"clock = {value}"] * bool(value) + [f"units = {toml(run.units)}"] * bool(run.units)
+                reasons = [reason] * bool(value) + ["it says no units: as another log does"] * bool(run.units)
+                yield f"records = {{ {', '.join(entries)} }}  # guess: {'; '.join(reasons)}"
             if run is self.runs[0] and self.quiet:
                 yield f"quiet = [0.0, {self.quiet:.3f}]  # guess: nothing moves there"
             if run.missing:

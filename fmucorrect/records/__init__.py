@@ -19,8 +19,12 @@ A path may be a folder (a bag of ROS 2, or MCAP files) or a pattern as `runs/*.m
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import _lru_cache_wrapper, lru_cache  # pyright: ignore[reportPrivateUsage]
 from os import PathLike, fspath
 from pathlib import Path
+from time import time_ns
+from typing import TypeVar
 
 from fmucorrect.errors import RecordError
 from fmucorrect.records import assemble, naming
@@ -138,31 +142,64 @@ def writer(path: str | PathLike[str], *, made_by: str = "", becomes: str | PathL
 
 def topics(path: str | PathLike[str], reading: Reading = AS_IT_IS) -> tuple[Topic, ...]:
     """The topics of a file with their columns; unlike `describe` it does not look for their rows."""
-    source = _source(path, reading)
-    try:
-        return with_units(source.topics(), reading)
-    finally:
-        source.close()
+    return with_units(_known(_topics, path, reading), reading)
 
 
 def describe(path: str | PathLike[str], reading: Reading = AS_IT_IS) -> Contents:
     """What is in the file: topics, columns with units, rows, time range, encoding, and whether it was cut off."""
-    source = _source(path, reading)
+    seen = _known(_contents, path, reading)
+    known = with_units([item.topic for item in seen.topics], reading)
+    topics = tuple(replace(item, topic=topic) for item, topic in zip(seen.topics, known, strict=True))
+    own = reading.rate and not any(counted(reading.rate) in topic.metadata.get("assumed", "") for topic in known)
+    unused = [f"rate = {reading.rate:.10g}: the file has a time of its own"] if own else []
+    if reading.time and not any(is_time(topic, reading.time) for topic in known):
+        theirs = ", ".join(dict.fromkeys(repr(topic.time) for topic in known if topic.time))
+        unused.append(f"time = {reading.time!r}: there is no such column; the time is {theirs or 'that of the log'}")
+    return replace(seen, topics=topics, left_out=(*seen.left_out, *unused))
+
+
+Seen = TypeVar("Seen")
+_Told = tuple[str, float, str, str, str]
+"""What of a reading the source itself needs: time, rate, delimiter, decimal, encoding."""
+SETTLED = 2_000_000_000
+"""ns without a change after which a file's times of change tell every further one: clocks of file systems tick in ms to 2 s."""
+
+
+@lru_cache(maxsize=256)
+def _topics(name: str, state: tuple[int, ...], told: _Told) -> tuple[Topic, ...]:
+    source = _source(name, _reading(told))
     try:
-        known = with_units(source.topics(), reading)
-        topics = tuple(TopicContents(topic, source.extent(topic.name)) for topic in known)
-        own = reading.rate and not any(counted(reading.rate) in topic.metadata.get("assumed", "") for topic in known)
-        unused = [f"rate = {reading.rate:.10g}: the file has a time of its own"] if own else []
-        if reading.time and not any(is_time(topic, reading.time) for topic in known):
-            theirs = ", ".join(dict.fromkeys(repr(topic.time) for topic in known if topic.time))
-            unused.append(
-                f"time = {reading.time!r}: there is no such column; the time is {theirs or 'that of the log'}"
-            )
-        return Contents(
-            source.path, source.format, topics, source.truncated, source.damage, (*source.left_out, *unused)
-        )
+        return source.topics()
     finally:
         source.close()
+
+
+@lru_cache(maxsize=256)
+def _contents(name: str, state: tuple[int, ...], told: _Told) -> Contents:
+    source = _source(name, _reading(told))
+    try:
+        topics = tuple(TopicContents(topic, source.extent(topic.name)) for topic in source.topics())
+        return Contents(source.path, source.format, topics, source.truncated, source.damage, source.left_out)
+    finally:
+        source.close()
+
+
+def _reading(told: _Told) -> Reading:
+    time, rate, delimiter, decimal, encoding = told
+    return Reading(time=time, rate=rate, delimiter=delimiter, decimal=decimal, encoding=encoding)
+
+
+def _known(look: _lru_cache_wrapper[Seen], path: str | PathLike[str], reading: Reading) -> Seen:
+    """What a look at a file tells. A study asks for it again and again, and a look may take a process, or all rows: a file
+    that has not changed since the last one is not looked at again."""
+    name = fspath(path)
+    told = reading.time, reading.rate, reading.delimiter, reading.decimal, reading.encoding
+    if Path(name).suffix.lower() in (".tdm", ".tdms") or not Path(name).is_file():  # several files
+        return look.__wrapped__(name, (), told)
+    now = Path(name).stat()
+    state = now.st_mtime_ns, now.st_ctime_ns, now.st_size, now.st_ino
+    settled = time_ns() - max(now.st_mtime_ns, now.st_ctime_ns) > SETTLED
+    return (look if settled else look.__wrapped__)(name, state, told)
 
 
 def is_time(topic: Topic, name: str) -> bool:

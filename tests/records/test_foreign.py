@@ -10,9 +10,9 @@ import nptdms
 import numpy as np
 import pandas
 import pyarrow as pa
-import pyarrow.parquet
 import pytest
 import scipy.io
+from pyarrow import parquet
 
 from fmucorrect import records
 from fmucorrect.errors import MissingExtra, RecordError
@@ -30,7 +30,7 @@ def test_parquet_timestamps_nulls_and_other_types(kind: str, tmp_path: Path) -> 
             "text": ["x", "y", "z"],
         }
     )
-    pa.parquet.write_table(table, tmp_path / "run.parquet")
+    parquet.write_table(table, tmp_path / "run.parquet")
     record = records.read(tmp_path / "run.parquet", ["flag"])
     assert record.t_ns.tolist() == [1_700_000_000 * 10**9 + i * 10**9 // per for i in range(3)]
     assert record["flag"].tolist() == [1, 0, 1]
@@ -40,7 +40,7 @@ def test_parquet_timestamps_nulls_and_other_types(kind: str, tmp_path: Path) -> 
 
 
 def test_parquet_without_time(tmp_path: Path) -> None:
-    pa.parquet.write_table(pa.table({"q": [0.0], "a": [1.0]}), tmp_path / "run.parquet")
+    parquet.write_table(pa.table({"q": [0.0], "a": [1.0]}), tmp_path / "run.parquet")
     with pytest.raises(RecordError, match="no column 'time', expected 'time' in s, got q, a"):
         records.read(tmp_path / "run.parquet")
 
