@@ -374,13 +374,14 @@ def test_a_changed_copy_keeps_its_noise(tmp_path: Path, change: str) -> None:
     assert finding.level == ("warning" if change == "all" else "error")
 
 
-@pytest.mark.parametrize("kind", ["tone", "steps", "corners", "friction", "walk"])
+@pytest.mark.parametrize("kind", ["tone", "burst", "steps", "corners", "friction", "walk"])
 @pytest.mark.parametrize("noise", [1e-4, 1e-3, 1e-2, 5e-2])
 def test_a_repeated_excitation_is_no_shared_noise(kind: str, noise: float) -> None:
     t = np.arange(6000) * 0.01
     tone = np.sin(2.0 * np.pi * 1.3 * t)
     signal = {
         "tone": tone,
+        "burst": np.where((t > 10.1) & (t < 47.3), tone, 0.0),
         "steps": np.sign(tone),
         "corners": np.arcsin(tone),
         "friction": np.clip(3.0 * tone, -1.0, 1.0) + tone,

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+from jaxtyping import Complex128, Float64
 
 from fmucorrect.screening.same import PREDICTED, Other, Others, Series, Values, at_step
 from fmucorrect.signals import NANOSECONDS, Record
@@ -41,6 +42,9 @@ COMMON = 0.5
 """Coherence beyond doubt: below it a rare floor of steps and of noise that rises as they fall may look like it."""
 FOLLOWS = 0.9
 """Share of a record's power that a linear filter must make from the other's: a copy is one of the signal, too."""
+
+
+Spectra = Complex128[np.ndarray, "P F C"]
 
 
 @dataclass(frozen=True)
@@ -106,15 +110,15 @@ def _coherent(a: Values, b: Values) -> float | None:
     length = int(np.clip(2 * len(a) // PIECES, SHORTEST, LONGEST)) // 2 * 2
     one, other = _pieces(a, length), _pieces(b, length)
     count = 0.9 * len(one)  # pieces that overlap by half are nearly independent
-    own, its = (np.mean(np.abs(x) ** 2, axis=0) for x in (one, other))
-    cross = np.abs(np.mean(one * np.conj(other), axis=0)) ** 2
-    coherence = cross / np.maximum(own * its, np.finfo(float).tiny)
+    coherence, own, _ = _coherence(one, other)
+    if ((coherence * own).sum(axis=0) < FOLLOWS * own.sum(axis=0)).any():
+        return None  # another signal
     low, high = (int(edge * len(own)) for edge in BAND)
     several = (high - low) / 1.5  # frequencies: the window spreads each over its neighbours
+    # noise is as loud in every piece: one that holds the end of an excitation counts no more than another
+    coherence, own, its = _coherence(*(x / _loudness(x[:, low:high]) for x in (one, other)))
     found: list[float] = []
     for c in range(a.shape[1]):
-        if (coherence[:, c] * own[:, c]).sum() < FOLLOWS * own[:, c].sum():
-            return None  # another signal
         steps = [_steps(power[low:high, c], power[:, c], count) for power in (own, its)]
         if any(share is not None for share in steps):
             least = min(share for share in steps if share is not None)
@@ -123,6 +127,19 @@ def _coherent(a: Values, b: Values) -> float | None:
         return None
     beyond, error = float(np.mean(found)), 1.0 / (count * np.sqrt(several * len(found)))
     return beyond if beyond > max(SHARED, SURE * error) else None
+
+
+def _coherence(one: Spectra, other: Spectra) -> tuple[Values, Values, Values]:
+    """(F, C) of all pieces, and the power of either."""
+    own, its = (np.mean(np.abs(x) ** 2, axis=0) for x in (one, other))
+    cross = np.abs(np.mean(one * np.conj(other), axis=0)) ** 2
+    return cross / np.maximum(own * its, np.finfo(float).tiny), own, its
+
+
+def _loudness(band: Spectra) -> Float64[np.ndarray, "P 1 C"]:
+    """Root of each piece's mean power in a band."""
+    power = np.mean(np.abs(band) ** 2, axis=1, keepdims=True)
+    return np.sqrt(np.maximum(power, np.finfo(float).tiny))
 
 
 def _steps(band: Series, power: Other, count: float) -> float | None:
@@ -139,8 +156,8 @@ def _steps(band: Series, power: Other, count: float) -> float | None:
     return max(slope + 2.0 * error, 0.0) / STEPS
 
 
-def _pieces(values: Values, length: int) -> np.ndarray:
-    """(P, F, C) spectra of pieces that overlap by half."""
+def _pieces(values: Values, length: int) -> Spectra:
+    """Spectra of pieces that overlap by half."""
     starts = range(0, len(values) - length + 1, length // 2)
     window = np.hanning(length)[:, None]
     cut = np.stack([values[i : i + length] for i in starts])
