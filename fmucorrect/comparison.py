@@ -28,8 +28,9 @@ class Comparison:
 
     t_ns: simulation's time. simulated, corrected, measured, sigma (one standard deviation): (N, J), in the channels' units.
     status: (N,) a stepper.Status a row. excitation: (N,) the simulation's, None without one. offset: how the times were
-    registered, at `rate` (ppm); clock: the same in words, also where no excitation told it. Scores cover all rows but those
-    of warm-up, in which nothing can be corrected yet.
+    registered, at `rate` (ppm); clock: the same in words, also where no excitation told it. steady: rows of the steady forced
+    segment, None without one. Scores cover all rows but those of warm-up, in which nothing can be corrected yet; where the
+    condition says score = "steady", those of them that are steady.
     """
 
     condition: Condition
@@ -44,11 +45,15 @@ class Comparison:
     rate: float = 0.0
     clock: str = ""
     excitation: Float64[np.ndarray, " N"] | None = field(default=None, repr=False)
+    steady: slice | None = None
 
     @property
     def scored(self) -> slice:
         """The rows that scores cover."""
-        return slice(int(np.count_nonzero(self.status == Status.WARMUP)), len(self.t_ns))
+        first = int(np.count_nonzero(self.status == Status.WARMUP))
+        if self.condition.score == "steady" and self.steady is not None:
+            return slice(max(first, self.steady.start), self.steady.stop)
+        return slice(first, len(self.t_ns))
 
     @cached_property
     def before(self) -> Scores:
@@ -119,4 +124,5 @@ def compare(pair: Pair, corrected: Record) -> Comparison:
         rate=pair.rate,
         clock=pair.clock,
         excitation=rows[extra[0].name] if extra else None,
+        steady=pair.steady,
     )

@@ -10,7 +10,7 @@ from jaxtyping import Float64, Int64
 
 from fmucorrect import records, sources, units
 from fmucorrect.clocks import Clock, clock
-from fmucorrect.errors import RecordError
+from fmucorrect.errors import RecordError, SignalError
 from fmucorrect.records import timebase
 from fmucorrect.registration import (
     FEWEST,
@@ -36,9 +36,9 @@ class Pair:
     the measurement covers. measured: (N, J), at these rows, in the channels' units and directions. acceleration: (N, A)
     paired accelerometers, m/s2, of the channels that name one; equipped: the numbers of these channels. offset: what the
     recorded excitation says of the time; None where it was not asked. clock: how the time was found, in words. steady: rows
-    of the steady forced segment, within `measured`. ratio: rows for one sample of the record, which was resampled where it
-    is not 1. rate: ppm by which the measurement's clock runs fast, as it was placed: that of `offset` where it is sure, else
-    0. defined: units of the FMU's own.
+    of the steady forced segment, within `measured`; None where nothing is steady. ratio: rows for one sample of the record,
+    which was resampled where it is not 1. rate: ppm by which the measurement's clock runs fast, as it was placed: that of
+    `offset` where it is sure, else 0. defined: units of the FMU's own.
     """
 
     condition: Condition
@@ -149,9 +149,7 @@ def pair(
         told = _registered(offset, rate)
     rows = overlap(simulated, measured, start, rate)
     values = place(measured, simulated.seconds(int(simulated.t_ns[0]))[rows], start, rate)
-    steady = None
-    if condition.frequency > 0.0:
-        steady = slice(*steady_segment(values[:, :count], step, 1.0 / condition.frequency))
+    steady = _steady(condition, values[:, :count], step)
     stop = values.shape[1] - len(sources.excitation_channel(study))
     equipped = tuple(j for j, channel in enumerate(study.channels) if channel.acceleration)
     ratio = int(measured.metadata["sample_ns"]) / study.simulation.step_ns
@@ -169,6 +167,22 @@ def pair(
         told,
         defined,
     )
+
+
+def _steady(condition: Condition, values: Float64[np.ndarray, "N J"], step: float) -> slice | None:
+    """The rows of the steady forced segment; None where there is none. Raises SignalError where scores are to cover it."""
+    wanted = condition.score == "steady"
+    where = f'condition {condition.name!r}, score = "steady"'
+    if condition.frequency <= 0.0:
+        if wanted:
+            raise SignalError("its excitation has no frequency", where=where, remedy="Give frequency, in Hz.")
+        return None
+    try:
+        return slice(*steady_segment(values, step, 1.0 / condition.frequency))
+    except SignalError as error:
+        if wanted:
+            raise SignalError(f"there is nothing to score: {error}", where=where) from error
+        return None
 
 
 def _registered(offset: Offset, rate: float) -> str:

@@ -283,7 +283,8 @@ class Condition:
     series for FMU inputs. measurement, simulated: record files. quiet: s, an interval without excitation. clock: "common",
     "excitation", s from the simulation's first sample to the measurement's, or None: as `clocks` finds it. begins_ns:
     stamp of the inputs at which a run begins, where that is known without the measurement. reading: of its record files.
-    free: FMU start values that are not known; those in `parameters` are the first guess.
+    free: FMU start values that are not known; those in `parameters` are the first guess. score: "all" rows after the warm-up,
+    or those of the "steady" forced segment (`registration.steady_segment`).
     """
 
     name: str
@@ -297,6 +298,7 @@ class Condition:
     measurement: Path | None = None
     simulated: Path | None = None
     quiet: tuple[float, float] | None = None
+    score: str = "all"
     clock: str | float | None = None
     begins_ns: int | None = None
     reading: Reading = AS_IT_IS

@@ -176,6 +176,7 @@ class ConditionRow(Table):
     measurement: Text = Field(description="the measured record's file; name, role and measurement are required")
     simulated: Text | None = None
     quiet: Annotated[list[Number], Field(min_length=2, max_length=2), AfterValidator(_interval)] | None = None
+    score: Literal["all", "steady"] = "all"
     records: RecordsTable = RecordsTable()
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fmucorrect.comparison import compare
 from fmucorrect.discovery.simulator import place_of
 from fmucorrect.errors import RecordError, SignalError
 from fmucorrect.experiment import pair, read_measurement, simulate
@@ -15,6 +16,7 @@ from fmucorrect.records import writer
 from fmucorrect.screening import of_records
 from fmucorrect.signals import Channel, Record
 from fmucorrect.sources import log_inputs
+from fmucorrect.stepper import Status
 from fmucorrect.study import Joint, load_study
 from fmucorrect.training.data import samples
 
@@ -81,6 +83,40 @@ def test_units_signs_and_clocks(tmp_path: Path, late: float, epoch: int) -> None
     error = np.abs(item.measured[:, 0] - 2.0 * item.response[:, 0])
     assert np.quantile(error, 0.99) < 1e-3
     assert item.steady is not None
+
+
+def test_where_nothing_is_steady_only_its_scores_are_refused(tmp_path: Path) -> None:
+    """A sweep that grows, with a nominal frequency."""
+    t = np.arange(6000) * 1e-3
+    sweep = np.sin(2.0 * np.pi * (0.3 + 0.4 * t) * t) * t**2 * np.clip(6.0 - t, 0.0, 1.0)
+    write(tmp_path / "measured.mcap", t, 0, probe=(2.0 * sweep, "mm"), base=(sweep, "mm"))
+    write(tmp_path / "sim.mcap", t, 0, mass1__x=(1e-3 * sweep, "m"), base__d=(1e-3 * sweep, "m"))
+    text = STUDY.format(fmu="", sign=1, simulated='simulated = "sim.mcap"')
+    for score in ("all", "steady"):
+        (tmp_path / "study.toml").write_text(f'{text}score = "{score}"\n', encoding="utf-8")
+        study = load_study(tmp_path / "study.toml")
+        if score == "all":
+            assert pair(study, study.condition("one")).steady is None
+            continue
+        with pytest.raises(SignalError, match=r'score = "steady".*no steady forced segment'):
+            pair(study, study.condition("one"))
+
+
+def test_scores_of_the_steady_segment(tmp_path: Path) -> None:
+    """What lies before and after it counts no longer, and warm-up never did."""
+    path = make(tmp_path)
+    study = load_study(path)
+    item = pair(study, study.condition("one"))
+    assert item.steady is not None
+    names = ("x", "base.d", "x_corrected", "x_sigma", "corrector_status")
+    x = item.simulated.values[:, 0]
+    status = np.where(np.arange(len(x)) < 10, Status.WARMUP, Status.OK)
+    values = np.stack([x, x, x, np.ones_like(x), status], axis=1)
+    corrected = Record(item.simulated.t_ns, values, tuple(Channel(name, unit="mm") for name in names))
+    assert compare(item, corrected).scored == slice(10, len(item.measured))
+    path.write_text(path.read_text(encoding="utf-8") + 'score = "steady"\n', encoding="utf-8")
+    study = load_study(path)
+    assert compare(pair(study, study.condition("one")), corrected).scored == item.steady
 
 
 @pytest.mark.parametrize("rate", [0.0, -150.0])

@@ -116,8 +116,7 @@ def build(comparison: Comparison, context: Context) -> Page:
     page.end()
     page.section(
         "How good it is",
-        f"All {_scored_rows(comparison)} samples that simulation and measurement share, after warm-up. NRMSE: less is "
-        "better; R²: 1 is perfect.",
+        f"{_scored_rows(comparison)}. NRMSE: less is better; R²: 1 is perfect.",
     )
     page.figure(figures.bars(comparison))
     if context.caution:
@@ -158,7 +157,10 @@ def _thinned(comparison: Comparison) -> str:
 
 def _scored_rows(comparison: Comparison) -> str:
     rows = comparison.scored
-    return f"{rows.stop - rows.start:,}".replace(",", " ")
+    count = f"{rows.stop - rows.start:,}".replace(",", " ")
+    if comparison.condition.score == "steady":
+        return f"The {count} samples of the steady forced segment, as the study says"
+    return f"All {count} samples that simulation and measurement share, after warm-up"
 
 
 def _columns(comparison: Comparison, last: str) -> list[str]:
