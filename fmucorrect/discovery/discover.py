@@ -98,6 +98,7 @@ def discover(
         decision = decide(naming)
         lap("name")
         report, found = _report(study, problem, naming, decision, progress, lap)
+        report["cost"] = {"runs": problem.spent.runs, "seconds": round(problem.spent.seconds, 1)}
     written, notes = [], []
     if found is not None:
         progress("augmented FMU", 0, 1)
@@ -146,7 +147,16 @@ def _report(
     free = sum(len(trial.condition.free) for trial in problem.trials)
     sensors = sensor_errors(told, len(study.channels), len(problem.trials), free if problem.fmu else 0)
     progress("confirm", 0, len(study.conditions))
-    checked = gaps(study, problem.library, study.conditions, best.model, problem.tolerated, sensors, problem.substeps)
+    checked = gaps(
+        study,
+        problem.library,
+        study.conditions,
+        best.model,
+        problem.tolerated,
+        sensors,
+        problem.substeps,
+        problem.spent,
+    )
     shares, pieces = varying(problem.rows, naming.setting, best), uneven(problem, naming.setting, best)
     verdict = confirmed(decision, checked, shares, [0.0 if piece is None else piece.share for piece in pieces])
     lap("confirm")

@@ -58,7 +58,8 @@ def many(problem: Problem, models: Sequence[Model], done: Callable[[int], object
     size = _size(problem)
     pieces = [packed(list(models[i : i + size])) for i in range(0, len(models), size)]
     parcel = packed(_parcel(problem))
-    for rows in problem.executor.map(work, [parcel] * len(pieces), pieces):
+    for rows, runs, seconds in problem.executor.map(work, [parcel] * len(pieces), pieces):
+        problem.spent.add(seconds, runs)
         for row in rows:
             done(1)
             yield row
@@ -102,8 +103,9 @@ def _parcel(problem: Problem) -> Parcel:
     return Parcel(bare, tuple(trials), problem.tolerated, problem.substeps, files)
 
 
-def work(parcel: bytes, models: bytes) -> list[np.ndarray | None]:
-    """On a worker, which has fmucorrect[discover]: the evidence of every model, None where the solver gives up."""
+def work(parcel: bytes, models: bytes) -> tuple[list[np.ndarray | None], int, float]:
+    """On a worker, which has fmucorrect[discover]: the evidence of every model, None where the solver gives up; runs of the
+    FMU, and s that they simulated."""
     sent: Parcel = unpacked(parcel)
     with WorkFolder() as folder:
         place = folder.path
@@ -122,7 +124,7 @@ def work(parcel: bytes, models: bytes) -> list[np.ndarray | None]:
             for t in sent.trials
         )
         with quietly(), Problem(study, None, library(), trials, sent.tolerated, 1, sent.substeps) as problem:
-            return list(problem.many(unpacked(models)))
+            return list(problem.many(unpacked(models))), problem.spent.runs, problem.spent.seconds
 
 
 def library() -> Path:

@@ -10,6 +10,7 @@ from types import MappingProxyType
 import numpy as np
 from jaxtyping import Float64
 
+from fmucorrect.discovery.cost import Spent
 from fmucorrect.discovery.logged import Logged
 from fmucorrect.discovery.simulator import Simulator
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, SignalTerm, Term
@@ -33,13 +34,19 @@ class Model:
 
 
 def runner(
-    study: Study, condition: Condition, library: Path | None, rows: int | None = None, substeps: int = 1
+    study: Study,
+    condition: Condition,
+    library: Path | None,
+    rows: int | None = None,
+    substeps: int = 1,
+    spent: Spent | None = None,
 ) -> Runner:
-    """What simulates a condition: the FMU, or its simulated record. rows: how many, None for all that were measured."""
+    """What simulates a condition: the FMU, or its simulated record. rows: how many, None for all that were measured. spent:
+    counts runs of the FMU."""
     if condition.simulated is not None or study.fmu is None or library is None:
         return Logged(study, condition)
     duration = None if rows is None else (rows - 1) * study.simulation.step_size
-    return Simulator(study, condition, library, duration, substeps)
+    return Simulator(study, condition, library, duration, substeps, spent=spent)
 
 
 def simulate(

@@ -25,7 +25,7 @@ class BrokenOff(Exception):
 
 
 def without_times(report):
-    return {key: value for key, value in report.items() if key != "stages"}
+    return {key: value for key, value in report.items() if key not in ("stages", "cost")}
 
 
 def broken_off(study, out, stage, number):

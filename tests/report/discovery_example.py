@@ -124,6 +124,7 @@ def _common() -> dict[str, Any]:
             "measured_300.mcap was resampled from 1 200 to 1 000 Hz.",
             "Time registered: the measurement of 350 is 2.1 ms late.",
         ],
+        "cost": {"runs": 12340, "seconds": 172800.0},
         "stages": {"registration": 1.2, "where": 6.4, "naming": 41.0, "refit": 63.7, "confirmation": 22.1},
         "candidates": [
             _candidate("coulomb_friction", FRICTION, 1.24, 1.19, 0.97, 0.0),

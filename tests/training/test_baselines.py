@@ -5,6 +5,7 @@ import pytest
 
 from fmucorrect.study_training import Training
 from fmucorrect.training.baselines import fit_nearest, fit_quadratic, fit_straight
+from fmucorrect.training.cases import Fit
 from fmucorrect.training.data import Samples
 from fmucorrect.training.loop import Run
 
@@ -27,7 +28,7 @@ def condition(speed: float, frequency: float = 2.0, rows: int = 400, bend: float
 @pytest.mark.parametrize(
     ("fit", "bend", "exact"), [(fit_straight, 0.0, True), (fit_straight, 0.3, False), (fit_quadratic, 0.3, True)]
 )
-def test_between_speeds(fit, bend: float, exact: bool) -> None:
+def test_between_speeds(fit: Fit, bend: float, exact: bool) -> None:
     model = fit([condition(v, bend=bend) for v in (300.0, 350.0, 400.0, 420.0)], Training(), RUN)
     item = condition(385.0, bend=bend)
     error = np.abs(model.predict(item) - item.measured).max() / np.abs(item.measured).max()
