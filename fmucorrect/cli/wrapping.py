@@ -18,7 +18,10 @@ from fmucorrect.cli.group import OVERWRITE, PATH, UserError, progress_bar, say
     "--mapping", type=PATH, help="TOML file: which solver variables are meant; see fmucorrect/wrapping/README.md."
 )
 @click.option("--fmi", type=click.Choice(["2", "3"]), help="FMI version of the new FMU; default: the solver's.")
-@click.option("--platforms", help="Of linux64, win64, darwin64, as 'linux64,win64'; default: all that the solver has.")
+@click.option(
+    "--platforms",
+    help="Of linux64, aarch64-linux, win64, darwin64 (macOS), as 'linux64,win64'; default: all that the solver has.",
+)
 @click.option("-o", "--out", type=PATH, required=True, help="The FMU to write.")
 @OVERWRITE
 @click.option("--json", "as_json", is_flag=True, help="Print what was made as JSON.")

@@ -167,7 +167,9 @@ class FmuDescription:
     @property
     def binaries(self) -> str:
         """The folder in binaries/ for the machine that this runs on. Raises FmuError when the FMU has none for it."""
-        wanted = fmpy.platform_tuple if self.fmi.startswith("3") else fmpy.platform
+        wanted = fmpy.platform_tuple
+        if self.fmi.startswith("2") and wanted not in self.platforms:  # which FMI 2.0.4 took over for all but x86
+            wanted = fmpy.platform
         if wanted not in self.platforms:
             remedy = f"Export it for {wanted}."
             if self.has_sources:

@@ -19,14 +19,16 @@ from fmucorrect.outputs import Replacing
 
 TARGETS: Mapping[str, Sequence[tuple[str, str, str]]] = {
     "linux64": [("x86_64-linux-gnu.2.17", "x86_64-linux", ".so")],
+    "aarch64-linux": [("aarch64-linux-gnu.2.17", "aarch64-linux", ".so")],
     "win64": [("x86_64-windows-gnu", "x86_64-windows", ".dll")],
     "darwin64": [("x86_64-macos.11.0", "x86_64-darwin", ".dylib"), ("aarch64-macos.11.0", "aarch64-darwin", ".dylib")],
 }
-"""Platform as FMI 2.0 names it -> zig target, folder in FMI 3.0 and suffix of the library, for each processor."""
+"""Platform as FMI 2.0 names it -> zig target, folder in FMI 3.0 and suffix of the library, for each processor. Beyond 32 and 64
+bits of x86, FMI 2.0.4 and later take the names of FMI 3.0; darwin64 holds both processors, since hosts on either look there."""
 
 _HOSTS = {
     ("linux", "x86_64"): TARGETS["linux64"][0],
-    ("linux", "aarch64"): ("aarch64-linux-gnu.2.17", "aarch64-linux", ".so"),
+    ("linux", "aarch64"): TARGETS["aarch64-linux"][0],
     ("win32", "AMD64"): TARGETS["win64"][0],
     ("darwin", "x86_64"): TARGETS["darwin64"][0],
     ("darwin", "arm64"): TARGETS["darwin64"][1],
@@ -130,23 +132,23 @@ def libraries(
     names: Sequence[str],
     identifier: str,
     fmi: int,
-    platforms: Sequence[str],
+    targets: Mapping[str, Sequence[tuple[str, str, str]]],
     work: Path,
     flags: Sequence[str] = EXACT,
 ) -> dict[str, bytes]:
-    """The libraries of one FMU by their place in it (`binaries/...`), compiled for `platforms` (keys of TARGETS), as
-    many at a time as there are processors."""
+    """The libraries of one FMU by their place in it (`binaries/...`), compiled for `targets` (some of TARGETS), as many at
+    a time as there are processors."""
     places = {
         target: work / folder / f"{identifier}{suffix}"
-        for name in platforms
-        for target, folder, suffix in TARGETS[name]
+        for processors in targets.values()
+        for target, folder, suffix in processors
     }
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         for job in [pool.submit(compile_library, sources, names, *place, flags) for place in places.items()]:
             job.result()
     files: dict[str, bytes] = {}
-    for name in platforms:
-        made = [places[target] for target, _, _ in TARGETS[name]]
+    for name, processors in targets.items():
+        made = [places[target] for target, _, _ in processors]
         slices = [library.read_bytes() for library in made]
         if fmi == 3:
             files |= {f"binaries/{it.parent.name}/{it.name}": code for it, code in zip(made, slices, strict=True)}

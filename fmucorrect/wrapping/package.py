@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -122,8 +123,8 @@ def wrap(
     """Writes the FMU `out`: the solver's FMU `fmu` with its inputs, parameters and outputs, the corrected channels, and the
     effects fed back into it (DESIGN section 7). Without `fmu` it holds the network alone, its channels as inputs.
 
-    mapping: see wrapping/wiring.py. fmi: version of the new FMU, the solver's own by default. platforms: of linux64, win64,
-    darwin64; by default all that the solver has. progress: called with each of STEPS as it begins.
+    mapping: see wrapping/wiring.py. fmi: version of the new FMU, the solver's own by default. platforms: of
+    compiler.TARGETS; by default all that the solver has. progress: called with each of STEPS as it begins.
     Raises WrapError, FmuError, BundleError, SignalError; what is at `out` stays until the new file is complete.
     """
     out = Path(out)
@@ -143,12 +144,21 @@ def wrap(
         sources, outer, first, untried = _generate(parts, net.files if net else {})
         notes = [*first.left_out, *_step_notes(parts), *untried]
         notes += solver.left_out(parts.inner) if parts.inner else []
+        if "darwin64" in parts.platforms and sys.platform != "darwin":
+            notes.append(
+                "its libraries for darwin64 are built, and were run nowhere: not here, and not in fmucorrect's tests"
+            )
         (work / "sources").mkdir()
         for name, content in sources.items():
             (work / "sources" / name).write_bytes(content)
         progress("compile")
         files = compiler.libraries(
-            work / "sources", outer.files, outer.identifier, parts.fmi, parts.platforms, work / "binaries"
+            work / "sources",
+            outer.files,
+            outer.identifier,
+            parts.fmi,
+            solver.targets(parts.inner, parts.platforms),
+            work / "binaries",
         )
         files |= {f"sources/{name}": content for name, content in sources.items()}
         files |= licences.files(network=net is not None)
@@ -192,7 +202,7 @@ def _read(
         assert model is not None
         version = fmi or 2
         wiring = alone.wiring(model.info, version)
-        platforms = list(wanted) or list(compiler.TARGETS)
+        platforms = solver.platforms(None, wanted)
         xml = alone.model_description(model.info, version)
         return _Parts(None, xml, model, Effects(), wiring, model.info.step_ns, version, platforms)
     inner = open_fmu(fmu, warn=False)

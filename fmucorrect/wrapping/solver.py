@@ -3,7 +3,7 @@ hosts look for sources."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import PurePosixPath
 
 from fmucorrect.errors import WrapError
@@ -16,12 +16,15 @@ _OUTER = ("documentation", "terminalsAndIcons", "extra", "model.png", "icon.png"
 """What stays where hosts look for it: at the top."""
 
 
-def platforms(fmu: FmuDescription, wanted: Sequence[str]) -> list[str]:
-    """`wanted`, or all that the solver has a library for. Raises WrapError where one is not known or the solver lacks it."""
-    have = [name for name in TARGETS if _folders(fmu, name)]
+def platforms(fmu: FmuDescription | None, wanted: Sequence[str]) -> list[str]:
+    """`wanted`, or all that the solver has a library for; all there are where there is no solver. Raises WrapError where one is
+    not known or the solver lacks it."""
     unknown = [name for name in wanted if name not in TARGETS]
     if unknown:
         raise WrapError(f"platform {', '.join(unknown)} is not known", expected=f"some of {', '.join(TARGETS)}")
+    if fmu is None:
+        return list(wanted or TARGETS)
+    have = [name for name in TARGETS if _folders(fmu, name)]
     missing = [name for name in wanted if name not in have]
     if missing or not have:
         raise WrapError(
@@ -32,6 +35,13 @@ def platforms(fmu: FmuDescription, wanted: Sequence[str]) -> list[str]:
             remedy="Export it again for that platform, or ask for others with --platforms.",
         )
     return list(wanted) or have
+
+
+def targets(fmu: FmuDescription | None, platforms: Sequence[str]) -> Mapping[str, Sequence[tuple[str, str, str]]]:
+    """What of TARGETS to build for: in FMI 3.0 the processors that the solver has a library for."""
+    if fmu is None or fmu.fmi.startswith("2"):
+        return {name: TARGETS[name] for name in platforms}
+    return {name: [target for target in TARGETS[name] if target[1] in fmu.platforms] for name in platforms}
 
 
 def left_out(fmu: FmuDescription) -> list[str]:

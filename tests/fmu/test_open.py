@@ -7,6 +7,7 @@ import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
+import fmpy
 import numpy as np
 import pytest
 from trouble_fmu import OSCILLATOR, description, packed
@@ -182,6 +183,14 @@ def test_library_of_another_name(tmp_path: Path, version: str):
         FmuError, match=rf"64.*, with a library named trouble as its modelIdentifier, got {place}/Trouble\.so"
     ):
         open_fmu(path).binaries  # noqa: B018
+
+
+def test_library_in_a_folder_that_fmi_2_took_over(tmp_path: Path):
+    """FMI 2.0.4: beyond x86, platforms have the names of FMI 3.0."""
+    path = packed(tmp_path / "a.fmu", description("2.0"), None, "2.0")
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr(f"binaries/{fmpy.platform_tuple}/trouble.so", "")
+    assert open_fmu(path).binaries == fmpy.platform_tuple
 
 
 def test_library_of_other_platforms_only(tmp_path: Path, version: str):

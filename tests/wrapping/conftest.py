@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import pytest
-from c_host import WINE
+from c_host import QEMU, WINE
 from models import OSCILLATOR, corrector, known, solver
 
 from fmucorrect.wrapping import compiler
@@ -64,6 +64,7 @@ def unpacked(tmp_path_factory: pytest.TempPathFactory) -> Callable[[Path], Path]
 
 ZIG = (sys.executable, "-m", "ziglang", "cc")
 WINDOWS = (*ZIG, "-target", "x86_64-windows-gnu")
+ARM = (*ZIG, "-target", "aarch64-linux-gnu.2.17")
 
 
 @pytest.fixture(scope="session")
@@ -110,3 +111,12 @@ def wine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, str]]:
 def windows_host(host: Callable[..., Path]) -> Callable[[int], list[Path]]:
     """windows_host(fmi) -> host.c for Windows, and what runs it."""
     return lambda fmi: [WINE, host(fmi, WINDOWS, ["-lshell32"], ".exe")]
+
+
+@pytest.fixture(scope="session")
+def arm_host(host: Callable[..., Path]) -> Callable[[int], list[str | Path]]:
+    """arm_host(fmi) -> host.c for Linux on aarch64, and what runs it."""
+    program, _, root = QEMU
+    if not Path(program).exists() or not Path(root).is_dir():
+        pytest.skip("there is no qemu-aarch64, or no libc for it")
+    return lambda fmi: [*QEMU, host(fmi, ARM)]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -27,15 +27,18 @@ _BASES = {"mm": 'm="1" factor="0.001"', "N": 'kg="1" m="1" s="-2"', "m/s": 'm="1
 
 
 def foreign(
-    path: Path, model: str, fmi: int, *, stated: bool = True, constant: bool = False, windows: bool = False
+    path: Path,
+    model: str,
+    fmi: int,
+    *,
+    stated: bool = True,
+    constant: bool = False,
+    platforms: Sequence[str] = ("linux64",),
 ) -> Path:
     """An FMU file of tests/fmus/foreign/{model}.c. stated: whether it says what its outputs depend on. constant: whether it
-    needs a constant step. windows: whether it has a library for win64 too."""
+    needs a constant step. platforms: of compiler.TARGETS."""
     files = {"modelDescription.xml": _description(model, fmi, stated, constant).encode()}
-    for platform in ("linux64", "win64") if windows else ("linux64",):
-        _, folder, suffix = compiler.TARGETS[platform][0]
-        files[f"binaries/{platform if fmi == 2 else folder}/{model}{suffix}"] = library(SOURCES, model, platform)
-    compiler.write_fmu(path, files)
+    compiler.write_fmu(path, files | libraries(SOURCES, model, model, fmi, platforms))
     return path
 
 
@@ -92,11 +95,19 @@ def _description(model: str, fmi: int, stated: bool, constant: bool) -> str:
 <ModelStructure>{structure}</ModelStructure></fmiModelDescription>"""
 
 
+def libraries(sources: Path, file: str, identifier: str, fmi: int, platforms: Sequence[str]) -> dict[str, bytes]:
+    """{file}.c of that folder, compiled, by its place in the FMU."""
+    return {
+        f"binaries/{platform if fmi == 2 else folder}/{identifier}{suffix}": library(sources, file, target)
+        for platform in platforms
+        for target, folder, suffix in compiler.TARGETS[platform]
+    }
+
+
 @cache
-def library(sources: Path, model: str, platform: str = "linux64") -> bytes:
+def library(sources: Path, model: str, target: str = compiler.TARGETS["linux64"][0][0]) -> bytes:
     """{model}.c of that folder, compiled."""
     with TemporaryDirectory() as folder:
-        target, _, suffix = compiler.TARGETS[platform][0]
-        output = Path(folder) / f"{model}{suffix}"
+        output = Path(folder) / model
         compiler.compile_library(sources, [f"{model}.c"], target, output, ["-O1"])
         return output.read_bytes()

@@ -4,6 +4,9 @@
  *   host LIBRARY RESOURCES TOKEN rollback STEP COUNT REFERENCE...   two instances; state, serialised state, reset: all to the bit
  *   host LIBRARY RESOURCES TOKEN driven   STEP COUNT INPUT SWITCH REFERENCE...   the same as run, with INPUT set and read nowhere,
  *       SWITCH (or "-") false from the start, the flag of no state to come back to in turn; `coarse`: on a clock of single precision
+ *   host LIBRARY RESOURCES TOKEN early    STEP COUNT INPUT SWITCH REFERENCE...   INPUT is a time at which the FMU stops or ends, set into
+ *       every third step; the host goes on from where it was told to be. A line after every doStep: 1 if it fell short, 1 if the FMU
+ *       wants to end, the time reached, values
  *   host LIBRARY RESOURCES TOKEN time     STEP COUNT REFERENCE...   prints microseconds a step (doStep and reading), best of five */
 #include <stdbool.h>
 #include <stdio.h>
@@ -51,6 +54,8 @@ static struct {
     F(SerializedFMUstateSize);
     F(SerializeFMUstate);
     F(DeSerializeFMUstate);
+    F(GetRealStatus);
+    F(GetBooleanStatus);
 #else
     F(InstantiateCoSimulation);
     F(GetFloat64);
@@ -99,6 +104,7 @@ static void find(void *library)
 #if FMI == 2
     GET(Instantiate) GET(SetupExperiment) GET(GetReal) GET(SetReal) GET(SetBoolean) GET(GetFMUstate) GET(SetFMUstate) GET(FreeFMUstate)
     GET(SerializedFMUstateSize) GET(SerializeFMUstate) GET(DeSerializeFMUstate)
+    GET(GetRealStatus) GET(GetBooleanStatus)
 #else
     GET(InstantiateCoSimulation) GET(GetFloat64) GET(SetFloat64) GET(SetBoolean) GET(GetFMUState) GET(SetFMUState) GET(FreeFMUState)
     GET(SerializedFMUStateSize) GET(SerializeFMUState) GET(DeserializeFMUState)
@@ -130,12 +136,13 @@ static void start(Component c)
     check(fmu.ExitInitializationMode(c), "ExitInitializationMode");
 }
 
-static Component begin(void)
+static Component begin(bool early)
 {
 #if FMI == 2
+    (void)early;
     Component c = fmu.Instantiate("host", fmi2CoSimulation, token, resources, &callbacks, 0, 0);
 #else
-    Component c = fmu.InstantiateCoSimulation("host", token, resources, 0, 0, 0, 0, NULL, 0, NULL, logger, NULL);
+    Component c = fmu.InstantiateCoSimulation("host", token, resources, 0, 0, 0, early, NULL, 0, NULL, logger, NULL);
 #endif
     if (!c)
         die("the FMU refused to be instantiated");
@@ -176,6 +183,55 @@ static void step_at(Component c, double time, double size, int no_set_state, dou
 #endif
 }
 
+typedef struct {
+    bool short_of_it, ends;
+    double reached;
+} Answer;
+
+static Answer try_step(Component c, double time, double size)
+{
+    Answer answer = {false, false, time + size};
+#if FMI == 2
+    const int status = fmu.DoStep(c, time, size, 1);
+    answer.short_of_it = status == fmi2Discard;
+    if (answer.short_of_it) {
+        fmi2Boolean ends;
+        check(fmu.GetRealStatus(c, fmi2LastSuccessfulTime, &answer.reached), "GetRealStatus");
+        check(fmu.GetBooleanStatus(c, fmi2Terminated, &ends), "GetBooleanStatus");
+        answer.ends = ends;
+    } else
+        check(status, "DoStep");
+#else
+    fmi3Boolean event;
+    check(fmu.DoStep(c, time, size, 1, &event, &answer.ends, &answer.short_of_it, &answer.reached), "DoStep");
+#endif
+    return answer;
+}
+
+static void early(Component c, Reference stop, double size, long steps)
+{
+    double time = 0.0, values[LARGEST];
+    for (long k = 0; k < steps; k++) {
+        if (k % 3 == 1)
+            set(c, stop, ((double)k + 0.4) * size);
+        for (const double end = (double)(k + 1) * size; time < end - 1e-9;) {
+            const Answer answer = try_step(c, time, end - time);
+#if FMI == 2
+            check(fmu.GetReal(c, references, count, values), "GetReal");
+#else
+            check(fmu.GetFloat64(c, references, count, values, count), "GetFloat64");
+#endif
+            printf("%d %d %a", answer.short_of_it, answer.ends, answer.reached);
+            for (size_t i = 0; i < count; i++)
+                printf(" %a", values[i]);
+            puts("");
+            if (answer.ends)
+                return;
+            time = answer.reached;
+        }
+    }
+}
+
 static void step(Component c, long k, double size, double values[]) { step_at(c, (double)k * size, size, 1, values); }
 
 /* Steps `from` to `to`, all values one after another. */
@@ -213,7 +269,7 @@ static void same(double *a, double *b, long rows, const char *what)
 static void rollback(double size, long steps)
 {
     const long half = steps / 2;
-    Component c = begin(), other = begin();
+    Component c = begin(false), other = begin(false);
     StateHandle state = NULL, read = NULL;
     size_t bytes = 0;
     double *whole = walk(c, 0, half, size);
@@ -288,7 +344,8 @@ int main(int argc, char **argv)
     token = argv[3];
     const double size = atof(argv[5]);
     const long steps = atol(argv[6]);
-    const bool coarse = strcmp(argv[4], "coarse") == 0, driven = coarse || strcmp(argv[4], "driven") == 0;
+    const bool coarse = strcmp(argv[4], "coarse") == 0, stopped = strcmp(argv[4], "early") == 0;
+    const bool driven = coarse || stopped || strcmp(argv[4], "driven") == 0;
     for (int i = driven ? 9 : 7; i < argc && count < LARGEST; i++)
         references[count++] = (Reference)strtoul(argv[i], NULL, 10);
     if (strcmp(argv[4], "rollback") == 0) {
@@ -296,7 +353,7 @@ int main(int argc, char **argv)
     } else if (strcmp(argv[4], "time") == 0) {
         double best = 1e9, values[LARGEST];
         for (int round = 0; round < 5; round++) {
-            Component c = begin();
+            Component c = begin(false);
             const double before = seconds();
             for (long k = 0; k < steps; k++)
                 step(c, k, size, values);
@@ -306,12 +363,14 @@ int main(int argc, char **argv)
         }
         printf("%.6f\n", 1e6 * best);
     } else {
-        Component c = begin();
+        Component c = begin(stopped);
         double values[LARGEST];
         float time = 0.0f;
         if (driven && strcmp(argv[8], "-") != 0)
             switch_off(c, (Reference)strtoul(argv[8], NULL, 10));
-        for (long k = 0; k < steps; k++, time += (float)size) {
+        if (stopped)
+            early(c, (Reference)strtoul(argv[7], NULL, 10), size, steps);
+        for (long k = 0; k < steps && !stopped; k++, time += (float)size) {
             if (driven)
                 set(c, (Reference)strtoul(argv[7], NULL, 10), (double)(k * 7919 % 13) - 6.0);
             step_at(c, coarse ? time : (double)k * size, coarse ? (float)size : size, driven ? (int)(k % 2) : 1, values);

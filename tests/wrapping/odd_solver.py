@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
+from foreign import libraries
 from foreign import library as compiled
 
 from fmucorrect.wrapping import compiler
@@ -98,9 +100,9 @@ def _variable(fmi: int, name: str, reference: int, causality: str, kind: str, at
     return f"<{tag} {head} {attributes}>{inside}</{tag}>"
 
 
-def library(platform: str = "linux64") -> bytes:
+def library() -> bytes:
     """odd_solver.c, compiled."""
-    return compiled(HERE, "odd_solver", platform)
+    return compiled(HERE, "odd_solver")
 
 
 def odd(
@@ -110,15 +112,11 @@ def odd(
     *,
     flags: str = "",
     extra: str = "",
-    with_library: bool = True,
-    windows: bool = False,
+    platforms: Sequence[str] = ("linux64",),
 ) -> Path:
-    """An FMU file of it. windows: with a library for win64 too."""
+    """An FMU file of it. platforms: of compiler.TARGETS."""
     files = {"modelDescription.xml": description(fmi, words, flags, extra).encode()}
-    if with_library:
-        files[f"binaries/{'linux64' if fmi == 2 else 'x86_64-linux'}/odd.so"] = library()
-    if windows:
-        files[f"binaries/{'win64' if fmi == 2 else 'x86_64-windows'}/odd.dll"] = library("win64")
+    files |= libraries(HERE, "odd_solver", "odd", fmi, platforms)
     path.parent.mkdir(parents=True, exist_ok=True)
     compiler.write_fmu(path, files)
     return path

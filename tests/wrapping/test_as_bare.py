@@ -220,6 +220,15 @@ def test_a_constant_step_is_not_divided_either(fmi: int) -> None:
 
 
 @SAME
+def test_a_constant_step_is_the_hosts_to_the_last_bit(fmi: int) -> None:
+    """A host that takes the differences of its times for steps, which rounding makes differ."""
+    sizes = np.diff(np.arange(201) * H)
+    assert len(set(sizes)) > 1
+    alone = divided(bare("euler", fmi), sizes, "x", "v", "steps")
+    same(divided(made("euler", fmi, "x", constant=True), sizes, "x", "v", "steps", names=["correction_enabled"]), alone)
+
+
+@SAME
 def test_a_constant_step_cannot_be_divided_later(
     fmi: int, caplog: pytest.LogCaptureFixture, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -228,7 +237,11 @@ def test_a_constant_step_cannot_be_divided_later(
         assert [host.step(5e-3)[0] for _ in range(3)] == ["ok"] * 3
         host.fmu.setBoolean([host.references["correction_enabled"]], [True])
         assert host.step(5e-3)[0] == "error"
-    assert "steps of 0.001 s after steps of 0.005 s: it cannot vary its step" in caplog.text + capsys.readouterr().out
+    said = caplog.text + capsys.readouterr().out
+    assert (
+        "steps of 0.001 s after steps of 0.005 s: it cannot vary its step; what is switched on later has to be on"
+        in said
+    )
 
 
 @pytest.mark.parametrize("size", [5e-3, 1.7e-3, 7e-4])

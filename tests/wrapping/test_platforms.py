@@ -41,19 +41,19 @@ class Player:
     folder: Path
     program: list[str | Path]
     environment: dict[str, str] = field(default_factory=dict)
-    suffix: str = ".so"
+    platform: str = "linux64"
 
     @property
     def inside(self) -> Path:
         """Its library."""
-        return library_in(self.fmu, self.folder, self.suffix)
+        return library_in(self.fmu, self.folder, self.platform)
 
     def play(self, mode: str, library: Path | None = None, steps: int = STEPS) -> str:
         """What the host prints. library: instead of the one inside."""
         said = open_fmu(self.fmu)
         references = [str(said.variables[c.simulation or c.name].reference) for c in columns(self.model)[:-1]]
         words = [mode, "0.001", str(steps), *references]
-        how = {"suffix": self.suffix, "library": library, "environment": self.environment}
+        how = {"platform": self.platform, "library": library, "environment": self.environment}
         return played(self.program, self.fmu, self.folder, words, **how)
 
     def walk(self, library: Path | None = None) -> np.ndarray:
@@ -100,7 +100,7 @@ def test_windows_says_the_same(
     model: str, fmi: int, wine: dict[str, str], player: Play, windows_host: Callable[[int], list[Path]], tmp_path: Path
 ) -> None:
     linux = player(model, fmi)
-    windows = replace(linux, program=windows_host(fmi), environment=wine, suffix=".dll")
+    windows = replace(linux, program=windows_host(fmi), environment=wine, platform="win64")
     assert largest(windows.walk(), linux.walk()) < CLOSE
     elsewhere = tmp_path / "moved.dll"  # so that the solver is found only where the host says
     shutil.copy(windows.inside, elsewhere)

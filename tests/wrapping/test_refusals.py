@@ -199,7 +199,7 @@ def test_dangerous_files_touch_nothing(kind, words, tmp_path, monkeypatch):
 
 
 def test_refusals_are_clear_and_leave_the_old_file(tmp_path, monkeypatch):
-    bare = odd(tmp_path / "in" / "bare.fmu", 2, with_library=False)
+    bare = odd(tmp_path / "in" / "bare.fmu", 2, platforms=())
     again = wrapped(2, 2).path
     out = tmp_path / "out" / "a.fmu"
     out.parent.mkdir()
@@ -214,6 +214,7 @@ def test_refusals_are_clear_and_leave_the_old_file(tmp_path, monkeypatch):
             {"platforms": ["win64"]},
         ),
         (WrapError, r"platform amiga is not known", (solver(2), corrector()), {"platforms": ["amiga"]}),
+        (WrapError, r"platform amiga is not known", (None, corrector()), {"platforms": ["amiga"]}),
         (WrapError, r"x_corrected.*most likely it is one that was wrapped", (again, corrector()), {}),
         (WrapError, r"there is nothing to wrap", (solver(2), None), {}),
         (FmuError, r"there is no such file", (nowhere, corrector()), {}),

@@ -194,8 +194,9 @@ static Status check_constant_step(Wrapper *self, double size)
     if (INNER_FMI && fabs(part - s->part) > 1e-3 * s->part)
         return wrapper_log(self, STATUS_ERROR,
                            "a communication step of %.9g s was asked for, with which the solver would take steps of %.9g s after steps of "
-                           "%.9g s: it cannot vary its step",
-                           size, part, s->part);
+                           "%.9g s: it cannot vary its step%s",
+                           size, part, s->part,
+                           s->piece == 0.0 ? "; what is switched on later has to be on from the first step" : "");
     if (s->piece == 0.0)
         s->piece = piece;
     return STATUS_OK;
