@@ -14,16 +14,21 @@ from fmucorrect.wrapping.compiler import TARGETS
 PLACE = "resources/solver"
 _OUTER = ("documentation", "terminalsAndIcons", "extra", "model.png", "icon.png")
 """What stays where hosts look for it: at the top."""
+_CALLED = {folder: name for name, processors in TARGETS.items() for _, folder, _ in processors}
+"""Name in FMI 3.0 -> in TARGETS."""
+_ELF = {3: "x86", 40: "ARM of 32 bits", 62: "x86_64", 183: "aarch64"}
+"""Processor by e_machine of <elf.h>."""
 
 
 def platforms(fmu: FmuDescription | None, wanted: Sequence[str]) -> list[str]:
-    """`wanted`, or all that the solver has a library for; all there are where there is no solver. Raises WrapError where one is
-    not known or the solver lacks it."""
+    """`wanted`, by whichever FMI version's name, or all that the solver has a library for; all there are where there is no
+    solver. Raises WrapError where one is not known or the solver lacks it."""
+    wanted = list(dict.fromkeys(_CALLED.get(name, name) for name in wanted))
     unknown = [name for name in wanted if name not in TARGETS]
     if unknown:
         raise WrapError(f"platform {', '.join(unknown)} is not known", expected=f"some of {', '.join(TARGETS)}")
     if fmu is None:
-        return list(wanted or TARGETS)
+        return wanted or list(TARGETS)
     have = [name for name in TARGETS if _folders(fmu, name)]
     missing = [name for name in wanted if name not in have]
     if missing or not have:
@@ -34,7 +39,31 @@ def platforms(fmu: FmuDescription | None, wanted: Sequence[str]) -> list[str]:
             got=fmu.inside,
             remedy="Export it again for that platform, or ask for others with --platforms.",
         )
-    return list(wanted) or have
+    for name in wanted or have:
+        _check_processor(fmu, name)
+    return wanted or have
+
+
+def _check_processor(fmu: FmuDescription, platform: str) -> None:
+    """Some exporters on ARM write to linux64, as if there were one processor. Raises WrapError."""
+    _, place, suffix = TARGETS[platform][0]
+    folder, wanted = platform if fmu.fmi.startswith("2") else place, place.split("-")[0]
+    name = f"binaries/{folder}/{fmu.identifier}{suffix}"
+    if suffix != ".so" or name not in fmu.libraries:
+        return
+    with archive.opened(fmu.path) as file:
+        code = archive.read(file, name, fmu.path, archive.UNPACKED)
+    if code[:4] != b"\x7fELF" or len(code) < 20:
+        return  # whatever it is, hosts will say so
+    got = _ELF.get(code[18], f"machine {code[18]} of ELF")
+    if got != wanted:
+        raise WrapError(
+            f"the solver's library in binaries/{folder} is for another processor",
+            where=str(fmu.path),
+            expected=wanted,
+            got=got,
+            remedy=f"Move it to binaries/{got}-linux." if got == "aarch64" else "Export it again.",
+        )
 
 
 def targets(fmu: FmuDescription | None, platforms: Sequence[str]) -> Mapping[str, Sequence[tuple[str, str, str]]]:

@@ -83,6 +83,9 @@ def _description(model: str, fmi: int, stated: bool, constant: bool) -> str:
             )
     if fmi == 2:
         structure = f"<Outputs>{structure}</Outputs>"
+    else:
+        head = f'name="time" valueReference="{first + len(names)}" causality="independent" variability="continuous"'
+        variables += f"<Float64 {head}/>"
     units = "".join(f'<Unit name="{name}"><BaseUnit {base}/></Unit>' for name, base in _BASES.items())
     flag = "" if constant else ' canHandleVariableCommunicationStepSize="true"'
     flag += ' canBeInstantiatedOnlyOncePerProcess="true"' if model == "far" else ""

@@ -197,4 +197,7 @@ def test_a_solver_for_one_processor_is_wrapped_for_that_one(tmp_path: Path) -> N
     both, one = foreign(tmp_path / "both.fmu", "euler", 3, platforms=["darwin64"]), tmp_path / "one.fmu"
     with archive.opened(both) as file:
         write_fmu(one, {name: file.read(name) for name in file.namelist() if "x86_64-darwin" not in name})
-    assert open_fmu(wrap(one, corrector(), tmp_path / "made.fmu").path).platforms == ("aarch64-darwin",)
+    for names in ([], ["darwin64"], ["aarch64-darwin"]):  # by default, and as either version calls it
+        made = wrap(one, corrector(), tmp_path / "made.fmu", platforms=names)
+        assert made.platforms == ("darwin64",)
+        assert open_fmu(made.path).platforms == ("aarch64-darwin",)

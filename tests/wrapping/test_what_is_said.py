@@ -14,8 +14,9 @@ import pytest
 pytest.importorskip("ziglang")
 pytest.importorskip("emx_onnx_cgen")
 
+from foreign import libraries
 from odd import CHANNELS, MS, ROWS, conditions, corrector
-from odd_solver import description, library, odd
+from odd_solver import HERE, description, library, odd
 
 from fmucorrect.errors import WrapError
 from fmucorrect.fmu import open_fmu
@@ -65,6 +66,15 @@ def test_libraries_of_other_names_and_platforms(tmp_path: Path) -> None:
     assert [note for note in made.notes if "linux32, win32 are left out" in note] == list(made.notes)
     with zipfile.ZipFile(made.path) as archive:
         assert not [name for name in archive.namelist() if "32" in name]
+
+
+def test_a_library_for_arm_among_those_for_x86(tmp_path: Path) -> None:
+    """As exporters on ARM write it that know one Linux only."""
+    arm = libraries(HERE, "odd_solver", "odd", 2, ["aarch64-linux"])["binaries/aarch64-linux/odd.so"]
+    with pytest.raises(
+        WrapError, match=r"linux64 is for another .*x86_64, got aarch64. Move it to binaries/aarch64-linux"
+    ):
+        wrapped(packed(tmp_path / "a.fmu", {"binaries/linux64/odd.so": arm}))
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
