@@ -3,11 +3,11 @@
     checked = screen(study)      # raises StudyError with every finding that leaves nothing sensible to do
     checked.warnings             # what stands in the page, checked.pairs: the development conditions, simulated
 
-finding.py says what a finding is, recorded.py looks at files alone, lifeless.py at whether a channel lives, same.py finds one
-record inside another, floor.py the noise that a changed copy keeps, simulated.py holds simulation and measurement against each
-other. Of evaluation conditions only what no training could use is looked at, and nothing but a finding comes of it: whether
-they are held out at all, whether their channels live, their inputs cover the run, and their sensors, signs and units are those
-of the others.
+finding.py says what a finding is, recorded.py looks at files alone, lifeless.py at whether a channel lives, same.py finds
+one record inside another, floor.py the noise that a changed copy keeps, simulated.py holds simulation and measurement
+against each other, repeatable.py a run against the same run once more. Of evaluation conditions only what no training could
+use is looked at, and nothing but a finding comes of it: whether they are held out at all, whether their channels live,
+their inputs cover the run, and their sensors, signs and units are those of the others.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from fmucorrect.errors import FmucorrectError, StudyError
 from fmucorrect.experiment import Pair, pair
 from fmucorrect.screening.finding import Finding
 from fmucorrect.screening.recorded import of_records
+from fmucorrect.screening.repeatable import unrepeated
 from fmucorrect.screening.simulated import of_pairs
 from fmucorrect.signals import Condition
 from fmucorrect.study import Study
@@ -42,9 +43,9 @@ class Screened:
 
 
 def screen(study: Study, advance: Callable[[int], object] = lambda _: None) -> Screened:
-    """Look at all records, simulate every condition once, and log each warning; advance(1) after each of development.
-    Raises StudyError that lists every error, and what reading, simulation and registration raise in development; in
-    evaluation, which may never be asked for, that is a warning."""
+    """Look at all records, simulate every condition once and the shortest one twice, and log each warning; advance(1) after
+    each of development. Raises StudyError that lists every error, and what reading, simulation and registration raise in
+    development; in evaluation, which may never be asked for, that is a warning."""
     found = of_records(study)
     _refuse(study, found)
     pairs: list[Pair] = []
@@ -58,7 +59,7 @@ def screen(study: Study, advance: Callable[[int], object] = lambda _: None) -> S
                 held.append(pair(study, condition))
             except FmucorrectError as error:
                 found = (*found, _unpaired(condition, error))
-    found = (*found, *of_pairs(study, [*pairs, *held]))
+    found = (*found, *of_pairs(study, [*pairs, *held]), *unrepeated(study, pairs))
     _refuse(study, found)
     for finding in found:
         _log.warning("%s", finding.text)
