@@ -23,7 +23,7 @@ from fmucorrect.training.cases import needed, resolved
 from fmucorrect.training.compare import compare_study, total
 from fmucorrect.training.compare_table import lines
 from fmucorrect.training.data import samples
-from fmucorrect.training.protocol import development_pairs
+from fmucorrect.training.protocol import screened
 from fmucorrect.training.results import save_comparison
 from fmucorrect.training.tasks import CORES, Workshop
 
@@ -45,7 +45,7 @@ def compare(study: Study, place: Path, model: Path) -> None:
 
 def ablate(study: Study, place: Path, model: Path) -> None:
     """The ablation alone; evaluation conditions are opened when everything is fitted."""
-    pairs = development_pairs(study)
+    pairs = list(screened(study).pairs)
     training = needed(resolved(study, study.training, pairs))
     if len(pairs) > 4:
         training = replace(training, proposed=replace(training.proposed, epochs=150, tdnn_epochs=75))

@@ -170,3 +170,11 @@ def progress_bar(total: int | None, unit: str, what: str) -> Generator[Callable[
 
     with tqdm(total=total, unit=unit, desc=what, unit_scale=unit == "sample", disable=None, leave=False) as bar:
         yield bar.update
+
+
+def note(text: str) -> None:
+    """A line above the progress bar, where there is one."""
+    from tqdm import tqdm
+
+    if sys.stderr.isatty():
+        tqdm.write(text, file=sys.stderr)

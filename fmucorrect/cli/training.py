@@ -10,7 +10,17 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from fmucorrect.cli.group import ALLOW_DAMAGED, OVERWRITE, PATH, STEP_TIMEOUT, UserError, open_study, progress_bar, say
+from fmucorrect.cli.group import (
+    ALLOW_DAMAGED,
+    OVERWRITE,
+    PATH,
+    STEP_TIMEOUT,
+    UserError,
+    note,
+    open_study,
+    progress_bar,
+    say,
+)
 
 if TYPE_CHECKING:
     from fmucorrect.study import Study
@@ -68,7 +78,7 @@ def train(
     _claim(out, "train", (*results.FILES, "train.html"), [the_study], overwrite)
     chosen = the_study.training if seed is None else replace(the_study.training, seed=seed)
     with progress_bar(protocol.total_epochs(the_study, chosen), "epoch", the_study.name) as advance:
-        shop = tasks.Workshop(out / "work", tasks.CORES, scheduler, device, advance)
+        shop = tasks.Workshop(out / "work", tasks.CORES, scheduler, device, advance, note)
         done = results.train_into(out, the_study, chosen, f"fmucorrect train {study.name} --seed {chosen.seed}", shop)
     page, selection = out / "train.html", done.trained.selection
     said = verdicts.verdict(selection, done.evaluations)

@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from fmucorrect.bundle import Bundle
 from fmucorrect.comparison import BAND_90, Comparison
 from fmucorrect.errors import one_line
+from fmucorrect.training.distilled import WORSE, Distilled
 from fmucorrect.training.protocol import Trained
 from fmucorrect.training.recurrent import Recurrent
 from fmucorrect.training.verdict import conditions, table, verdict
-from fmucorrect.training.window import Ensemble
 
 _MEANS = re.compile(r"[\\`*\[\]<>|&#!~]|(?<![A-Za-z0-9])_|_(?![A-Za-z0-9])")
 """What Markdown and HTML would take for their own."""
@@ -137,15 +137,16 @@ def _tried(trained: Trained) -> list[str]:
 def _settings(trained: Trained) -> list[str]:
     """Of the family that was taken."""
     settings, selection, fitted = trained.training, trained.selection, trained.fitted
-    if isinstance(fitted, Ensemble):
+    if trained.distilled is not None:
         fields = ", ".join(f"{key} {value:.2f} %" for key, value in selection.errors.items())
-        rho = ", ".join(f"{member.rho:.5f}" for member in fitted.members)
+        rho = ", ".join(f"{member.rho:.5f}" for member in trained.distilled.ensemble.members)
         phase = "used." if settings.corrector.phase else "not used; the history carries the phase."
         return [
             f"- {settings.corrector}, window {settings.window}.",
             f"- Amplitude factor rho of each member {rho} (eq. alignment_fit).",
             f"- Epochs by leaving one speed out, mean held-out NRMSE: {fields}; taken: {selection.epochs}.",
             f"- Phase features: {phase}",
+            _one(trained.distilled, trained.distilled is fitted),
         ]
     if isinstance(fitted, Recurrent):
         pace = fitted.see.pace
@@ -154,6 +155,20 @@ def _settings(trained: Trained) -> list[str]:
             f"- Trained on every {pace.stride}. sample; oscillators of {1e3 * pace.fast:.3g} ms to {pace.slow:.3g} s at first.",
         ]
     return [f"- {fitted.rows} rows of history."] if selection.family == "linear" else []
+
+
+def _one(found: Distilled, deployed: bool) -> str:
+    """Whether one network stands for the ensemble."""
+    worse = f"{100 * found.worse:.1f} %"
+    if deployed:
+        return (
+            f"- Deployed is one network, distilled from the {len(found.ensemble.members)} members: what it says otherwise than "
+            f"they do between and beyond the development conditions makes an error as large as the band {worse} larger."
+        )
+    return (
+        f"- Deployed is the ensemble. One network in its place would make an error as large as the band {worse} larger, more "
+        f"than the {100 * WORSE:.0f} % that are taken for speed."
+    )
 
 
 def _seen(trained: Trained) -> list[str]:

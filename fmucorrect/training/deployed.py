@@ -9,8 +9,8 @@
     inside = relu(1 - v' V)                                1 inside the training envelope, fading to 0
     delta  = inside (y - q),  corrected = q + delta,  sigma = inside (s - s_u) + s_u,  q = Q' V
 
-Heads: networks.WindowHead, linear.LinearHead, recurrent.RecurrentHead. Training, torch and ONNX (export.py) use the same
-tensors.
+Heads: networks.OneHead, networks.WindowHead, linear.LinearHead, recurrent.RecurrentHead. Training, torch and ONNX (export.py)
+use the same tensors.
 """
 
 from __future__ import annotations
@@ -35,11 +35,13 @@ Ramps = tuple[Float64[np.ndarray, "Q E"], Float64[np.ndarray, " E"]]
 
 class Said(NamedTuple):
     """What a head says. responses: (N, J + K J), the mean of K members, then each one's deviation; K = 0 without members.
-    bases: the same of the aligned simulation. next_state: (N, S), of a head that has one."""
+    bases: the same of the aligned simulation. next_state: (N, S), of a head that has one. band: (N, J), s less s_u, of a head
+    that says it itself."""
 
     responses: Float[Tensor, "N R"]
     bases: Float[Tensor, "N R"]
     next_state: Float[Tensor, "N S"] | None = None
+    band: Float[Tensor, "N J"] | None = None
 
 
 @runtime_checkable
@@ -120,7 +122,8 @@ class Corrector(nn.Module):
         lead = torch.addmm(said.responses @ t["S"], outside, t["minus_Q"])
         delta = inside * lead
         corrected = torch.addmm(delta, outside, t["Q"])
-        sigma = inside * torch.addmm(t["t"], said.responses.abs(), t["T"]) + t["s_u"]
+        band = torch.addmm(t["t"], said.responses.abs(), t["T"]) if said.band is None else said.band
+        sigma = inside * band + t["s_u"]
         return Outputs(corrected, said.bases @ t["S"], sigma, inside, said.next_state)
 
 

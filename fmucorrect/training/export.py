@@ -13,7 +13,7 @@ from onnx import TensorProto, checker, helper, numpy_helper
 from fmucorrect.bundle import Info, seal
 from fmucorrect.training.deployed import FREQUENCY_STEPS, Corrector
 from fmucorrect.training.linear import LinearHead
-from fmucorrect.training.networks import WindowHead
+from fmucorrect.training.networks import OneHead, WindowHead
 from fmucorrect.training.recurrent import RecurrentHead
 
 OPSET = 18
@@ -58,20 +58,23 @@ def graph(corrector: Corrector, rows: int, channels: int) -> bytes:
     if head.phase:
         parts.append(_phase(add, constants))
     x = add("Concat", parts, "x", axis=1)
-    if isinstance(head, WindowHead):
+    if isinstance(head, WindowHead | OneHead):
         responses, bases = _window(add, x, head)
     elif isinstance(head, RecurrentHead):
         responses, bases = _recurrent(add, x)
     else:
         assert isinstance(head, LinearHead)
         responses, bases = _linear(add, x, head)
-    add("MatMul", [bases, "S"], "baseline")
+    if head.members:  # of one alone the mean is what it says
+        add("MatMul", [bases, "S"], "baseline")
     outside = add("Relu", [add("Gemm", [x, "R", "r"], "ramps")], "outside")
     inside = add("Relu", [add("Gemm", [outside, "v", "one"], "share")], "in_envelope")
-    response = add("MatMul", [responses, "S"], "response")
+    response = add("MatMul", [responses, "S"], "response") if head.members else responses
     delta = add("Mul", [inside, add("Gemm", [outside, "minus_Q", response], "lead")], "delta")
     add("Gemm", [outside, "Q", delta], "corrected")
-    band = add("Gemm", [add("Abs", [responses], "deviations"), "T", "t"], "band")
+    band = "own_band"
+    if not isinstance(head, OneHead):
+        band = add("Gemm", [add("Abs", [responses], "deviations"), "T", "t"], "band")
     add("Add", [add("Mul", [inside, band], "faded_band"), "s_u"], "sigma")
 
     def tensor(name: str, kind: int, *shape: int) -> Any:
@@ -103,12 +106,16 @@ def graph(corrector: Corrector, rows: int, channels: int) -> bytes:
     return model.SerializeToString()
 
 
-def _window(add: Add, x: str, head: WindowHead) -> tuple[str, str]:
-    """networks.WindowHead: its responses and bases."""
-    hidden = add("Tanh", [add("Gemm", [x, "A", "a"], "hidden_0")], "tanh_0")
-    bases = add("Gemm", [hidden, "B", "b"], "bases")
+def _window(add: Add, x: str, head: WindowHead | OneHead) -> tuple[str, str]:
+    """networks.WindowHead or OneHead: its responses and bases."""
+    one = isinstance(head, OneHead)
+    seen = add("Gemm", [x, "P", "p"], "seen") if one else x
+    hidden = add("Tanh", [add("Gemm", [seen, "A", "a"], "hidden_0")], "tanh_0")
+    bases = add("Gemm", [hidden, "B", "b"], "baseline" if one else "bases")
     for i in range(1, head.layers + 1):
         hidden = add("Tanh", [add("Gemm", [hidden, f"C{i}", f"c{i}"], f"hidden_{i}")], f"tanh_{i}")
+    if one:
+        add("Gemm", [add("Relu", [add("Gemm", [hidden, "E", "e"], "signed")], "wide"), "F", "f"], "own_band")
     return add("Gemm", [hidden, "D", bases], "responses"), bases
 
 
@@ -118,7 +125,7 @@ def _linear(add: Add, x: str, head: LinearHead) -> tuple[str, str]:
     if head.sloped:
         more = add("Mul", [add("Gemm", [x, "c", "d"], "speed"), add("Gemm", [x, "M", "n"], "slope")], "sloped")
         responses = add("Add", [responses, more], "responses")
-    return responses, add("MatMul", [x, "E"], "bases")
+    return responses, add("MatMul", [x, "E"], "baseline")
 
 
 def _recurrent(add: Add, x: str) -> tuple[str, str]:

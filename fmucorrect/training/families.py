@@ -15,10 +15,11 @@ import numpy as np
 from jaxtyping import Float
 
 from fmucorrect.study_training import Family, Training
-from fmucorrect.training import linear, recurrent, window
+from fmucorrect.training import distilled, linear, recurrent, window
 from fmucorrect.training.band import LeftOut, left_out
 from fmucorrect.training.data import Samples, sizes
-from fmucorrect.training.deployed import Head
+from fmucorrect.training.deployed import Band, Head
+from fmucorrect.training.distilled import Distilled
 from fmucorrect.training.linear import Filter
 from fmucorrect.training.loop import Curve
 from fmucorrect.training.recurrent import Oscillators, Recurrent
@@ -135,3 +136,13 @@ def refit(
         for curve in member_curves
     ]
     return together(family, [member for member, _ in results], development, training), tuple(curves)
+
+
+def distil(
+    ensemble: Ensemble, development: Sequence[Samples], band: Band, workshop: Workshop
+) -> tuple[Distilled, tuple[Curve, ...]]:
+    """One network that says what the ensemble says."""
+    training = needed(ensemble.training)
+    arguments = (ensemble.members, ensemble.see, list(development), training, band)
+    ((found, curves),) = workshop.run([Task("one network", distilled.distil, arguments, 0)])
+    return found, tuple(curves)

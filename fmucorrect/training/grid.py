@@ -134,12 +134,18 @@ class Inputs:
 
     def window(self, item: Samples, stride: int = 1) -> Float[Tensor, "N WJ"]:
         """The whole scaled history (eq. tdnn_definition)."""
-        windows = item.windows[::stride]
-        return torch.from_numpy(windows.reshape(len(windows), -1) / np.float32(self.scales.window))
+        return self.scaled(item.windows[::stride])
 
     def features(self, item: Samples, stride: int = 1) -> Float[Tensor, "N D"]:
         """Window features, taken in double precision: the small ones are differences of nearly equal samples."""
-        windows = item.windows[::stride]
+        return self.projected(item.windows[::stride])
+
+    def scaled(self, windows: np.ndarray) -> Float[Tensor, "N WJ"]:
+        """Of any windows (N, W, J) or (N, W J)."""
+        return torch.from_numpy(windows.reshape(len(windows), -1) / np.float32(self.scales.window))
+
+    def projected(self, windows: np.ndarray) -> Float[Tensor, "N D"]:
+        """Features of any windows."""
         return torch.from_numpy(windows.reshape(len(windows), -1).astype(np.float64) @ self.scales.components).float()
 
 

@@ -52,11 +52,15 @@ class Residual(nn.Module):
         self.out = nn.Linear(widths[-1], channels, bias=False)
         nn.init.zeros_(self.out.weight)
 
-    def forward(self, u: Float[Tensor, "N U"], base: Float[Tensor, "N J"]) -> Float[Tensor, "N J"]:
+    def hidden(self, u: Float[Tensor, "N U"], base: Float[Tensor, "N J"]) -> Float[Tensor, "N H"]:
+        """The last hidden layer."""
         h = tanh(self.second(torch.cat([tanh(self.first(u)), base], 1)))
         for layer in self.more:
             h = tanh(layer(h))
-        return self.out(h)
+        return h
+
+    def forward(self, u: Float[Tensor, "N U"], base: Float[Tensor, "N J"]) -> Float[Tensor, "N J"]:
+        return self.out(self.hidden(u, base))
 
 
 @dataclass(frozen=True)
@@ -74,12 +78,8 @@ class WindowHead(nn.Module):
     def __init__(self, members: Sequence[Member], scales: Scales, phase: bool) -> None:
         super().__init__()
         self.members, self.phase, self.state = len(members), phase, 0
-        response = torch.tensor(scales.response)
-        channels, history = len(response), len(scales.components)
-        fold = _Fold(scales, phase)
-        window = torch.eye(history, dtype=torch.float64) / scales.window
-        parts = [_member(fold, m, response, window, torch.tensor(scales.components)) for m in members]
-        beside = spread(len(members), channels)
+        parts = [_member(m, scales, phase) for m in members]
+        beside = spread(len(members), len(scales.response))
         tensors = {
             "A": torch.cat([part["A"] for part in parts], 1),
             "a": torch.cat([part["a"] for part in parts]),
@@ -96,16 +96,140 @@ class WindowHead(nn.Module):
 
     def forward(self, x: Float[Tensor, "N X"], state: Float[Tensor, "N S"] | None = None) -> Said:
         t = dict(self.named_buffers())
-        hidden = torch.tanh(torch.addmm(t["a"], x, t["A"]))
-        bases = torch.addmm(t["b"], hidden, t["B"])
-        for i in range(1, self.layers + 1):
-            hidden = torch.tanh(torch.addmm(t[f"c{i}"], hidden, t[f"C{i}"]))
+        hidden, bases = _through(t, x, self.layers)
         return Said(torch.addmm(bases, hidden, t["D"]), bases)
 
 
-def _member(fold: _Fold, member: Member, response: Tensor, window: Tensor, components: Tensor) -> dict[str, Tensor]:
+class Student(nn.Module):
+    """One network in the place of an ensemble's: the layers of some members side by side, and then as one. It sees window
+    features, scaled speed (and phase); what comes out is in units of the response scales."""
+
+    def __init__(self, members: Sequence[Member], windows: Float[Tensor, "F WJ"], beside: int, wide: int) -> None:
+        """windows: scaled ones, that the features stand for. beside: inputs beside them. wide: of what the band is made. It
+        says the mean of `members` at first, and of the band nothing."""
+        super().__init__()
+        parts = [_layers(m, windows.float(), beside) for m in members]
+        count = len(members)
+
+        def weights(name: str) -> list[Tensor]:
+            return [part[name] for part in parts]
+
+        self.first = _linear(torch.cat(weights("A")), torch.cat(weights("a")))
+        self.base = _linear(torch.cat(weights("B"), 1) / count, torch.stack(weights("b")).mean(0))
+        self.layers = nn.ModuleList(
+            _linear(torch.block_diag(*weights(f"C{i}")), torch.cat(weights(f"c{i}")))
+            for i in range(1, 2 + len(members[0].residual.more))
+        )
+        self.out = _linear(torch.cat(weights("D"), 1) / count)
+        self.wide = _linear(torch.zeros(wide, self.out.in_features), torch.zeros(wide))
+
+    def hidden(self, u: Float[Tensor, "N U"]) -> tuple[Tensor, Tensor]:
+        """The last hidden layer, and the aligned simulation."""
+        h = tanh(self.first(u))
+        base = self.base(h)
+        for layer in self.layers:
+            h = tanh(layer(h))
+        return h, base
+
+    def forward(self, u: Float[Tensor, "N U"]) -> tuple[Tensor, Tensor, Tensor]:
+        """Response and aligned simulation, (N, J), and what the band is made of, (N, M)."""
+        h, base = self.hidden(u)
+        return base + self.out(h), base, self.wide(h)
+
+
+def _linear(weights: Tensor, offsets: Tensor | None = None) -> nn.Linear:
+    layer = nn.Linear(weights.shape[1], weights.shape[0], bias=offsets is not None)
+    layer.weight = nn.Parameter(weights.detach().clone())
+    if offsets is not None:
+        layer.bias = nn.Parameter(offsets.detach().clone())
+    return layer
+
+
+def _layers(member: Member, windows: Float[Tensor, "F WJ"], beside: int) -> dict[str, Tensor]:
+    """One member's weights on features and what is beside them, (outputs, inputs) as torch has them."""
+    baseline, residual = member.baseline, member.residual
+    first, second = baseline.hidden.weight, residual.first.weight
+    own, sizes = residual.first.in_features - beside, (len(first), len(second))
+    out, offset = member.rho * baseline.out.weight, member.rho * baseline.out.bias
+    joined = residual.second.weight
+    inner, aligned = joined[:, : sizes[1]], joined[:, sizes[1] :]
+    on_features = torch.cat([first[:, :-1] @ windows.T, first[:, -1:], first.new_zeros(sizes[0], beside - 1)], 1)
+    of_more = torch.cat([second[:, :own], second.new_zeros(sizes[1], len(windows) - own), second[:, own:]], 1)
+    tensors = {
+        "A": torch.cat([on_features, of_more]),
+        "a": torch.cat([baseline.hidden.bias, residual.first.bias]),
+        "B": torch.cat([out, out.new_zeros(len(out), sizes[1])], 1),
+        "b": offset,
+        "C1": torch.cat([aligned @ out, inner], 1),
+        "c1": residual.second.bias + aligned @ offset,
+        "D": residual.out.weight,
+    }
+    for i, layer in enumerate(residual.more, start=2):
+        assert isinstance(layer, nn.Linear)
+        tensors[f"C{i}"], tensors[f"c{i}"] = layer.weight, layer.bias
+    return tensors
+
+
+class OneHead(nn.Module):
+    """A student on x, scales folded into the weights, in double precision. It says its band itself; F is not negative, so that
+    whatever it is asked, that is never below the floor.
+
+    u      = P' x + p                                      window features, scaled speed (and phase)
+    H      = tanh(A' u + a),  Z = B' H + b                 Z: the aligned simulation
+    h      = tanh(C' H + c), ...
+    Y      = Z + D' h
+    s      = F' relu(E' h + e) + f                         relu of +- what the band is made of; f less s_u (deployed.Said)
+    """
+
+    def __init__(
+        self, student: Student, shares: Float[Tensor, "M J"], floor: Float[Tensor, " J"], scales: Scales, phase: bool
+    ) -> None:
+        """The band is floor + |what it is made of| shares, in the channels' units."""
+        super().__init__()
+        self.members, self.phase, self.state = 0, phase, 0
+        response, components = torch.tensor(scales.response), torch.tensor(scales.components)
+        history, features = components.shape
+        inputs = torch.zeros(history + 3 + 2 * phase, student.first.in_features, dtype=torch.float64)
+        inputs[:history, :features] = components
+        inputs[history, features] = 1.0 / scales.speed[1]
+        inputs[history + 3 :, features + 1 :] = torch.eye(2 * phase)
+        offset = torch.zeros(student.first.in_features, dtype=torch.float64)
+        offset[features] = -scales.speed[0] / scales.speed[1]
+        tensors = {
+            **{"P": inputs, "p": offset, "A": weight(student.first), "a": bias(student.first)},
+            **{"B": weight(student.base) * response, "b": bias(student.base) * response},
+            **{"D": weight(student.out) * response, "F": torch.cat([shares, shares])},
+            "E": torch.cat([weight(student.wide), -weight(student.wide)], 1),
+            "e": torch.cat([bias(student.wide), -bias(student.wide)]),
+            "f": floor - torch.tensor(scales.uncorrected),
+        }
+        self.layers = len(student.layers)
+        for i, layer in enumerate(student.layers, start=1):
+            tensors[f"C{i}"], tensors[f"c{i}"] = weight(layer), bias(layer)
+        for name, tensor in tensors.items():
+            self.register_buffer(name, tensor.detach().float().contiguous())
+
+    def forward(self, x: Float[Tensor, "N X"], state: Float[Tensor, "N S"] | None = None) -> Said:
+        t = dict(self.named_buffers())
+        hidden, bases = _through(t, torch.addmm(t["p"], x, t["P"]), self.layers)
+        band = torch.addmm(t["f"], torch.relu(torch.addmm(t["e"], hidden, t["E"])), t["F"])
+        return Said(torch.addmm(bases, hidden, t["D"]), bases, band=band)
+
+
+def _through(t: dict[str, Tensor], x: Float[Tensor, "N X"], layers: int) -> tuple[Tensor, Tensor]:
+    """The last hidden layer, and Z."""
+    hidden = torch.tanh(torch.addmm(t["a"], x, t["A"]))
+    bases = torch.addmm(t["b"], hidden, t["B"])
+    for i in range(1, layers + 1):
+        hidden = torch.tanh(torch.addmm(t[f"c{i}"], hidden, t[f"C{i}"]))
+    return hidden, bases
+
+
+def _member(member: Member, scales: Scales, phase: bool) -> dict[str, Tensor]:
     """One member's weights on x, scales folded in."""
+    fold, response, components = _Fold(scales, phase), torch.tensor(scales.response), torch.tensor(scales.components)
     channels = len(response)
+    window = torch.eye(len(components), dtype=torch.float64) / scales.window
     first, first_bias = fold.first(member.baseline.hidden, window)
     second, second_bias = fold.first(member.residual.first, components)
     tdnn = weight(member.baseline.out) * response * member.rho

@@ -17,18 +17,21 @@ from fmucorrect.study import Study
 from fmucorrect.study_training import Training
 from fmucorrect.training.data import samples, sizes
 from fmucorrect.training.deployed import Corrector
+from fmucorrect.training.distilled import WORSE, Distilled
 from fmucorrect.training.export import to_bundle
-from fmucorrect.training.families import NETWORKS, Fitted, count, lengths, refit
+from fmucorrect.training.families import NETWORKS, Fitted, count, distil, lengths, refit
 from fmucorrect.training.loop import Curve
 from fmucorrect.training.search import Trial, search
 from fmucorrect.training.selection import Selection, families, select
 from fmucorrect.training.tasks import Workshop
+from fmucorrect.training.window import Ensemble
 
 
 @dataclass(frozen=True)
 class Trained:
     """A finished training. content: the bundle file's bytes. corrector: the same in torch, for comparison. fitted: what it
-    says without envelope. curves: of the refit, all members. trials: of the search, in order. warnings: of the gate."""
+    says without envelope. curves: of the refit, all members. trials: of the search, in order. distilled: one network for an
+    ensemble, deployed or not. warnings: of the gate."""
 
     content: bytes
     corrector: Corrector
@@ -37,6 +40,7 @@ class Trained:
     training: Training
     trials: tuple[Trial, ...]
     curves: tuple[Curve, ...]
+    distilled: Distilled | None = None
     warnings: tuple[Finding, ...] = ()
 
 
@@ -52,6 +56,10 @@ def train(study: Study, training: Training | None = None, workshop: Workshop | N
     training, trials = search(development, training, workshop)
     selection = select(development, training, workshop)
     fitted, curves = refit(selection.family, development, training, selection.epochs, workshop)
+    one: Distilled | None = None
+    if isinstance(fitted, Ensemble):
+        one, more = distil(fitted, development, selection.band, workshop)
+        fitted, curves = one if one.worse <= WORSE else fitted, curves + more
     basis = sizes(development)
     envelope = corners(study.channels, checked.pairs)
     head = fitted.head()
@@ -70,14 +78,15 @@ def train(study: Study, training: Training | None = None, workshop: Workshop | N
                 family: round(error, 4) for family, error in selection.means.items()
             },
             "epochs": selection.epochs,
-            "members": head.members,
+            "members": len(one.ensemble.members) if one else head.members,
+            **({"one network in their place": one is fitted, "is worse by": round(one.worse, 4)} if one else {}),
         },
     )
     first = development[0]
     rows = np.linspace(0, len(first.seconds) - 1, 8).astype(int)
     windows = first.windows[rows, training.window - fitted.rows :]
     content = to_bundle(corrector, info, windows, first.condition, first.seconds[rows])
-    return Trained(content, corrector, fitted, selection, training, trials, curves, checked.warnings)
+    return Trained(content, corrector, fitted, selection, training, trials, curves, one, checked.warnings)
 
 
 def screened(study: Study) -> Screened:

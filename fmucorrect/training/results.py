@@ -85,11 +85,18 @@ def facts(trained: Trained) -> list[tuple[str, str]]:
         ("Hyper-parameters", search),
         (
             "Corrector",
-            f"family {selection.family}, {trained.corrector.head.members or 1} members, "
+            f"family {selection.family}, {_members(trained)}, "
             f"{trained.fitted.parameters} trained numbers, seed {settings.seed}",
         ),
         ("Band", "sigma fitted to the errors on what was left out, scaled so that 90 % of them lie within 1.645 sigma"),
     ]
+
+
+def _members(trained: Trained) -> str:
+    one = trained.distilled
+    if one is not None and one is trained.fitted:
+        return f"one network distilled from {len(one.ensemble.members)} members"
+    return f"{trained.corrector.head.members or 1} members"
 
 
 def save_comparison(folder: Path, table: dict[str, Any], histories: dict[str, np.ndarray] | None = None) -> Path:

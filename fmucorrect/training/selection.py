@@ -79,6 +79,7 @@ def leave_out(
         found = [
             left_out(fit_filter(family, rest, training).responses(item), item) for rest, held in parts for item in held
         ]
+        workshop.note(_told(family, 0, found))
         return {0: found}
     said: dict[int, list[LeftOut]] = {}
     for n in sorted(lengths(family, min(len(rest) for rest, _ in parts), training)):
@@ -93,6 +94,7 @@ def leave_out(
         ]
         results: list[list[LeftOut]] = workshop.run(tasks)
         said[n] = [item for part in results for item in part]
+        workshop.note(_told(family, n, said[n]))
         if errors_of(said)[n] > limit:
             break
     return said
@@ -101,6 +103,11 @@ def leave_out(
 def errors_of(found: Mapping[int, Sequence[LeftOut]]) -> dict[int, float]:
     """Mean NRMSE (%) of the conditions that were left out, by number of epochs."""
     return {n: float(np.mean([item.nrmse for item in items])) for n, items in found.items()}
+
+
+def _told(family: Family, epochs: int, found: Sequence[LeftOut]) -> str:
+    errors = ", ".join(f"{item.name} {item.nrmse:.2f}" for item in found)
+    return f"{family}{f', {epochs} epochs' * bool(epochs)}: NRMSE (%) when left out: {errors}"
 
 
 def select(development: Sequence[Samples], training: Training, workshop: Workshop) -> Selection:

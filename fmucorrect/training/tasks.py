@@ -60,13 +60,15 @@ class Task:
 @dataclass(frozen=True)
 class Workshop:
     """Where tasks are done. folder: where results and checkpoints are kept, None: nowhere. workers: processes; 1: this one.
-    scheduler: address of a dask scheduler, "" for this machine. advance(n): called with epochs done."""
+    scheduler: address of a dask scheduler, "" for this machine. advance(n): called with epochs done.
+    note: called with what was found so far, in words."""
 
     folder: Path | None = None
     workers: int = 1
     scheduler: str = ""
     device: str = "cpu"
     advance: Advance = lambda _: None
+    note: Callable[[str], object] = lambda _: None
     done: dict[str, int] = field(default_factory=dict[str, int], repr=False)
 
     def run(self, tasks: Sequence[Task]) -> list[Any]:
@@ -171,6 +173,8 @@ def _feed(update: Callable[[bytes], object], value: Any) -> None:
     if isinstance(value, np.ndarray):
         update(f"{value.dtype.str}{value.shape}".encode())
         update(value.tobytes())
+    elif isinstance(value, torch.nn.Module):
+        _feed(update, [repr(value), {name: tensor.cpu().numpy() for name, tensor in value.state_dict().items()}])
     elif isinstance(value, Mapping):
         _feed(update, sorted(value.items()))
     elif isinstance(value, list | tuple):

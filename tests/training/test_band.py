@@ -8,14 +8,13 @@ from closed_form import SMALL
 
 from fmucorrect.comparison import BAND_90
 from fmucorrect.experiment import pair
+from fmucorrect.sealing import corners, ramps
 from fmucorrect.study import Study
 from fmucorrect.training.band import LeftOut, calibrate
 from fmucorrect.training.compare_table import band_of
-from fmucorrect.training.data import samples
-from fmucorrect.training.deployed import Band
-from fmucorrect.training.families import refit
+from fmucorrect.training.data import samples, sizes
+from fmucorrect.training.deployed import Band, Corrector
 from fmucorrect.training.protocol import Trained
-from fmucorrect.training.tasks import Workshop
 
 
 def fold(seed: int, rows: int = 4000, scale: float = 1.0) -> LeftOut:
@@ -65,17 +64,20 @@ def test_another_unit_is_another_unit() -> None:
 
 
 def test_the_exported_sigma_is_the_calibrated_one(study: Study, trained: Trained) -> None:
+    assert trained.distilled is not None
+    ensemble, pairs = trained.distilled.ensemble, [pair(study, c) for c in study.development]
+    envelope = ramps(study.channels, corners(study.channels, pairs))
+    basis = sizes([samples(item, SMALL.window) for item in pairs])
+    corrector = Corrector(ensemble.head(), ensemble.rows, basis, envelope, trained.selection.band)
     item = samples(pair(study, study.condition("340")), SMALL.window)
     rows = slice(2000, 2300)
     with torch.no_grad():
-        said = trained.corrector(
+        said = corrector(
             torch.from_numpy(item.windows[rows].copy()),
             torch.from_numpy(np.tile(item.condition, (300, 1))),
             torch.from_numpy(item.seconds[rows, None].copy()),
         )
     assert (said.in_envelope == 1.0).all()
-    development = [samples(pair(study, c), SMALL.window) for c in study.development]
-    ensemble, _ = refit("window", development, SMALL, trained.selection.epochs, Workshop())
     responses = ensemble.responses(item)[:, rows]
     assert np.abs(said.corrected.numpy() - responses.mean(axis=0)).max() < 1e-5
     assert np.abs(said.sigma.numpy() - band_of(trained.selection.band, responses)).max() < 1e-5

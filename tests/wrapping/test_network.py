@@ -23,7 +23,7 @@ from fmucorrect.sealing import ramps
 from fmucorrect.training.data import Scales
 from fmucorrect.training.deployed import Band, Corrector
 from fmucorrect.training.export import to_bundle
-from fmucorrect.training.networks import Baseline, Member, Residual, WindowHead
+from fmucorrect.training.networks import Baseline, Member, OneHead, Residual, Student, WindowHead
 from fmucorrect.wrapping import compiler, graph, network, proof
 
 ROOT = Path(__file__).resolve().parent.parent.parent
@@ -40,6 +40,16 @@ def shipped() -> network.NetworkSources:
 @pytest.fixture(scope="module")
 def phase(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A bundle with random weights and the phase among its inputs; its channels are in metres."""
+    return random_bundle(tmp_path_factory.mktemp("phase"), one=False)
+
+
+@pytest.fixture(scope="module")
+def one(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same with one network in the members' place."""
+    return random_bundle(tmp_path_factory.mktemp("one"), one=True)
+
+
+def random_bundle(folder: Path, one: bool) -> Path:
     torch.manual_seed(0)
     channels = 2
     scales = Scales(
@@ -70,14 +80,21 @@ def phase(tmp_path_factory: pytest.TempPathFactory) -> Path:
         versions={},
     )
     windows = np.random.default_rng(1).normal(size=(4, ROWS, channels), scale=2e-3).astype(np.float32)
+    head = WindowHead(members, scales, phase=True)
+    if one:
+        features = torch.from_numpy(np.linalg.pinv(scales.components) / scales.window)
+        student = Student(members, features, beside=3, wide=4 * channels)
+        torch.nn.init.normal_(student.wide.weight, std=0.3)
+        shares = torch.rand(4 * channels, channels, dtype=torch.float64) * 1e-3
+        head = OneHead(student, shares, torch.full((channels,), 1e-3), scales, phase=True)
     content = to_bundle(
-        Corrector(WindowHead(members, scales, phase=True), ROWS, scales, ramps(CHANNELS[:channels], corners), band),
+        Corrector(head, ROWS, scales, ramps(CHANNELS[:channels], corners), band),
         info,
         windows,
         np.array([330.0, 0.03, 1.3]),
         np.array([-1.0, 0.0, 1.7, 1e6]),
     )
-    path = tmp_path_factory.mktemp("phase") / "corrector.onnx"
+    path = folder / "corrector.onnx"
     path.write_bytes(content)
     return path
 
@@ -111,18 +128,21 @@ def inputs_for(rows: int, channels: int, size: float, count: int = 200) -> list[
 
 
 @pytest.mark.parametrize("way", [0, 1])
-@pytest.mark.parametrize("name", ["shipped", "phase"])
+@pytest.mark.parametrize("name", ["shipped", "phase", "one"])
 def test_all_outputs_equal_onnx_runtime(
     name: str,
     way: int,
     shipped: network.NetworkSources,
     phase: Path,
     phase_sources: network.NetworkSources,
+    one: Path,
     tmp_path: Path,
 ) -> None:
-    path, sources, size, unit = (SHIPPED, shipped, 3.0, 1.0)
-    if name == "phase":
-        path, sources, size, unit = (phase, phase_sources, 3e-3, 1e3)
+    path, sources, size, unit = {
+        "shipped": (SHIPPED, shipped, 3.0, 1.0),
+        "phase": (phase, phase_sources, 3e-3, 1e3),
+        "one": (one, network.sources(one), 3e-3, 1e3),
+    }[name]
     inputs = inputs_for(sources.rows, sources.channels, size)
     got = outputs(sources, tmp_path, way, inputs)
     if got is None:

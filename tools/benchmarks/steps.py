@@ -44,7 +44,7 @@ def measure(quick: bool) -> list[Row]:
     call, blas = "bound arrays, no copies", "batched replay / BLAS on as many multiply-adds"
     return [
         Row("corrector call, one window, ONNX Runtime from Python", min(alone), "us", 6.0, False, call),
-        Row("CorrectedStepper.step, all of it", min(whole), "us", 6.0, False, "checks, window, network, result"),
+        Row("CorrectedStepper.step, all of it", min(whole), "us", 8.0, False, "checks, window, network, result"),
         Row("batched replay, one core", rate / 1e6, "million samples/s", 2.0, True, "CorrectedStepper.process"),
         Row(blas, 100 * rate / limit, "%", 55.0, True, "numpy, float32, one thread, no tanh"),
     ]

@@ -56,12 +56,12 @@ def measure(quick: bool) -> list[Row]:
     from fmucorrect.training.cases import CASES as KNOWN
     from fmucorrect.training.cases import resolved
     from fmucorrect.training.data import samples
-    from fmucorrect.training.protocol import development_pairs
+    from fmucorrect.training.protocol import screened
     from fmucorrect.training.selection import folds
     from fmucorrect.training.tasks import Task, Workshop
 
     study = load_study(STUDY)
-    pairs = development_pairs(study)
+    pairs = list(screened(study).pairs)
     settings = resolved(study, study.training, pairs)
     development = [samples(pair, settings.window) for pair in pairs]
     cores = os.cpu_count() or 1

@@ -1,0 +1,274 @@
+"""One network that says what the window family's ensemble says: a third of its arithmetic, the same band.
+
+The ensemble can be asked anything at no cost, so the student learns from far more motions than were measured (knowledge
+distillation: Hinton et al., Distilling the knowledge in a neural network, 2015): windows of the development conditions, the
+same between and beyond two of them, and at any speed within the envelope. It starts as the two members that come nearest to
+the mean; one alone cannot follow the others. All errors count in units of the ensemble's band. Where the student would add more
+than WORSE to the error at conditions that were left out, the ensemble itself is deployed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Float, Float32
+from torch import Tensor
+
+from fmucorrect.study_training import Training
+from fmucorrect.training.data import Samples, scales
+from fmucorrect.training.deployed import Band
+from fmucorrect.training.grid import Inputs, inputs
+from fmucorrect.training.loop import Curve, Run, Terms, minimise, one_cycle
+from fmucorrect.training.mlp import parameters
+from fmucorrect.training.networks import Member, OneHead, Student
+from fmucorrect.training.tasks import Context
+from fmucorrect.training.window import Ensemble
+
+WORSE = 0.03
+"""Share by which the student may make the error at conditions that were left out larger."""
+BESIDE = 2
+"""Members that the student begins as: with one the error at unseen speeds of rig A grew by 10 %, with two by 4 %."""
+FEATURES = 20
+"""Window features, at least: on the rigs, what they leave out is 2e-6 of the window. The members' TDNNs see the whole of it."""
+ASKED = 4
+"""Windows that the ensemble is asked for each one that it was trained on."""
+EPOCHS = 60
+"""Of the lesson: seven thousand steps on a rig's four records, half of what one member takes."""
+RATE = 5e-3
+"""Learning rate: a quarter of the members', since the beginning is a good one."""
+BASE = 0.03
+"""Weight of the aligned simulation beside the response and the band: it is shown, and nothing depends on it."""
+BEYOND = 0.5
+"""Of the way between two conditions, how far motions go beyond either: the envelope's inner corners (sealing.corners)."""
+SCALE = 0.1
+"""Share by which an asked motion is larger or smaller."""
+GROUP = 250
+"""Windows that one draw of conditions, weight and speed holds for."""
+RIDGE = 1e-8
+"""Penalty of the closed form, as a share of the mean power of a hidden neuron."""
+LEAST = 1e-6
+"""Of the response, the smallest band that errors are measured in."""
+
+
+@dataclass(frozen=True)
+class Distilled:
+    """A student, the ensemble that it stands for, and by what share it makes the error larger (`worse`). see: its features.
+    band: the ensemble's, of what the student says of the members' deviations."""
+
+    network: Student
+    ensemble: Ensemble
+    see: Inputs
+    band: Band
+    worse: float
+
+    @property
+    def parameters(self) -> int:
+        return parameters(self.network)
+
+    @property
+    def rows(self) -> int:
+        """W."""
+        return self.ensemble.rows
+
+    def head(self) -> OneHead:
+        floor, shares = torch.tensor(self.band.floor, dtype=torch.float64), _shares(self.band, self.see, self.network)
+        return OneHead(self.network, shares, floor, self.see.scales, self.ensemble.training.corrector.phase)
+
+    def responses(self, item: Samples, stride: int = 1) -> Float[np.ndarray, "1 N J"]:
+        """What it says (eq. multifidelity), in the channels' units, without envelope."""
+        asked = _of_condition(self.ensemble, item, stride)
+        with torch.no_grad():
+            said = self.network(_features(self.see, asked))[0]
+        return said.double().numpy()[None] * self.see.scales.response
+
+    def predict(self, item: Samples, stride: int = 1) -> np.ndarray:
+        """The same, (N, J)."""
+        return self.responses(item, stride)[0]
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """Windows (N, W J) in the channels' units, and what stands beside them: scaled speed (and phase)."""
+
+    windows: Float32[np.ndarray, "N WJ"]
+    beside: Float[Tensor, "N B"]
+
+
+@dataclass(frozen=True)
+class _Lesson:
+    """Features and what is to be said of them, in units of the response scales. wide: what the band is made of, the members'
+    deviations from their mean, one after the other, and the mean. sigma: the ensemble's band."""
+
+    u: Float[Tensor, "N U"]
+    mean: Float[Tensor, "N J"]
+    base: Float[Tensor, "N J"]
+    wide: Float[Tensor, "N M"]
+    sigma: Float[Tensor, "N J"]
+
+
+def distil(
+    context: Context,
+    members: Sequence[Member],
+    ensemble_see: Inputs,
+    development: Sequence[Samples],
+    training: Training,
+    band: Band,
+) -> tuple[Distilled, list[Curve]]:
+    """A student of the members, and how much worse it is at motions that it has not been taught."""
+    ensemble = Ensemble(tuple(members), ensemble_see, training)
+    run = Run(
+        1000 * training.seed + 501, every=10, checkpoint=context.checkpoint, device=context.device, tick=context.tick
+    )
+    settings, rng = training.corrector, np.random.default_rng(run.seed)
+    size = max(FEATURES, settings.history)
+    see = inputs(development, scales(development, size, settings.stride))
+    count = ASKED * sum(len(item.seconds[:: settings.stride]) for item in development)
+    taught = _draw(ensemble, development, count, rng)
+    bases, said = _ask(ensemble, taught)
+    lesson = _lesson(see, taught, bases, said, band)
+    student = Student(_nearest(ensemble, said, lesson), _windows(see), taught.beside.shape[1], lesson.wide.shape[1])
+    shares = (_shares(band, see, student) / torch.tensor(see.scales.response)).float()
+    _last_layers(student, lesson)
+    _teach(run, student, lesson, shares, training)
+    _last_layers(student, lesson)
+    tested = _draw(ensemble, development, count // ASKED, rng, anywhere=False)
+    worse = _worse(student, _lesson(see, tested, *_ask(ensemble, tested), band))
+    return Distilled(student, ensemble, see, band, worse), run.curves
+
+
+def _of_condition(ensemble: Ensemble, item: Samples, stride: int) -> _Asked:
+    see, windows = ensemble.see, item.windows[::stride]
+    beside = [see.speed(item, stride), *([see.phase(item, stride)] if ensemble.training.corrector.phase else [])]
+    return _Asked(windows.reshape(len(windows), -1), torch.cat(beside, 1))
+
+
+def _draw(
+    ensemble: Ensemble, development: Sequence[Samples], count: int, rng: np.random.Generator, anywhere: bool = True
+) -> _Asked:
+    """Motions on the line through two conditions at the same time since the excitation began, up to BEYOND past either, at the
+    speed in between; anywhere: a sixth of them as they were measured, a quarter at any speed within the envelope."""
+    known = [_of_condition(ensemble, item, 1) for item in development]
+    # of the scaled speed, which goes from -1/2 to 1/2 over the conditions
+    reach = 0.5 + BEYOND if len({item.speed for item in development}) > 1 else 0.0
+    windows: list[np.ndarray] = []
+    beside: list[Tensor] = []
+    for _ in range(-(-count // GROUP)):
+        i = int(rng.integers(len(known)))
+        j = (i + int(rng.integers(1, len(known)))) % len(known)
+        rows = rng.integers(len(known[i].windows), size=GROUP)
+        at = np.searchsorted(development[j].seconds, development[i].seconds[rows])
+        others = np.minimum(at, len(known[j].windows) - 1)
+        kind, share = rng.random(), rng.uniform(-BEYOND, 1.0 + BEYOND)
+        size, speed = rng.uniform(1.0 - SCALE, 1.0 + SCALE, size=(GROUP, 1)), rng.uniform(-reach, reach)
+        seen = known[i].beside[rows].clone()
+        if anywhere and kind < 1.0 / 6.0:
+            share, size = 0.0, np.ones((GROUP, 1))
+        seen[:, 0] += share * (known[j].beside[0, 0] - known[i].beside[0, 0])
+        if anywhere and kind > 0.75:
+            seen[:, 0] = speed
+        mixed = (1.0 - share) * known[i].windows[rows] + share * known[j].windows[others]
+        windows.append((size * mixed).astype(np.float32))
+        beside.append(seen)
+    order = rng.permutation(GROUP * len(windows))[:count]
+    return _Asked(np.concatenate(windows)[order], torch.cat(beside)[torch.from_numpy(order)])
+
+
+def _ask(ensemble: Ensemble, asked: _Asked) -> tuple[Float[Tensor, "N J"], Float[Tensor, "K N J"]]:
+    """The mean of the members' aligned simulations, and what each says."""
+    see, speed = ensemble.see, asked.beside[:, :1]
+    scaled = torch.cat([see.scaled(asked.windows), speed], 1)
+    features = torch.cat([see.projected(asked.windows), asked.beside], 1)
+    with torch.no_grad():
+        bases = [member.rho * member.baseline(scaled) for member in ensemble.members]
+        said = [b + member.residual(features, b) for member, b in zip(ensemble.members, bases, strict=True)]
+    return torch.stack(bases).mean(0), torch.stack(said)
+
+
+def _features(see: Inputs, asked: _Asked) -> Float[Tensor, "N U"]:
+    return torch.cat([see.projected(asked.windows), asked.beside], 1)
+
+
+def _windows(see: Inputs) -> Float[Tensor, "F WJ"]:
+    """Scaled windows that the features stand for."""
+    return torch.from_numpy(np.linalg.pinv(see.scales.components) / see.scales.window)
+
+
+def _lesson(see: Inputs, asked: _Asked, bases: Tensor, said: Float[Tensor, "K N J"], band: Band) -> _Lesson:
+    mean = said.mean(0)
+    wide = torch.cat([*(said - mean), mean], 1)
+    response = torch.tensor(see.scales.response)
+    sigma = (torch.tensor(band.floor) + wide.abs().double() @ _parts(band, see, len(said))) / response
+    return _Lesson(_features(see, asked), mean, bases, wide, sigma.clamp(min=LEAST).float())
+
+
+def _shares(band: Band, see: Inputs, student: Student) -> Float[Tensor, "M J"]:
+    return _parts(band, see, student.wide.out_features // len(band.floor) - 1)
+
+
+def _parts(band: Band, see: Inputs, members: int) -> Float[Tensor, "M J"]:
+    """What each part that the band is made of adds to it (deployed.Band), in the channels' units; double."""
+    response = torch.tensor(see.scales.response)
+    each = torch.diag(torch.tensor(band.deviation, dtype=torch.float64) * response) / members
+    size = torch.tensor(band.size, dtype=torch.float64).expand(len(response), -1) * response[:, None] / len(response)
+    return torch.cat([each.repeat(members, 1), size])
+
+
+def _nearest(ensemble: Ensemble, said: Float[Tensor, "K N J"], lesson: _Lesson) -> list[Member]:
+    """The BESIDE members that are nearest to the mean."""
+    away = [float((((one - lesson.mean) / lesson.sigma) ** 2).mean()) for one in said]
+    return [ensemble.members[i] for i in np.argsort(away, kind="stable")[:BESIDE]]
+
+
+def _teach(run: Run, student: Student, lesson: _Lesson, shares: Float[Tensor, "M J"], training: Training) -> None:
+    """Response and band, errors as shares of the ensemble's band. shares: of what the band is made of."""
+    student.to(run.device)
+    u, mean, base, wide, sigma = (
+        x.to(run.device) for x in (lesson.u, lesson.mean, lesson.base, lesson.wide, lesson.sigma)
+    )
+    optimiser = torch.optim.AdamW(student.parameters(), lr=RATE, weight_decay=0.0, fused=True)
+    batches = max(1, round(len(u) / training.corrector.batch))
+    schedule = one_cycle(optimiser, RATE, EPOCHS * batches)
+
+    def steps(epoch: int) -> Iterator[Terms]:
+        order = torch.randperm(len(u), generator=torch.Generator().manual_seed(1_000_003 * run.seed + epoch))
+        for rows in order.to(run.device).chunk(batches):
+            said, aligned, parts = student(u[rows])
+            s = sigma[rows]
+            yield {
+                "response": (((said - mean[rows]) / s) ** 2).mean(),
+                "band": ((((parts - wide[rows]).abs() @ shares) / s) ** 2).mean(),
+                "aligned simulation": BASE * (((aligned - base[rows]) / s) ** 2).mean(),
+            }
+
+    minimise(run, "one network", student, optimiser, steps, EPOCHS, schedule)
+    student.cpu()
+
+
+def _last_layers(student: Student, lesson: _Lesson) -> None:
+    """The last layers, of the response and of what the band is made of, in closed form; errors as shares of the band."""
+    channels = lesson.sigma.shape[1]
+    with torch.no_grad():
+        h, base = student.hidden(lesson.u)
+        h, rest = torch.cat([h, torch.ones(len(h), 1)], 1).double(), (lesson.mean - base).double()
+        for j in range(channels):
+            sigma = lesson.sigma[:, j : j + 1].double()
+            each = h / sigma
+            gram = each.T @ each
+            gram += RIDGE * gram.trace() / len(gram) * torch.eye(len(gram))
+            wide = torch.linalg.solve(gram, each.T @ (lesson.wide[:, j::channels].double() / sigma)).T
+            student.wide.weight[j::channels], student.wide.bias[j::channels] = wide[:, :-1].float(), wide[:, -1].float()
+            student.out.weight[j] = torch.linalg.solve(
+                gram[:-1, :-1], each[:, :-1].T @ (rest[:, j] / sigma[:, 0])
+            ).float()
+
+
+def _worse(student: Student, lesson: _Lesson) -> float:
+    """Share by which the student's own error, independent of the ensemble's, makes the whole larger: the ensemble's at
+    conditions that were left out is as large as its band."""
+    with torch.no_grad():
+        away = (student(lesson.u)[0] - lesson.mean) / lesson.sigma
+    return math.sqrt(1.0 + float((away**2).mean())) - 1.0
