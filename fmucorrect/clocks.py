@@ -16,6 +16,7 @@ from pathlib import Path
 
 from fmucorrect import records
 from fmucorrect.errors import RecordError
+from fmucorrect.fmu import open_fmu
 from fmucorrect.records.contents import Extent
 from fmucorrect.records.timebase import seconds_text
 from fmucorrect.signals import NANOSECONDS, Condition
@@ -48,7 +49,7 @@ def clock(study: Study, condition: Condition) -> Clock:
     length = (measured[1] - measured[0]) / NANOSECONDS
     path = condition.simulated or (condition.inputs if study.fmu is not None else None)
     what = "the simulated record" if condition.simulated is not None else "the inputs"
-    given = _stamps_of(path, condition) if path is not None else None
+    given = _given(study, condition, path) if path is not None else None
     theirs = given or (0, measured[1] - measured[0])
     if condition.measurement is None:
         return Clock(theirs[0], (theirs[1] - theirs[0]) / NANOSECONDS, False, None, "")
@@ -94,7 +95,7 @@ def begins(study: Study, condition: Condition) -> int:
     try:
         return clock(study, condition).origin_ns
     except RecordError:  # nothing that is measured tells it
-        return _stamps_of(condition.inputs, condition)[0]
+        return _given(study, condition, condition.inputs)[0]
 
 
 def _stamps(extents: Sequence[Extent]) -> tuple[int, int]:
@@ -103,8 +104,16 @@ def _stamps(extents: Sequence[Extent]) -> tuple[int, int]:
     return whole.start_ns or 0, whole.stop_ns or 0
 
 
-def _stamps_of(path: Path, condition: Condition) -> tuple[int, int]:
-    return _stamps([item.extent for item in records.describe(path, condition.reading).topics])
+def _given(study: Study, condition: Condition, path: Path) -> tuple[int, int]:
+    """First and last stamp of inputs, of the topics that hold some; of a simulated record, and where none does, of all."""
+    topics = records.describe(path, condition.reading).topics
+    names = (
+        [v.name for v in open_fmu(study.fmu).of("input")] if study.fmu is not None and path == condition.inputs else []
+    )
+    holding = [
+        item.extent for item in topics if any(records.has([item.topic], name, condition.reading) for name in names)
+    ]
+    return _stamps(holding or [item.extent for item in topics])
 
 
 def _span(stamps: tuple[int, int]) -> str:

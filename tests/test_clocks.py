@@ -11,7 +11,7 @@ import pytest
 from fmucorrect.errors import RecordError, StudyError
 from fmucorrect.experiment import Pair, pair
 from fmucorrect.fmu import FmuStepper
-from fmucorrect.records import describe, writer
+from fmucorrect.records import describe, read, writer
 from fmucorrect.session import run_study
 from fmucorrect.signals import Channel, Condition, Record
 from fmucorrect.stepper import run
@@ -182,6 +182,28 @@ def test_a_run_begins_with_its_inputs(tmp_path: Path, begins: float, later: int)
     assert left(item) < 1e-3
     assert item.offset is not None
     assert item.offset.offset == pytest.approx(1e-3 * later, abs=1e-6)
+
+
+def test_a_topic_that_nothing_uses_moves_no_clock(tmp_path: Path):
+    """A receiver of positions in the same log, which was switched on earlier."""
+    t, base, x = driven()
+    t_ns = np.round((t + 10.0) * 1e9).astype(np.int64)
+    with writer(tmp_path / "log.mcap") as file:
+        columns = np.stack([base, x], axis=1)
+        file.write("/log", Record(t_ns, columns, (Channel("base.d", "m"), Channel("x", "m"))))
+        early = np.arange(9, 15, dtype=np.int64) * 10**9
+        file.write("/gps", Record(early, np.full((6, 1), 52.5), (Channel("latitude", "deg"),)))
+    assert left(paired(tmp_path, "log.mcap", "log.mcap")) < 1e-9
+
+
+def test_the_fastest_topic_gives_the_stamps(tmp_path: Path):
+    """Whichever a name stands first: what is faster would be folded down at the stamps of what is slower."""
+    t_ns = np.arange(4000, dtype=np.int64) * 1_000_000
+    with writer(tmp_path / "log.mcap") as file:
+        file.write("/slow", Record(t_ns[::10], np.cos(t_ns[::10, None] / 1e9), (Channel("a", "m"),)))
+        file.write("/fast", Record(t_ns, np.sin(t_ns[:, None] / 1e6), (Channel("b", "m"),)))
+    for names in (["a", "b"], ["b", "a"]):
+        assert len(read(tmp_path / "log.mcap", names, repair="interpolate")) == 3991
 
 
 @pytest.mark.parametrize("begins", [0.0, 2.0, EPOCH])

@@ -93,6 +93,7 @@ def draft(
                 and log.columns.get(guess.column) in UNITLESS
                 and (unit := first.columns[guess.column]) not in UNITLESS
             },
+            quiet(trial) if log.path == first.path else 0.0,
         )
         for i, log in enumerate(logs)
     ]
@@ -105,7 +106,6 @@ def draft(
         joints=joints,
         parameters=find_parameters(model),
         runs=tuple(drafted),
-        quiet=quiet(trial),
         units=units,
         unpaired=tuple(
             f"{c}{', the same in two runs to the last digit: a command' if c in first.repeated else ''}"

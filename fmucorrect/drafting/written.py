@@ -20,7 +20,8 @@ from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Reading
 @dataclass(frozen=True)
 class DraftedRun:
     """A log, the simulated record that belongs to it, its role, what the others have and it has not, its clock in the study
-    with the reason, "" for none, and the units that another log says and it does not."""
+    with the reason, "" for none, the units that another log says and it does not, and s at its beginning in which nothing
+    moves, 0 where that is not known."""
 
     path: Path
     simulated: Path | None
@@ -28,13 +29,13 @@ class DraftedRun:
     missing: tuple[str, ...]
     clock: str
     units: Mapping[str, str]
+    quiet: float
 
 
 @dataclass(frozen=True)
 class Draft:
-    """units: of variables that the FMU leaves without one. quiet: s at the beginning of the first run in which nothing moves.
-    unpaired: columns that show no output, in words. left_out: what a log holds that is no column, in words. reading: what
-    was told of the logs."""
+    """units: of variables that the FMU leaves without one. unpaired: columns that show no output, in words. left_out:
+    what a log holds that is no column, in words. reading: what was told of the logs."""
 
     model: FmuDescription
     step_ns: int
@@ -44,7 +45,6 @@ class Draft:
     joints: tuple[JointGuess, ...]
     parameters: tuple[ParameterGuess, ...]
     runs: tuple[DraftedRun, ...]
-    quiet: float
     units: Mapping[str, str]
     unpaired: tuple[str, ...]
     left_out: tuple[str, ...]
@@ -154,8 +154,8 @@ class Draft:
                 entries = [f"clock = {value}"] * bool(value) + [f"units = {toml(run.units)}"] * bool(run.units)
                 reasons = [reason] * bool(value) + ["it says no units: as another log does"] * bool(run.units)
                 yield f"records = {{ {', '.join(entries)} }}  # guess: {'; '.join(reasons)}"
-            if run is self.runs[0] and self.quiet:
-                yield f"quiet = [0.0, {self.quiet:.3f}]  # guess: nothing moves there"
+            if run.quiet:
+                yield f"quiet = [0.0, {run.quiet:.3f}]  # guess: nothing moves there"
             if run.missing:
                 yield f"# it lacks {one_line(', '.join(run.missing))}"
 

@@ -204,7 +204,8 @@ def _known(look: _lru_cache_wrapper[Seen], path: str | PathLike[str], reading: R
 
 def is_time(topic: Topic, name: str) -> bool:
     """Whether the time of a topic is the column of this name, which may have its unit behind it."""
-    return topic.time in (name, naming.bare(name))
+    own = naming.time_column(name, known=True)
+    return topic.time in (name, naming.bare(name), own.name if own is not None else name)
 
 
 def suffix_of(path: str | PathLike[str]) -> str:

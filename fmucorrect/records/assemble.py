@@ -158,7 +158,7 @@ def _joined(source: Guarded, found: Plan, blocks: Sequence[Block], first_row: in
                 where=source.path,
                 expected=f"{first} s",
                 got=f"{there} s",
-                remedy="The repair rule 'interpolate' takes the others at the first topic's stamps.",
+                remedy="The repair rule 'interpolate' takes the others at the stamps of the topic with the most rows.",
             )
     return Block(t_ns, _side_by_side(found, [block.values for block in blocks], len(t_ns)))
 
@@ -222,7 +222,7 @@ def _one_base(
     if any(not len(block.t_ns) for block in blocks):
         raise RecordError("a topic has no rows, so nothing can be joined to it", where=source.path)
     start, stop = max(int(b.t_ns[0]) for b in blocks), min(int(b.t_ns[-1]) for b in blocks)
-    base = blocks[0].t_ns
+    base = max(blocks, key=lambda block: len(block.t_ns)).t_ns  # else what is faster would be folded down
     base = base[(base >= start) & (base <= stop)]
     values = [timebase.at_stamps(block, base, one) for block, one in zip(blocks, repairs, strict=True)]
     return Block(base, _side_by_side(found, values, len(base)))
