@@ -80,7 +80,7 @@ def train(
     with progress_bar(protocol.total_epochs(the_study, chosen), "epoch", the_study.name) as advance:
         shop = tasks.Workshop(out / "work", tasks.CORES, scheduler, device, advance, note)
         done = results.train_into(out, the_study, chosen, f"fmucorrect train {study.name} --seed {chosen.seed}", shop)
-    page, selection = out / "train.html", done.trained.selection
+    page, selection, guard = out / "train.html", done.trained.selection, done.trained.guard
     said = verdicts.verdict(selection, done.evaluations)
     training_page.write_page(
         page,
@@ -90,6 +90,8 @@ def train(
         results.facts(done.trained),
         warnings=[finding.to_json() for finding in done.trained.warnings],
         tried=training_page.Tried(said, verdicts.conditions(selection), verdicts.table(selection)),
+        guarded=guard
+        and training_page.Guarded(verdicts.guard_words(guard), verdicts.guarded(guard, selection, done.evaluations)),
     )
     if as_json:
         say(json.dumps(results.figures(done.evaluations, done.trained), indent=1))

@@ -39,6 +39,15 @@ class Verdict:
 
 
 @dataclass(frozen=True)
+class Guarded:
+    """Where a corrector ends. words: how it knows, and how often it errs. rows: a motion, share flagged of the rows in motion,
+    share of the samples that the 90 % band holds (None: nothing was measured)."""
+
+    words: str
+    rows: Sequence[tuple[str, float, float | None]]
+
+
+@dataclass(frozen=True)
 class Tried:
     """What a training tried. verdict: in words. conditions: that were left out, the columns. rows: name of a corrector, NRMSE
     (%) of each condition when it was left out, their mean."""
@@ -57,11 +66,12 @@ def write_page(
     before_after_note: str = "",
     warnings: Sequence[Mapping[str, str]] = (),
     tried: Tried | None = None,
+    guarded: Guarded | None = None,
 ) -> None:
     """Write the page of `fmucorrect train`. comparisons: every condition, development and evaluation. curves: loss curves
     as cases[].curves of compare.json. selection: what was chosen and how, terms and text. warnings: of the gate. tried: the
-    page begins with it. Raises OSError."""
-    build(title, comparisons, curves, selection, before_after_note, warnings, tried).write(path)
+    page begins with it. guarded: where there is a guard. Raises OSError."""
+    build(title, comparisons, curves, selection, before_after_note, warnings, tried, guarded).write(path)
 
 
 def build(
@@ -72,6 +82,7 @@ def build(
     before_after_note: str = "",
     warnings: Sequence[Mapping[str, str]] = (),
     tried: Tried | None = None,
+    guarded: Guarded | None = None,
 ) -> Page:
     """The page, ready to be written."""
     unseen = [item for item in comparisons if item.condition.role == "evaluation"]
@@ -96,6 +107,8 @@ def build(
         views = figures.views(item, figures.error_curves(item))
         page.figure(figures.errors(item), [*views, figures.close_up(item)])
         page.end()
+    if guarded:
+        _guarded(page, guarded)
     losses(page, [drawn.Training("", curves, chosen_epochs(curves))])
     if selection:
         page.section("How it was chosen", "From the development conditions alone.")
@@ -128,6 +141,16 @@ def _tried(page: Page, tried: Tried) -> None:
     )
     rows = [Row((name, *(f"{v:.2f}" for v in values), f"{mean:.2f}")) for name, values, mean in tried.rows]
     page.table(["Corrector", *tried.conditions, "mean"], rows)
+    page.end()
+
+
+def _guarded(page: Page, guarded: Guarded) -> None:
+    page.section("Where it ends", guarded.words)
+    rows = [
+        Row((name, f"{100 * flagged:.1f}", "not measured" if held is None else f"{100 * held:.1f}"))
+        for name, flagged, held in guarded.rows
+    ]
+    page.table(["Motion", "flagged, % of the rows in motion", "in the 90 % band, % of all samples"], rows)
     page.end()
 
 

@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from fmucorrect.comparison import BAND_90
 from fmucorrect.metrics import score
-from fmucorrect.training.data import Samples
+from fmucorrect.training.data import Samples, quantile
 from fmucorrect.training.deployed import Band
 
 
@@ -67,8 +67,13 @@ def calibrate(folds: Sequence[LeftOut]) -> Band:
             local = np.maximum(design @ shape, least)
         shape[0] = max(shape[0], least)
         ratio = error / (design @ shape)
-        order = np.argsort(ratio)
-        share = np.cumsum(weight[order]) / weight.sum()
-        quantile = ratio[order][np.searchsorted(share, 0.9)]
-        floor[j], size[j], deviation[j] = shape * quantile / BAND_90
+        ends = np.cumsum([len(f.error) for f in folds])[:-1]
+        floor[j], size[j], deviation[j] = shape * quantile(np.split(ratio, ends), 0.9) / BAND_90
     return Band(tuple(floor.tolist()), tuple(size.tolist()), tuple(deviation.tolist()))
+
+
+def share_inside(band: Band, item: LeftOut) -> float:
+    """Share of the errors of a condition that was left out within the 90 % band, all channels."""
+    level = np.abs(item.mean).mean(axis=1, keepdims=True)
+    sigma = np.array(band.floor) + np.array(band.size) * level + np.array(band.deviation) * item.deviation
+    return float((np.abs(item.error) <= BAND_90 * sigma).mean())

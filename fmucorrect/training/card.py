@@ -11,7 +11,7 @@ from fmucorrect.errors import one_line
 from fmucorrect.training.distilled import WORSE, Distilled
 from fmucorrect.training.protocol import Trained
 from fmucorrect.training.recurrent import Recurrent
-from fmucorrect.training.verdict import conditions, table, verdict
+from fmucorrect.training.verdict import conditions, guard_words, guarded, table, verdict
 
 _MEANS = re.compile(r"[\\`*\[\]<>|&#!~]|(?<![A-Za-z0-9])_|_(?![A-Za-z0-9])")
 """What Markdown and HTML would take for their own."""
@@ -103,6 +103,7 @@ def card(trained: Trained, bundle: Bundle, evaluations: Sequence[Comparison], co
     lines += [
         f"| {_plain(key)} | " + " | ".join(f"{v:.4g}" for v in corners) + " |" for key, corners in info.envelope.items()
     ]
+    lines += _guarded(trained, evaluations)
     lines += [
         "",
         "One axle arrangement, one excitation: the figures hold for this study. They are no evidence for safety or acceptance.",
@@ -113,6 +114,24 @@ def card(trained: Trained, bundle: Bundle, evaluations: Sequence[Comparison], co
         "",
     ]
     return "\n".join(lines)
+
+
+def _guarded(trained: Trained, evaluations: Sequence[Comparison]) -> list[str]:
+    """The guard's table."""
+    if trained.guard is None:
+        return []
+    rows = guarded(trained.guard, trained.selection, evaluations)
+    return [
+        "",
+        guard_words(trained.guard),
+        "",
+        "| motion | flagged, % of the rows in motion | in the 90 % band, % of all samples |",
+        "|---|---|---|",
+        *(
+            f"| {_plain(name)} | {100 * flagged:.1f} | {'not measured' if held is None else f'{100 * held:.1f}'} |"
+            for name, flagged, held in rows
+        ),
+    ]
 
 
 def _tried(trained: Trained) -> list[str]:

@@ -136,3 +136,11 @@ def scales(development: Sequence[Samples], history: int, stride: int) -> Scales:
     order = np.argsort(power)[::-1][:history]
     spread = np.sqrt(np.maximum(power[order], FLOOR**2 * power[order[0]]))
     return Scales(known.response, known.speed, known.uncorrected, window, vectors[:, order] / spread / window)
+
+
+def quantile(parts: Sequence[np.ndarray], share: float) -> float:
+    """Of the values of all parts, (N,) each, each part counting alike."""
+    weight = np.concatenate([np.full(len(part), 1.0 / len(part)) for part in parts])
+    values = np.concatenate(parts)
+    order = np.argsort(values)
+    return float(values[order][np.searchsorted(np.cumsum(weight[order]) / weight.sum(), share)])

@@ -6,7 +6,8 @@
     y      = S' Y,  base = S' Z
     s      = T' |Y| + t                                    calibrated band: grows with the response and the deviations
     V      = relu(R' x + r)                                how far outside the envelope; then q+ and q-, the window's last row
-    inside = relu(1 - v' V)                                1 inside the training envelope, fading to 0
+    z      = Z' s + z0                                     the motion; s = x, or (x, memory) where the head has one
+    inside = relu(1 - v' V - relu(novelty))                1 inside the training envelope and near known motions, fading to 0
     delta  = inside (y - q),  corrected = q + delta,  sigma = inside (s - s_u) + s_u,  q = Q' V
 
 Heads: networks.OneHead, networks.WindowHead, linear.LinearHead, recurrent.RecurrentHead. Training, torch and ONNX (export.py)
@@ -25,6 +26,7 @@ from jaxtyping import Float, Float64
 from torch import Tensor, nn
 
 from fmucorrect.training.data import Sizes
+from fmucorrect.training.novelty import FADE, Guard
 
 FREQUENCY_STEPS = 1e4
 """A condition comes as float32; its frequency is taken to the nearest 0.1 mHz in double precision, so that 1.3 Hz means
@@ -36,12 +38,13 @@ Ramps = tuple[Float64[np.ndarray, "Q E"], Float64[np.ndarray, " E"]]
 class Said(NamedTuple):
     """What a head says. responses: (N, J + K J), the mean of K members, then each one's deviation; K = 0 without members.
     bases: the same of the aligned simulation. next_state: (N, S), of a head that has one. band: (N, J), s less s_u, of a head
-    that says it itself."""
+    that says it itself. seen: (N, X + P), x and what it remembers of the motion, of a head that has a state."""
 
     responses: Float[Tensor, "N R"]
     bases: Float[Tensor, "N R"]
     next_state: Float[Tensor, "N S"] | None = None
     band: Float[Tensor, "N J"] | None = None
+    seen: Float[Tensor, "N V"] | None = None
 
 
 @runtime_checkable
@@ -83,10 +86,12 @@ class Band:
 class Corrector(nn.Module):
     """The deployed arithmetic; export.py writes these very tensors into the ONNX graph."""
 
-    def __init__(self, head: Head, rows: int, sizes: Sizes, envelope: Ramps, band: Band) -> None:
-        """rows: W."""
+    def __init__(
+        self, head: Head, rows: int, sizes: Sizes, envelope: Ramps, band: Band, guard: Guard | None = None
+    ) -> None:
+        """rows: W. guard: None for a head that changes nothing anywhere."""
         super().__init__()
-        self.head, self.rows = head, rows
+        self.head, self.rows, self.guarded = head, rows, guard is not None
         channels = len(sizes.response)
         history = rows * channels
         tensors = _envelope(envelope, channels, history, history + 3 + 2 * head.phase)
@@ -97,6 +102,8 @@ class Corrector(nn.Module):
         tensors["T"] = torch.cat([size, deviation.repeat(head.members, 1)])
         tensors["t"] = torch.tensor(band.floor, dtype=torch.float64) - uncorrected
         tensors["s_u"] = uncorrected
+        if guard is not None:
+            tensors |= _guard(guard, history, history + 3 + 2 * head.phase)
         for name, tensor in tensors.items():
             self.register_buffer(name, tensor.detach().float().contiguous())
 
@@ -118,7 +125,12 @@ class Corrector(nn.Module):
         x = torch.cat(parts, 1)
         said = self.head(x, state)
         outside = torch.relu(torch.addmm(t["r"], x, t["R"]))
-        inside = torch.relu(torch.addmm(t["one"], outside, t["v"]))
+        known = t["one"]
+        if self.guarded:
+            z = torch.addmm(t["z0"], x if said.seen is None else said.seen, t["Z"])
+            nearest = torch.addmm(t["level"], z, t["near"]).amax(1, keepdim=True)
+            known = torch.minimum(nearest - (z**2).sum(1, keepdim=True), known)
+        inside = torch.relu(torch.addmm(known, outside, t["v"]))
         lead = torch.addmm(said.responses @ t["S"], outside, t["minus_Q"])
         delta = inside * lead
         corrected = torch.addmm(delta, outside, t["Q"])
@@ -140,6 +152,22 @@ def _envelope(ramps: Ramps, channels: int, history: int, inputs: int) -> dict[st
     sum_up = torch.zeros(count + 2 * channels, 1, dtype=torch.float64)
     sum_up[:count] = -1.0
     return {"R": whole, "r": levels, "v": sum_up, "one": torch.ones(1), "Q": last, "minus_Q": -last}
+
+
+def _guard(guard: Guard, history: int, inputs: int) -> dict[str, Tensor]:
+    """Z, z0, near, level: with distances in units of d0 sqrt(FADE^2 - 1), what the guard leaves of a correction is
+    FADE^2 / (FADE^2 - 1) - min_k |z - c_k|^2: 1 at a novelty of 1, 0 at FADE."""
+    unit = guard.threshold * math.sqrt(FADE**2 - 1.0)
+    directions, shift, centres = (
+        torch.from_numpy(values / unit) for values in (guard.known.directions, guard.known.shift, guard.known.centres)
+    )
+    blind = torch.zeros(inputs - history, directions.shape[1], dtype=torch.float64)
+    return {
+        "Z": torch.cat([directions[:history], blind, directions[history:]]),
+        "z0": shift,
+        "near": 2.0 * centres.T,
+        "level": FADE**2 / (FADE**2 - 1.0) - (centres**2).sum(1),
+    }
 
 
 def spread(members: int, channels: int) -> Tensor:

@@ -68,7 +68,8 @@ def graph(corrector: Corrector, rows: int, channels: int) -> bytes:
     if head.members:  # of one alone the mean is what it says
         add("MatMul", [bases, "S"], "baseline")
     outside = add("Relu", [add("Gemm", [x, "R", "r"], "ramps")], "outside")
-    inside = add("Relu", [add("Gemm", [outside, "v", "one"], "share")], "in_envelope")
+    known = _guard(add, "seen" if head.state else x, constants) if corrector.guarded else "one"
+    inside = add("Relu", [add("Gemm", [outside, "v", known], "share")], "in_envelope")
     response = add("MatMul", [responses, "S"], "response") if head.members else responses
     delta = add("Mul", [inside, add("Gemm", [outside, "minus_Q", response], "lead")], "delta")
     add("Gemm", [outside, "Q", delta], "corrected")
@@ -140,6 +141,15 @@ def _recurrent(add: Add, x: str) -> tuple[str, str]:
     return add("Gemm", [after, "O", add("Gemm", [x, "P", "p"], "direct")], "responses"), add(
         "MatMul", [x, "E"], "bases"
     )
+
+
+def _guard(add: Add, seen: str, constants: dict[str, np.ndarray]) -> str:
+    """What the guard leaves of a correction, at most 1."""
+    constants["each"] = np.array([1], np.int64)
+    z = add("Gemm", [seen, "Z", "z0"], "motion")
+    nearest = add("ReduceMax", [add("Gemm", [z, "near", "level"], "levels"), "each"], "nearest")
+    left = add("Sub", [nearest, add("ReduceSumSquare", [z, "each"], "far")], "known_share")
+    return add("Min", [left, "one"], "known")
 
 
 def _phase(add: Any, constants: dict[str, np.ndarray]) -> str:

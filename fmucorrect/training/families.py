@@ -12,16 +12,17 @@ from dataclasses import replace
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Float64
 
 from fmucorrect.study_training import Family, Training
-from fmucorrect.training import distilled, linear, recurrent, window
+from fmucorrect.training import distilled, linear, novelty, recurrent, window
 from fmucorrect.training.band import LeftOut, left_out
 from fmucorrect.training.data import Samples, sizes
 from fmucorrect.training.deployed import Band, Head
 from fmucorrect.training.distilled import Distilled
 from fmucorrect.training.linear import Filter
 from fmucorrect.training.loop import Curve
+from fmucorrect.training.novelty import Guard
 from fmucorrect.training.recurrent import Oscillators, Recurrent
 from fmucorrect.training.tasks import Context, Task, Workshop
 from fmucorrect.training.window import Ensemble, Member, needed
@@ -146,3 +147,15 @@ def distil(
     arguments = (ensemble.members, ensemble.see, list(development), training, band)
     ((found, curves),) = workshop.run([Task("one network", distilled.distil, arguments, 0)])
     return found, tuple(curves)
+
+
+def guard(fitted: Fitted, development: Sequence[Samples]) -> Guard:
+    """Of the corrector that was fitted to them. What a recurrent one remembers by is of all conditions, also where one is left
+    out."""
+
+    def look(item: Samples, stride: int) -> Float64[np.ndarray, "N S"]:
+        windows = item.windows[::stride, item.window - fitted.rows :]
+        flat = windows.reshape(len(windows), -1).astype(np.float64)
+        return np.concatenate([flat, fitted.past(item)[::stride]], axis=1) if isinstance(fitted, Recurrent) else flat
+
+    return novelty.learn(look, fitted.rows, development, by_speed(development))

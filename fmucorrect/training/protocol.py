@@ -19,8 +19,9 @@ from fmucorrect.training.data import samples, sizes
 from fmucorrect.training.deployed import Corrector
 from fmucorrect.training.distilled import WORSE, Distilled
 from fmucorrect.training.export import to_bundle
-from fmucorrect.training.families import NETWORKS, Fitted, count, distil, lengths, refit
+from fmucorrect.training.families import NETWORKS, Fitted, count, distil, guard, lengths, refit
 from fmucorrect.training.loop import Curve
+from fmucorrect.training.novelty import Guard
 from fmucorrect.training.search import Trial, search
 from fmucorrect.training.selection import Selection, families, select
 from fmucorrect.training.tasks import Workshop
@@ -30,13 +31,14 @@ from fmucorrect.training.window import Ensemble
 @dataclass(frozen=True)
 class Trained:
     """A finished training. content: the bundle file's bytes. corrector: the same in torch, for comparison. fitted: what it
-    says without envelope. curves: of the refit, all members. trials: of the search, in order. distilled: one network for an
-    ensemble, deployed or not. warnings: of the gate."""
+    says without envelope. guard: None where nothing is corrected. curves: of the refit, all members. trials: of the search, in
+    order. distilled: one network for an ensemble, deployed or not. warnings: of the gate."""
 
     content: bytes
     corrector: Corrector
     fitted: Fitted
     selection: Selection
+    guard: Guard | None
     training: Training
     trials: tuple[Trial, ...]
     curves: tuple[Curve, ...]
@@ -63,7 +65,8 @@ def train(study: Study, training: Training | None = None, workshop: Workshop | N
     basis = sizes(development)
     envelope = corners(study.channels, checked.pairs)
     head = fitted.head()
-    corrector = Corrector(head, fitted.rows, basis, ramps(study.channels, envelope), selection.band)
+    known_motions = None if selection.family == "nothing" else guard(fitted, development)
+    corrector = Corrector(head, fitted.rows, basis, ramps(study.channels, envelope), selection.band, known_motions)
     known = about(study, checked.pairs)
     info = replace(
         known,
@@ -80,13 +83,16 @@ def train(study: Study, training: Training | None = None, workshop: Workshop | N
             "epochs": selection.epochs,
             "members": len(one.ensemble.members) if one else head.members,
             **({"one network in their place": one is fitted, "is worse by": round(one.worse, 4)} if one else {}),
+            **({} if known_motions is None else {"guard": known_motions.figures}),
         },
     )
     first = development[0]
     rows = np.linspace(0, len(first.seconds) - 1, 8).astype(int)
     windows = first.windows[rows, training.window - fitted.rows :]
     content = to_bundle(corrector, info, windows, first.condition, first.seconds[rows])
-    return Trained(content, corrector, fitted, selection, training, trials, curves, one, checked.warnings)
+    return Trained(
+        content, corrector, fitted, selection, known_motions, training, trials, curves, one, checked.warnings
+    )
 
 
 def screened(study: Study) -> Screened:

@@ -315,6 +315,12 @@ class Recurrent:
         """The mean of that, (N, J)."""
         return self.responses(item, stride).mean(axis=0)
 
+    def past(self, item: Samples) -> Float64[np.ndarray, "N P"]:
+        """The first bank at the measured rows, as the head's state has it."""
+        channels, count = len(self.see.centre), len(item.simulated)
+        past = (self.see.features(item) * self.see.feature)[-count:, channels:]
+        return np.concatenate([np.zeros((count - len(past), past.shape[1])), past])
+
     def head(self) -> RecurrentHead:
         return RecurrentHead(self)
 
@@ -379,12 +385,13 @@ class RecurrentHead(nn.Module):
         assert state is not None
         t = dict(self.named_buffers())
         past = torch.addmm(torch.addmm(t["g"], x, t["G"]), state, t["A"])
-        hidden = torch.tanh(torch.addmm(t["h"], torch.cat([x, past], 1), t["H"]))
+        seen = torch.cat([x, past], 1)
+        hidden = torch.tanh(torch.addmm(t["h"], seen, t["H"]))
         hidden = torch.tanh(torch.addmm(t["k"], hidden, t["K"]))
         missing = torch.addmm(t["o"], hidden, t["U"])
         answer = torch.addmm(missing @ t["F"], state, t["B"])
         after = torch.cat([past, answer, missing], 1)
-        return Said(torch.addmm(torch.addmm(t["p"], x, t["P"]), after, t["O"]), x @ t["E"], after)
+        return Said(torch.addmm(torch.addmm(t["p"], x, t["P"]), after, t["O"]), x @ t["E"], after, seen)
 
 
 def _rotation(poles: np.ndarray, copies: int) -> Float[Tensor, "S S"]:

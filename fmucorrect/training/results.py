@@ -23,7 +23,7 @@ from fmucorrect.training.card import card
 from fmucorrect.training.compare_table import against_others, curve_of
 from fmucorrect.training.protocol import Trained, train
 from fmucorrect.training.tasks import Workshop
-from fmucorrect.training.verdict import verdict
+from fmucorrect.training.verdict import guarded, verdict
 
 FILES = ("corrector.onnx", "card.md", "evaluation.json")
 """What `train_into` writes."""
@@ -127,9 +127,21 @@ def figures(evaluations: Sequence[Comparison], trained: Trained) -> dict[str, An
         "family": selection.family,
         "learned": round(selection.learned, 4),
         "tried": tried,
+        "guard": _guard(trained, evaluations),
         "conditions": [_condition(item) for item in evaluations],
         "warnings": [finding.to_json() for finding in trained.warnings],
     }
+
+
+def _guard(trained: Trained, evaluations: Sequence[Comparison]) -> dict[str, Any] | None:
+    """Its threshold, how often it errs, and its table; None where nothing is corrected."""
+    if trained.guard is None:
+        return None
+    rows = [
+        {"motion": name, "flagged": round(flagged, 4), "coverage_90": None if held is None else round(held, 4)}
+        for name, flagged, held in guarded(trained.guard, trained.selection, evaluations)
+    ]
+    return {**trained.guard.figures, "table": rows}
 
 
 def lines(evaluations: Sequence[Comparison]) -> str:

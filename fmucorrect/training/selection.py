@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fmucorrect.study_training import FAMILIES, Family, Training
-from fmucorrect.training.band import LeftOut, calibrate, left_out
+from fmucorrect.training.band import LeftOut, calibrate, left_out, share_inside
 from fmucorrect.training.data import Samples
 from fmucorrect.training.deployed import Band
 from fmucorrect.training.families import NETWORKS, by_speed, count, fit_filter, fold, lengths
@@ -24,12 +24,14 @@ from fmucorrect.training.window import needed
 @dataclass(frozen=True)
 class Selection:
     """What leaving conditions out said. tried: NRMSE (%) of each condition when its speed was left out, by family, the
-    simplest first. family: the one that was taken. by_fold: of the window family, NRMSE of each condition by number of epochs;
+    simplest first. family: the one that was taken. covered: share of the samples of each of these conditions that its band
+    holds. by_fold: of the window family, NRMSE of each condition by number of epochs;
     empty where it was not tried. epochs: of the family that was taken; 0 where it has none. band: calibrated on the errors
     of the family that was taken."""
 
     tried: Mapping[Family, Mapping[str, float]]
     family: Family
+    covered: Mapping[str, float]
     by_fold: Mapping[str, Mapping[int, float]]
     epochs: int
     band: Band
@@ -133,7 +135,9 @@ def select(development: Sequence[Samples], training: Training, workshop: Worksho
     length = epochs[taken]
     if taken == "recurrent":
         (length,) = lengths(taken, len(development), training)
-    return Selection(scores, taken, by_fold, length, calibrate(tried[taken]))
+    band = calibrate(tried[taken])
+    covered = {item.name: share_inside(band, item) for item in tried[taken]}
+    return Selection(scores, taken, covered, by_fold, length, band)
 
 
 def simplest(tried: Mapping[Family, Mapping[str, float]]) -> Family:

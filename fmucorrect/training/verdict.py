@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from fmucorrect.comparison import Comparison
+from fmucorrect.comparison import BAND_90, Comparison
+from fmucorrect.stepper import Status
 from fmucorrect.study_training import Family
+from fmucorrect.training.novelty import FALSE_ALARMS, Guard
 from fmucorrect.training.selection import Selection
 
 WORDS: dict[Family, str] = {
@@ -62,3 +64,35 @@ def table(selection: Selection) -> list[tuple[str, list[float], float]]:
 def conditions(selection: Selection) -> list[str]:
     """The columns of that table."""
     return list(selection.tried["nothing"])
+
+
+Motion = tuple[str, float, float | None]
+"""What was done, share flagged of the rows in motion, share of the measured samples that the 90 % band holds (None: nothing was
+measured)."""
+
+
+def guarded(guard: Guard, selection: Selection, evaluations: Sequence[Comparison]) -> list[Motion]:
+    """The guard's table: conditions that were left out, those that were held out of everything, and motions made of those of
+    development."""
+    left = [(f"{name}, left out", share, selection.covered[name]) for name, share in guard.flagged.items()]
+    unseen = [
+        (
+            f"{item.condition.name}, held out of everything",
+            float((item.status[item.excited] == Status.OUTSIDE).mean()),
+            float(item.within(BAND_90).mean()),
+        )
+        for item in evaluations
+        if item.condition.role == "evaluation"
+    ]
+    return [*left, *unseen, *((f"development, {name}", share, None) for name, share in guard.strange.items())]
+
+
+def guard_words(guard: Guard) -> str:
+    """What the guard does, and how often it errs."""
+    return (
+        "The corrector looks at the motion, too: farther from the motions of development than conditions were that had been "
+        f"left out (threshold {guard.threshold:.3g}, so that {100 * FALSE_ALARMS:.1f} % of their rows in motion are flagged), "
+        f"it fades to the bare simulation. False alarms: {100 * guard.false_alarms:.1f} % of the rows in motion of conditions "
+        f"that were left out. Misses: {100 * guard.misses:.0f} % of the rows in motion of simulated motions made of those of "
+        "development (half the size, slower, faster, random): the fewer it flags of these, the less of them is new."
+    )

@@ -10,7 +10,9 @@ import torch
 from closed_form import SMALL
 
 from fmucorrect import bundle
+from fmucorrect.experiment import pair
 from fmucorrect.study import Study
+from fmucorrect.training.data import samples
 from fmucorrect.training.deployed import phase_features
 from fmucorrect.training.export import graph
 from fmucorrect.training.protocol import Trained, train
@@ -38,15 +40,22 @@ def random_inputs(count: int, rows: int, channels: int, seed: int = 0) -> dict[s
     }
 
 
+def motions(study: Study, factor: float = 1.0) -> np.ndarray:
+    """Windows of a condition of development, in motion."""
+    return np.float32(factor) * samples(pair(study, study.condition("340")), SMALL.window).windows[1500:3500:2]
+
+
 def onnx_outputs(content: bytes, inputs: dict[str, np.ndarray]) -> list[np.ndarray]:
     session = onnxruntime.InferenceSession(content, providers=["CPUExecutionProvider"])
     return session.run(NAMES, inputs)
 
 
 @pytest.mark.parametrize("name", ["trained", "with_phase"])
-def test_torch_equals_onnx_to_a_nanometre(name: str, request: pytest.FixtureRequest) -> None:
+def test_torch_equals_onnx_to_a_nanometre(name: str, study: Study, request: pytest.FixtureRequest) -> None:
     trained: Trained = request.getfixturevalue(name)
     inputs = random_inputs(2000, SMALL.window, 2)
+    factors = np.linspace(0.8, 1.2, 1000, dtype=np.float32)[:, None, None]
+    inputs["window"][::2] = factors * motions(study)  # known motions, and such that are not quite
     with torch.no_grad():
         expected = trained.corrector(*(torch.from_numpy(value) for value in inputs.values()))
     got = onnx_outputs(graph(trained.corrector, SMALL.window, 2), inputs)
@@ -79,9 +88,18 @@ def test_outside_the_envelope_nothing_is_added(trained: Trained, tmp_path: Path)
     assert not wrong_frequency.delta.any()
     large = model.start().correct(100.0 * windows, np.array([330.0, 0.03, 2.0], np.float32), np.zeros(50))
     assert not large.delta.any()
-    near = model.start().correct(windows * 0.1, np.array([330.0, 0.03, 2.0], np.float32), np.zeros(50))
-    assert near.delta.any()
-    assert (near.inside == 1.0).all()
+
+
+def test_what_moved_otherwise_in_development_is_outside(trained: Trained, study: Study, tmp_path: Path) -> None:
+    model, condition = bundle.load(save(trained, tmp_path)), np.array([330.0, 0.03, 2.0], np.float32)
+    known = model.start().correct(motions(study), condition, np.zeros(1000))
+    assert (known.inside == 1.0).all()
+    assert known.delta.any()
+    half = model.start().correct(motions(study, 0.5), condition, np.zeros(1000))
+    assert (half.inside < 1.0).all()
+    strange = model.start().correct(motions(study)[:, ::-1], condition, np.zeros(1000))
+    assert np.mean(strange.inside == 0.0) > 0.9
+    assert np.allclose(strange.sigma[strange.inside == 0.0], model.uncorrected)
 
 
 @pytest.mark.parametrize("frequency", [2.0, 1.3, 0.7, 7.9999])

@@ -1,0 +1,173 @@
+"""The guard: how new a motion is, learned from what the corrector saw of the development conditions.
+
+    z       = Z' s + z0                 s: what the head sees, the window and of a recurrent one its memory of all before it
+    novelty = min_k |z - c_k| / d0      distance to the nearest of the known motions, in thresholds
+
+z are whitened principal components of s. The known motions c_k are rows of the development data that lie as far apart as can
+be (farthest-first traversal; Gonzalez, Clustering to minimize the maximum intercluster distance, Theor. Comput. Sci. 1985):
+rare ones, a start or a decay, are covered as well as frequent ones, and nothing is drawn. d0 is the distance within which
+nearly all rows lie of conditions that are left out in turn, from the known motions of the others: as far from what is known
+as where the band was calibrated. Only what was measured is known: rest, too, if the records hold rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float64
+
+from fmucorrect.training.data import FLOOR, Samples, quantile, sizes
+
+Look = Callable[[Samples, int], Float64[np.ndarray, "N S"]]
+"""What a head sees of every stride-th row: the window, oldest row first, in the channels' units, then its memory."""
+
+CENTRES = 256
+"""Known motions. Each costs a product with z a step; with half as many d0 of rig A is a fifth larger."""
+COMPONENTS = 12
+"""Of z at most, as many as a network of the window family sees."""
+ROWS = 20_000
+"""Of all conditions together that are looked at, evenly apart: their number is the time that it takes, seconds."""
+FALSE_ALARMS = 0.005
+"""Share of the rows in motion of conditions that were left out which lie farther than d0."""
+LEAST = 0.1
+"""Smallest d0, for records that repeat one another. Each of z has the power 1, so that this is a tenth of a motion; much less
+is lost in the single precision of |z|^2."""
+FADE = 2.0
+"""Novelty at which nothing of a correction is left; from 1 on it fades."""
+REST = 0.05
+"""Share of its largest deflection from its median within which a channel is at rest, as `Comparison.excited` has it."""
+
+
+@dataclass(frozen=True)
+class Known:
+    """Motions that were seen. directions: (S, d), Z. shift: (d,), z0. centres: (K, d)."""
+
+    directions: Float64[np.ndarray, "S d"]
+    shift: Float64[np.ndarray, " d"]
+    centres: Float64[np.ndarray, "K d"]
+
+    def distance(self, seen: Float64[np.ndarray, "N S"]) -> Float64[np.ndarray, " N"]:
+        """To the nearest of them."""
+        z = seen @ self.directions + self.shift
+        square = (z**2).sum(axis=1) + ((self.centres**2).sum(axis=1) - 2.0 * z @ self.centres.T).min(axis=1)
+        return np.sqrt(np.maximum(square, 0.0))
+
+
+@dataclass(frozen=True)
+class Guard:
+    """threshold: d0. flagged: share of the rows in motion of each condition that lay beyond it when it was left out. strange:
+    the same share of motions that development does not hold, by what was done to those that it holds (`strangers`)."""
+
+    known: Known
+    threshold: float
+    flagged: Mapping[str, float]
+    strange: Mapping[str, float]
+
+    @property
+    def false_alarms(self) -> float:
+        """Mean share flagged of conditions that were left out."""
+        return float(np.mean(list(self.flagged.values())))
+
+    @property
+    def misses(self) -> float:
+        """Mean share not flagged of motions that development does not hold."""
+        return 1.0 - float(np.mean(list(self.strange.values())))
+
+    @property
+    def figures(self) -> dict[str, float]:
+        """As plain numbers, for a file."""
+        numbers = {"threshold": self.threshold, "false alarms": self.false_alarms, "misses": self.misses}
+        return {name: round(value, 4) for name, value in numbers.items()}
+
+
+def learn(look: Look, rows: int, development: Sequence[Samples], folds: Sequence[Sequence[int]]) -> Guard:
+    """From the conditions that a head was fitted to. rows: of its window. folds: indices of the conditions that are left out
+    together."""
+    stride = -(-sum(len(item.simulated) for item in development) // ROWS)
+    scale = sizes(development).response
+    seen, moving = [look(item, stride) for item in development], [in_motion(item, stride) for item in development]
+    unit = np.ones(seen[0].shape[1])
+    unit[: rows * len(scale)] = 1.0 / np.tile(scale, rows)
+    left = [np.zeros(0)] * len(development)
+    for held in folds:
+        others = _known([values for i, values in enumerate(seen) if i not in held], unit)
+        for i in held:
+            left[i] = others.distance(seen[i])[moving[i]]
+    threshold = max(quantile(left, 1.0 - FALSE_ALARMS), LEAST)
+    known = _known(seen, unit)
+    flagged = {item.name: float((d > threshold).mean()) for item, d in zip(development, left, strict=True)}
+    strange: dict[str, float] = {}
+    for name, made in strangers(development).items():
+        shares = [(known.distance(look(item, stride))[in_motion(item, stride)] > threshold).mean() for item in made]
+        strange[name] = float(np.mean(shares))
+    return Guard(known, threshold, flagged, strange)
+
+
+def in_motion(item: Samples, stride: int) -> Bool[np.ndarray, " N"]:
+    """Of every stride-th row whether a channel is farther from its median than at rest; all, where none is."""
+    swing = np.abs(item.simulated - np.median(item.simulated, axis=0))
+    moving = (swing > REST * swing.max(axis=0)).any(axis=1)[::stride]
+    return moving if moving.any() else ~moving
+
+
+def strangers(development: Sequence[Samples]) -> dict[str, list[Samples]]:
+    """Simulated motions of development made into others, as a linear model would move if its excitation were changed so."""
+
+    def random(q: Float64[np.ndarray, "T J"]) -> Float64[np.ndarray, "T J"]:
+        """All channels turned alike: what they have to do with one another stays (Prichard and Theiler, Generating surrogate
+        data for time series with several simultaneously measured variables, Phys. Rev. Lett. 1994)."""
+        spectrum = np.fft.rfft(q, axis=0)
+        turn = np.exp(2j * np.pi * np.random.default_rng(0).random(len(spectrum)))
+        return np.fft.irfft(spectrum * turn[:, None], len(q), axis=0)
+
+    def paced(q: Float64[np.ndarray, "T J"], factor: float) -> Float64[np.ndarray, "R J"]:
+        at = np.arange(0.0, len(q) - 1.0, factor)
+        return np.stack([np.interp(at, np.arange(len(q)), column) for column in q.T], axis=1)
+
+    changes = {
+        "half the size": lambda q: 0.5 * q,
+        "0.7 times as fast": lambda q: paced(q, 0.7),
+        "1.5 times as fast": lambda q: paced(q, 1.5),
+        "random, of the same spectrum": random,
+    }
+    made: dict[str, list[Samples]] = {name: [] for name in changes}
+    for item in development:
+        middle = np.median(item.whole, axis=0)
+        for name, change in changes.items():
+            whole = middle + change(item.whole - middle)
+            made[name].append(_moved(item, whole))
+    return made
+
+
+def _moved(item: Samples, whole: Float64[np.ndarray, "T J"]) -> Samples:
+    """The condition with another simulation from its beginning, which stands for the measurement, too."""
+    history, q = whole.astype(np.float32), whole[item.window - 1 :]
+    return replace(
+        item,
+        before=history[:0],
+        history=history,
+        seconds=np.arange(len(q)) * item.step,
+        simulated=q,
+        measured=q,
+        acceleration=np.zeros((len(q), 0)),
+        equipped=(),
+    )
+
+
+def _known(rows: Sequence[np.ndarray], unit: Float64[np.ndarray, " S"]) -> Known:
+    """rows: (N, S) of each condition. unit: what the numbers that are seen are multiplied with, so that other units change
+    nothing."""
+    seen = np.concatenate(rows) * unit
+    middle = seen.mean(axis=0)
+    power, vectors = np.linalg.eigh((seen - middle).T @ (seen - middle) / len(seen))
+    order = np.argsort(power)[::-1][:COMPONENTS]
+    spread = np.sqrt(np.maximum(power[order], FLOOR**2 * power[order[0]]))
+    directions = vectors[:, order] / spread
+    z = (seen - middle) @ directions
+    centres, nearest = [z[0]], ((z - z[0]) ** 2).sum(axis=1)
+    while len(centres) < CENTRES and nearest.max() > 0.0:
+        centres.append(z[nearest.argmax()])
+        nearest = np.minimum(nearest, ((z - centres[-1]) ** 2).sum(axis=1))
+    return Known(unit[:, None] * directions, -middle @ directions, np.array(centres))
