@@ -8,6 +8,7 @@ import json
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, fields
+from types import MappingProxyType
 from typing import Any, NoReturn, TypeVar
 
 import numpy as np
@@ -34,6 +35,8 @@ LARGEST_TEXT = 64 << 20
 """Bytes of the JSON, golden pair included."""
 DEEPEST = 16
 """Levels of lists and tables in the JSON; what is written here has five."""
+SAME = 1e-6
+"""Relative difference of two start values that are the same, written with other digits."""
 T = TypeVar("T")
 FEATURES: Mapping[str, str] = {"speed": "km/h", "amplitude": "deg", "frequency": "Hz", "start": "s"}
 """What a corrector may be conditioned on besides the window, and in which unit; `start` is where its time begins."""
@@ -84,6 +87,29 @@ class Info:
         found = {key for key in FEATURES if any(condition.get(key, 0.0) for condition in self.conditions)}
         found |= {"start"} if "frequency" in found else set()
         return {key: unit for key, unit in FEATURES.items() if key in found}
+
+    def unlike(self, given: Mapping[str, float], defaults: Mapping[str, float] = MappingProxyType({})) -> list[str]:
+        """Which start values are others than those trained with, and what they were. given: those of the FMU that are set;
+        defaults: those that hold otherwise, as far as they are known. One that took several values in training may lie
+        beyond them by as much as they lie apart, where the correction for another speed ends, too; a constant one may not
+        differ. A bundle that knows of no start values says nothing."""
+        trained = [{**self.parameters, **condition.get("parameters", {})} for condition in self.conditions]
+        known = {name for values in trained for name in values}
+        found: list[str] = []
+        for name in sorted(known | (set(given) if known else set())):
+            value = given.get(name, defaults.get(name))
+            values = [one for one in (t.get(name, defaults.get(name)) for t in trained) if one is not None]
+            if value is None or (not values and name in known):
+                continue
+            if not values:
+                found.append(f"{name} is set to {value:g}, which nothing in training was")
+                continue
+            low, high = min(values), max(values)
+            margin = high - low + SAME * max(abs(low), abs(high))
+            if not low - margin <= value <= high + margin:
+                span = f"{low:g}" if low == high else f"{low:g} to {high:g}"
+                found.append(f"{name} is {value:g}, trained with {span}")
+        return found
 
     def to_json(self) -> dict[str, Any]:
         data = {"format": 2 if self.state else 1, **asdict(self)}

@@ -38,6 +38,7 @@ from fmucorrect.screening import screen
 from fmucorrect.signals import NANOSECONDS, Channel, Condition
 from fmucorrect.stepper import CorrectedStepper, ReplayStepper, Window
 from fmucorrect.study import Study
+from fmucorrect.withheld import admitted
 from fmucorrect.workfolder import WorkFolder
 
 _READ = {"window", "condition", "time", "state"}
@@ -74,7 +75,8 @@ def seal(model: str | Path | onnx.ModelProto, study: Study, path: str | Path) ->
 
 def evaluate(item: Pair, model: Bundle) -> Comparison:
     """A bundle on a pair, through the same stepper as online."""
-    stepper = CorrectedStepper(ReplayStepper(item.simulated.channels), model)
+    corrector, _ = admitted(model, {**model.info.parameters, **item.condition.parameters}, {})
+    stepper = CorrectedStepper(ReplayStepper(item.simulated.channels), corrector)
     stepper.reset(item.condition)
     return compare(item, stepper.process(item.simulated))
 

@@ -4,6 +4,7 @@ as soon as it is there. Memory does not grow with the length, and a run that is 
 from __future__ import annotations
 
 import hashlib
+import json
 import math
 import time
 from collections.abc import Callable, Generator, Iterable, Mapping
@@ -33,9 +34,12 @@ from fmucorrect.stepper import (
     run,
 )
 from fmucorrect.study import Study
+from fmucorrect.withheld import admitted
 
 CORRECTED = "/corrected"
 FEATURES = ("speed", "amplitude", "frequency", "start")
+STARTS = "parameters"
+"""In a record's metadata: the FMU's start values of its condition, as JSON."""
 _LARGEST = 9e9
 """No speed, amplitude, frequency or start is larger: int64 nanoseconds end at 9.2e9 s."""
 
@@ -49,7 +53,8 @@ class Summary:
 
     rows: samples. seconds: simulated time from the first to the last sample. elapsed: wall clock, s. status: share of the
     samples by status name, empty where nothing was corrected. damage, repaired: what the records that were read had lost,
-    and what repair rules changed in them, starts: what the run began from where that is not known, in words; "" for nothing.
+    and what repair rules changed in them, starts: what the run began from where that is not known, in words; unlike: start
+    values by which the corrector is withheld, since it was trained with others; "" for nothing.
     """
 
     path: Path
@@ -61,6 +66,7 @@ class Summary:
     damage: str = ""
     repaired: str = ""
     starts: str = ""
+    unlike: str = ""
 
     @property
     def real_time_factor(self) -> float:
@@ -81,6 +87,7 @@ class Summary:
             "damage": self.damage,
             "repaired": self.repaired,
             "starts": self.starts,
+            "unlike": self.unlike,
         }
 
 
@@ -102,16 +109,21 @@ def run_study(
     """
     outputs.check_file(out, [*study.files(), ("the corrector", _path(corrector))], "run", overwrite)
     lost = sources.damages(condition) if study.allow_damaged else {}
+    given = {**study.parameters, **condition.parameters}
+    by = made(corrector, study)
+    corrector, unlike = (None, "") if corrector is None else admitted(corrector, given, sources.start_values(study))
     told = {
         "damage": "; ".join(f"{file.name}: {damage}" for file, damage in lost.items()),
         "starts": sources.unknown_starts(study, condition),
+        "unlike": unlike,
     }
     known = clock(study, condition) if duration is None and condition.simulated is None and study.fmu else None
-    condition = replace(condition, begins_ns=begins(study, condition) if known is None else known.origin_ns)
+    begun = begins(study, condition) if known is None else known.origin_ns
+    condition = replace(condition, begins_ns=begun, parameters=given)
     plant = sources.plant(study, condition)
     inputs = sources.inputs(study, condition, duration, known)
     source = condition.simulated or study.fmu
-    return _write("run", plant, corrector, condition, inputs, out, progress, told, made(corrector, study), source)
+    return _write("run", plant, corrector, condition, inputs, out, progress, told, by, source)
 
 
 def replay_log(
@@ -144,9 +156,11 @@ def replay_log(
         log, channels, topic=topic, repair=repair, unit=unit, reading=reading, allow_damaged=allow_damaged
     )
     repaired = sources.repaired(log, channels, topic=topic, repair=repair, reading=reading)
-    told = {"damage": damage, "repaired": repaired}
+    by = made(corrector)
+    corrector, unlike = admitted(corrector, condition.parameters, {})
+    told = {"damage": damage, "repaired": repaired, "unlike": unlike}
     stepper = ReplayStepper(channels)
-    return _write("replay", stepper, corrector, condition, inputs, out, progress, told, made(corrector), log)
+    return _write("replay", stepper, corrector, condition, inputs, out, progress, told, by, log)
 
 
 def logged_condition(
@@ -164,7 +178,8 @@ def logged_condition(
                 given[key] if key in given else _stated(log, data, key) for key in FEATURES
             )
             role = data.get("role", "development")
-            return Condition(data["condition"], role, speed, amplitude, frequency, start)
+            starts = _stated_starts(log, data)
+            return Condition(data["condition"], role, speed, amplitude, frequency, start, parameters=starts)
     return None
 
 
@@ -185,18 +200,38 @@ def _stated(log: Path, data: Mapping[str, str], key: str) -> float:
     return value
 
 
+def _stated_starts(log: Path, data: Mapping[str, str]) -> dict[str, float]:
+    """The FMU start values that a log's metadata state; {} where they do not."""
+    try:
+        found = {str(name): float(value) for name, value in json.loads(data.get(STARTS, "{}")).items()}
+    except (ValueError, TypeError, AttributeError) as error:
+        raise RecordError(
+            f"the log's metadata state no usable {STARTS}",
+            where=str(log),
+            expected="numbers by name, as JSON",
+            got=repr(data[STARTS]),
+            remedy="Give --study and --condition.",
+        ) from error
+    return found
+
+
 def metadata(condition: Condition) -> dict[str, str]:
     """What a record says of its condition; `logged_condition` reads it again, but for `begins`: the stamp (s) of the inputs,
     and of what was measured with them, at which the record's own time is 0."""
     zero = {"begins": seconds_text(condition.begins_ns)} if condition.begins_ns else {}
-    return zero | {
-        "condition": condition.name,
-        "role": condition.role,
-        "speed": repr(condition.speed),
-        "amplitude": repr(condition.amplitude),
-        "frequency": repr(condition.frequency),
-        "start": repr(condition.start),
-    }
+    starts = {STARTS: json.dumps(dict(condition.parameters))} if condition.parameters else {}
+    return (
+        zero
+        | starts
+        | {
+            "condition": condition.name,
+            "role": condition.role,
+            "speed": repr(condition.speed),
+            "amplitude": repr(condition.amplitude),
+            "frequency": repr(condition.frequency),
+            "start": repr(condition.start),
+        }
+    )
 
 
 def made(corrector: Corrector | None, study: Study | None = None) -> dict[str, str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -79,6 +80,18 @@ def unknown_starts(study: Study, condition: Condition) -> str:
         f"{name} = {given.get(name, variables[name].start or '?')}" for name in condition.free if name in variables
     ]
     return f"start values that are not known, as a first guess {', '.join(begun)}" if begun else ""
+
+
+def start_values(study: Study) -> dict[str, float]:
+    """Those that the FMU has by itself, by name; {} without one."""
+    if study.fmu is None:
+        return {}
+    variables = open_fmu(study.fmu, warn=False).variables
+    found: dict[str, float] = {}
+    for name, variable in variables.items():
+        with suppress(TypeError, ValueError):  # no start, or that of a text or an array
+            found[name] = float(variable.start)
+    return found
 
 
 def driving(study: Study, condition: Condition) -> tuple[Variable, ...]:

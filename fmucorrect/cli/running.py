@@ -233,7 +233,8 @@ def _condition(
     given = {key: value for key, value in features.items() if value is not None}
     if study is not None and name is not None:
         opened = load_study(study)
-        known, read = opened.condition(name), list(opened.files())
+        chosen, read = opened.condition(name), list(opened.files())
+        known = replace(chosen, parameters={**opened.parameters, **chosen.parameters})
     else:
         read = list[tuple[str, Path | None]]()
         known = session.logged_condition(log, topic, given, reading)
@@ -261,5 +262,7 @@ def _print_summary(summary: Summary, as_json: bool) -> None:
     if summary.status:
         shares = ", ".join(f"{name} {100 * share:.2f} %" for name, share in summary.status.items())
         say(f"status: {shares}")
-        if summary.status["outside"] > 0:
+        if summary.unlike:
+            say(f"outside: {summary.unlike}; the corrector is withheld")
+        elif summary.status["outside"] > 0:
             say("outside: the corrector was not trained for this, there it fades to the bare simulation")

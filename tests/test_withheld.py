@@ -1,0 +1,81 @@
+"""Other start values than those trained with: outside, said by name, in run and in replay; never in silence."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fmucorrect import bundle, records, session
+from fmucorrect.cli import main
+from fmucorrect.errors import RecordError
+from fmucorrect.records import writer
+from fmucorrect.signals import Channel, Record
+from fmucorrect.study import load_study
+
+ROOT = Path(__file__).resolve().parent.parent
+STUDY = ROOT / "fmus" / "roller_rig" / "A" / "study.toml"
+MODEL = ROOT / "exported_models" / "roller_rig" / "corrector.onnx"
+
+
+@pytest.fixture(scope="module")
+def model() -> bundle.Bundle:
+    return bundle.load(MODEL)
+
+
+def test_values_trained_with_and_between_are_admitted(model: bundle.Bundle) -> None:
+    for condition in model.info.conditions:
+        assert model.info.unlike({**model.info.parameters, **condition["parameters"]}) == []
+    assert model.info.unlike({**model.info.parameters, "speed": 385 / 3.6}) == []
+    assert model.info.unlike({**model.info.parameters, "speed": 500 / 3.6})[0].startswith(
+        "speed is 138.889, trained with 83"
+    )
+
+
+def test_another_one_is_named_and_so_is_one_that_was_left_alone(model: bundle.Bundle) -> None:
+    (said,) = model.info.unlike({"equivalent_conicity": 0.2})
+    assert said == "equivalent_conicity is 0.2, trained with 0.1"
+    (said,) = model.info.unlike({"primary_stiffness": 2e6}, {"primary_stiffness": 1e6})
+    assert said == "primary_stiffness is 2e+06, trained with 1e+06"
+    (said,) = model.info.unlike({"primary_stiffness": 2e6})
+    assert said == "primary_stiffness is set to 2e+06, which nothing in training was"
+    assert model.info.unlike({"primary_stiffness": 1e6}, {"primary_stiffness": 1e6}) == []
+    assert model.info.unlike({}, {"equivalent_conicity": 0.15}) == ["equivalent_conicity is 0.15, trained with 0.1"]
+
+
+def test_a_bundle_that_knows_of_none_says_nothing(model: bundle.Bundle) -> None:
+    info = replace(model.info, parameters={}, conditions=({"name": "a"},))
+    assert info.unlike({"equivalent_conicity": 0.2}) == []
+
+
+def test_run_and_replay_withhold_and_say_why(
+    model: bundle.Bundle, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    study = load_study(STUDY)
+    condition = study.condition("340")
+    other = replace(condition, parameters={**condition.parameters, "equivalent_conicity": 0.2})
+    for name, chosen, withheld in (("same", condition, False), ("other", other, True)):
+        ran = session.run_study(study, chosen, tmp_path / f"{name}.mcap", model, duration=0.2)
+        log = tmp_path / f"{name}.mcap"
+        logged = session.logged_condition(log)
+        assert logged is not None
+        replayed = session.replay_log(log, logged, tmp_path / f"{name}_again.mcap", model)
+        for summary in (ran, replayed):
+            assert bool(summary.unlike) is withheld
+            assert ("equivalent_conicity is 0.2, trained with 0.1" in summary.unlike) is withheld
+            assert summary.status["outside"] == (1.0 - summary.status["warmup"] if withheld else 0.0)
+        one, two = (records.read(path, topic="/corrected") for path in (log, tmp_path / f"{name}_again.mcap"))
+        assert (one.values == two.values).all()
+    again = ["replay", str(tmp_path / "other.mcap"), "--corrector", str(MODEL), "-o", str(tmp_path / "told.mcap")]
+    main.main(again, standalone_mode=False)
+    assert "outside: equivalent_conicity is 0.2, trained with 0.1" in capsys.readouterr().out
+
+
+def test_metadata_that_are_no_numbers_are_refused(tmp_path: Path) -> None:
+    told = {"condition": "a", "parameters": json.dumps({"k": "wide"}), **dict.fromkeys(session.FEATURES, "1.0")}
+    record = Record(np.arange(3, dtype=np.int64) * 1_000_000, np.zeros((3, 1)), (Channel("FW", "mm"),), told)
+    with writer(tmp_path / "log.mcap") as out:
+        out.write("/simulation", record)
+    with pytest.raises(RecordError, match="no usable parameters"):
+        session.logged_condition(tmp_path / "log.mcap")
