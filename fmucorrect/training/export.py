@@ -23,9 +23,15 @@ STATES = 0.1
 
 
 def to_bundle(
-    corrector: Corrector, info: Info, windows: np.ndarray, condition: np.ndarray, seconds: np.ndarray
+    corrector: Corrector,
+    info: Info,
+    windows: np.ndarray,
+    condition: np.ndarray,
+    seconds: np.ndarray,
+    past: np.ndarray | None = None,
 ) -> bytes:
-    """The content of a bundle file. windows (N, W, J), condition (3,), seconds (N,): a few real ones, the golden input."""
+    """The content of a bundle file. windows (N, W, J), condition (3,), seconds (N,): a few real ones, the golden input; past:
+    (N, P), the memory of the motion before each, of a head that has one: with another the guard lets nothing through."""
     golden: dict[str, np.ndarray] = {
         "window": np.ascontiguousarray(windows, np.float32),
         "condition": np.tile(condition.astype(np.float32), (len(windows), 1)),
@@ -33,6 +39,8 @@ def to_bundle(
     }
     if corrector.head.state:
         golden["state"] = np.random.default_rng(0).normal(scale=STATES, size=(len(windows), corrector.head.state))
+        if past is not None:
+            golden["state"][:, : past.shape[1]] = past
         golden["state"] = golden["state"].astype(np.float32)
     with torch.no_grad():
         outputs = corrector(*(torch.from_numpy(values) for values in golden.values()))

@@ -22,6 +22,7 @@ from fmucorrect.training.export import to_bundle
 from fmucorrect.training.families import NETWORKS, Fitted, count, distil, guard, lengths, refit
 from fmucorrect.training.loop import Curve
 from fmucorrect.training.novelty import Guard
+from fmucorrect.training.recurrent import Recurrent
 from fmucorrect.training.search import Trial, search
 from fmucorrect.training.selection import Selection, families, select
 from fmucorrect.training.tasks import Workshop
@@ -89,7 +90,8 @@ def train(study: Study, training: Training | None = None, workshop: Workshop | N
     first = development[0]
     rows = np.linspace(0, len(first.seconds) - 1, 8).astype(int)
     windows = first.windows[rows, training.window - fitted.rows :]
-    content = to_bundle(corrector, info, windows, first.condition, first.seconds[rows])
+    past = fitted.past(first)[np.maximum(rows - 1, 0)] if isinstance(fitted, Recurrent) else None
+    content = to_bundle(corrector, info, windows, first.condition, first.seconds[rows], past)
     return Trained(
         content, corrector, fitted, selection, known_motions, training, trials, curves, one, checked.warnings
     )

@@ -1,8 +1,8 @@
 """Is the generated C the corrector? Compiled for this machine, it is asked what ONNX Runtime is asked.
 
-Asked are the bundle's golden pair and random windows and conditions, smooth and rough, inside and outside of the
-envelope; once for every instruction set that this machine has. A corrector with a state sees them one after the other, from
-the state that ONNX Runtime has come to.
+Asked are the bundle's golden pair, windows like its own, since a guard lets nothing else through, and random windows and
+conditions, smooth and rough, inside and outside of the envelope; once for every instruction set that this machine has. A
+corrector with a state sees them one after the other, from the state that ONNX Runtime has come to.
 """
 
 from __future__ import annotations
@@ -150,6 +150,7 @@ def _questions(bundle: Bundle) -> Questions:
         seconds = np.where(rng.random(_BATCH) < 0.1, -1.0, 10.0 ** rng.uniform(-3.0, 6.0, _BATCH))
         seconds[0] = 0.0
         parts.append(_answered(bundle, windows, condition, seconds))
+        parts.append(_like_golden(rng, bundle))
     return _joined(parts)
 
 
@@ -212,6 +213,15 @@ def _golden(bundle: Bundle) -> Questions:
     ]
     golden = _joined(rows)
     return golden._replace(right=golden.right._replace(delta=arrays["corrected"] - windows[:, -1]))
+
+
+def _like_golden(rng: np.random.Generator, bundle: Bundle) -> Questions:
+    """Windows of the golden pair, up to a fifth larger or smaller, from its first state."""
+    arrays = bundle.golden
+    picked = rng.integers(len(arrays["window"]), size=_BATCH)
+    size = rng.uniform(0.8, 1.2, (_BATCH, 1, 1)).astype(np.float32)
+    state = arrays["state"][picked[0]] if "state" in arrays else None
+    return _answered(bundle, size * arrays["window"][picked], arrays["condition"][0], arrays["time"][picked, 0], state)
 
 
 @contextlib.contextmanager
