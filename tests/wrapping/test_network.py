@@ -170,8 +170,8 @@ def test_the_proof_holds_for_each_instruction_set(
     shipped: network.NetworkSources, phase: Path, phase_sources: network.NetworkSources, tmp_path: Path
 ) -> None:
     held = proof.prove(bundle.load(SHIPPED), shipped, tmp_path / "shipped")
-    assert held.windows == 1008
-    assert 500 < held.inside < 1008
+    assert held.windows == 2008
+    assert 500 < held.inside < 2008
     assert held.largest <= 1e-5
     assert {"chosen", "baseline"} <= set(held.errors)
     proof.prove(bundle.load(phase), phase_sources, tmp_path / "phase")
