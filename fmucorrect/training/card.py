@@ -106,7 +106,7 @@ def card(trained: Trained, bundle: Bundle, evaluations: Sequence[Comparison], co
     lines += _guarded(trained, evaluations)
     lines += [
         "",
-        "One axle arrangement, one excitation: the figures hold for this study. They are no evidence for safety or acceptance.",
+        "One plant, one kind of excitation: the figures hold for this study. They are no evidence for safety or acceptance.",
         "",
         f"Study sha256 `{_code(info.study_hash)}`; "
         + ", ".join(f"{_plain(k)} {_plain(v)}" for k, v in info.versions.items())
