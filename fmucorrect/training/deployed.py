@@ -43,8 +43,8 @@ class Said(NamedTuple):
     responses: Float[Tensor, "N R"]
     bases: Float[Tensor, "N R"]
     next_state: Float[Tensor, "N S"] | None = None
-    band: Float[Tensor, "N J"] | None = None
     seen: Float[Tensor, "N V"] | None = None
+    band: Float[Tensor, "N J"] | None = None
 
 
 @runtime_checkable
