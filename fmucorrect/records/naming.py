@@ -114,6 +114,12 @@ def time_column(header: str, known: bool = False) -> Column | None:
     return found if known or is_time(found.name) else None
 
 
+def time_unit(header: str, told: str) -> str:
+    """The unit of what is the time: as it is told ("1" or "" where it is not), else as its name says, else s."""
+    named = time_column(header, known=True)
+    return next(unit for unit in (told, named.unit if named is not None else "", "s") if unit not in ("", "1"))
+
+
 def bare(header: str) -> str:
     """The name that a cell of a header writes, without its unit, even of one that is not known."""
     match = re.fullmatch(r"(.*\S)\s*[\[(][^\[\]()]*[\])]", header.strip())

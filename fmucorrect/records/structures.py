@@ -145,8 +145,8 @@ class Tables:
 
     def _table(self, path: str, key: str, content: Mapping[str, Any], unit: Any) -> Table:
         about: Any = content.get("TimeInfo")
-        unit = unit or (_within(about, "Units") if isinstance(about, dict) else None) or "s"
-        text, assumed = str(unit), list[str]()
+        unit = unit or (_within(about, "Units") if isinstance(about, dict) else None) or ""
+        text, assumed = naming.time_unit(key, str(unit)), list[str]()
         unit, _, since = text.partition(" since ")
         start = seconds.parse_stamp(since.strip()) if since else (0, "")
         per = seconds.unit_ns(unit) if start else None
@@ -237,7 +237,7 @@ def _time_of(content: Mapping[str, Any], told: str) -> str | None:
     """The member that is the time: the one told, `time`, or else the only vector of numbers whose name says so."""
     if told in content and _is_vector(content[told]):
         return told
-    named = [key for key, value in content.items() if naming.is_time(key) and _is_vector(value)]
+    named = [key for key, value in content.items() if naming.time_column(key) and _is_vector(value)]
     exact = [key for key in named if key.lower() == "time"]
     small = [key for key in named if key == key.lower()]  # T beside t is no time
     return next((found[0] for found in (exact, named, small) if len(found) == 1), None)

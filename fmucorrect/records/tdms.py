@@ -144,8 +144,8 @@ class TdmsSource:
     def _timed(self, group: Any, time: Any) -> list[_Series]:
         """The channels as long as the time channel of their group."""
         metadata = _metadata(group)
-        unit = _unit(time)
-        per = 0 if _is_stamps(time) else seconds.unit_ns("s" if unit == "1" else unit)
+        unit = naming.time_unit(time.name, _unit(time))
+        per = 0 if _is_stamps(time) else seconds.unit_ns(unit)
         rows = self._whole_length(time)
         fitting: list[Any] = []
         for channel in group.channels():
@@ -345,7 +345,7 @@ def _no_numbers(channel: Any) -> str:
 def _time_channel(group: Any, told: str) -> Any:
     """The channel that is the time of its group: told or named so, or the only one of time stamps; None without one."""
     channels = [c for c in group.channels() if c.dtype is not None and (_is_stamps(c) or c.dtype.kind in "fiu")]
-    named = [c for c in channels if naming.is_time(c.name)]
+    named = [c for c in channels if naming.time_column(c.name)]
     stamps = [c for c in channels if _is_stamps(c)]
     exact = [c for c in named if c.name.lower() == "time"]
     for candidates in ([c for c in channels if told and c.name == told], exact, named, stamps):

@@ -4,7 +4,9 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+import pandas
 import pytest
+from nptdms import ChannelObject, TdmsWriter
 
 from fmucorrect.records import describe, read, topics, writer
 from fmucorrect.signals import Channel, Reading, Record
@@ -31,3 +33,24 @@ def test_a_misspelt_time_is_told(tmp_path: Path, suffix: str) -> None:
     (told,) = describe(path, Reading(time="clck")).left_out
     assert "time = 'clck': there is no such column" in told
     assert describe(path, Reading(time="clck")).topics == describe(path).topics
+
+
+@pytest.mark.parametrize("name", ["t_ms", "time_ms", "Time (ms)", "Time [ms]", "Zeit in ms"])
+@pytest.mark.parametrize("told", [True, False])
+@pytest.mark.parametrize("suffix", ["tdms", "h5", "csv", "parquet"])
+def test_the_unit_that_its_name_says(tmp_path: Path, suffix: str, name: str, told: bool) -> None:
+    """A factor of 1000 for whom it is not read."""
+    path, ms, x = tmp_path / f"log.{suffix}", T_NS / 1e6, RECORD.values[:, 0]
+    if suffix == "tdms":
+        with TdmsWriter(path) as file:
+            file.write_segment([ChannelObject("log", name, ms), ChannelObject("log", "x", x)])
+    elif suffix == "h5":
+        with h5py.File(path, "w") as file:
+            file[name], file["x"] = ms, x
+    else:
+        table = pandas.DataFrame({name: ms, "x": x})
+        table.to_csv(path, index=False) if suffix == "csv" else table.to_parquet(path)
+    reading = Reading(time=name) if told else Reading()
+    record = read(path, ["x"], reading=reading)
+    assert record.t_ns.tolist() == T_NS.tolist()
+    assert not any("no such column" in text for text in describe(path, reading).left_out)
