@@ -192,9 +192,10 @@ class Free(Fmi2Slave):
 """
 
 
-@pytest.mark.parametrize(("begins", "clock"), [(0.0, "common"), (0.25, "common"), (1.7e9, 0.0)])
+@pytest.mark.parametrize(("begins", "clock"), [(0.0, "common"), (0.25, "common"), (2.0, 0.0), (1.7e9, 0.0)])
 def test_the_clock_of_a_run_that_nothing_drives(begins: float, clock: str | float, tmp_path: Path):
-    """Released at 0: a logger that was started 0.25 s later counts from there, one that counts since 1970 says nothing."""
+    """Released at 0: a logger that was started 0.25 s later counts from there, one that counts since 1970 says nothing, and one
+    that counts from 2 s on is believed by nobody who has looked at what it measured."""
     (tmp_path / "free.py").write_text(FREE)
     command = [sys.executable, "-m", "pythonfmu", "build", "-f", str(tmp_path / "free.py"), "-d", str(tmp_path)]
     subprocess.run(command, check=True, capture_output=True)

@@ -12,13 +12,24 @@ stiffness, damping and inertia, `written` is the text.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 
 from fmucorrect.clocks import overlapping
 from fmucorrect.drafting.driving import find_driving
 from fmucorrect.drafting.joints import find_joints, joint_units
-from fmucorrect.drafting.pairing import UNITLESS, Run, beside, find_channels, input_units, quiet, read_run, step_of
+from fmucorrect.drafting.pairing import (
+    UNITLESS,
+    ChannelGuess,
+    Run,
+    beside,
+    find_channels,
+    input_units,
+    quiet,
+    read_run,
+    step_of,
+)
 from fmucorrect.drafting.parameters import find_parameters
 from fmucorrect.drafting.written import Draft, DraftedRun
 from fmucorrect.errors import FmuError, RecordError, few
@@ -61,8 +72,14 @@ def draft(
     step_ns, why = step_of(model, first)
     progress(STEPS[1])
     driving = find_driving(model, first, step_ns)
+    channels = find_channels(model, first, driving.trial)
+    if not driving.inputs and first.believed and first.stamps[0] > 0:
+        other = replace(first, at_once=True)
+        again = find_driving(model, other, step_ns)
+        if _shown(anew := find_channels(model, other, again.trial)) > _shown(channels):
+            first, driving, channels = other, again, anew
+            logs = [replace(log, at_once=True) for log in logs]
     inputs, trial = {guess.variable: guess.column for guess in driving.inputs}, driving.trial
-    channels = find_channels(model, first, trial)
     if not channels:
         free = [v.name for v in model.of("input") if v.number and v.name not in inputs]
         still = f", and none drives its inputs {few(free)}" if free and not inputs else ""
@@ -129,6 +146,11 @@ def _read(runs: Sequence[str | PathLike[str]], reading: Reading) -> list[Run]:
     return list(logs.values())
 
 
+def _shown(channels: Sequence[ChannelGuess]) -> float:
+    """How well columns show outputs, together; a model that runs from the wrong instant shows them worse, or turned over."""
+    return sum((abs(guess.shown) + (guess.shown > 0.0) for guess in channels), 0.0)
+
+
 def _clock(log: Run, reference: Path | None, driven: bool) -> str:
     """The value of `clock` in the records of a run, and why; "" where one file has it all."""
     begins = f"its stamps begin at {seconds_text(log.stamps[0])} s"
@@ -140,4 +162,5 @@ def _clock(log: Run, reference: Path | None, driven: bool) -> str:
         return ""
     if log.believed:
         return f'"common"  # guess: nothing drives the run, which begins at 0; {begins}: they are believed'
-    return f"0.0  # guess: nothing drives the run; {begins}, far from its 0: both are taken to begin at once"
+    why = "but simulated and measured are more alike where" if log.at_once else "far from its 0:"
+    return f"0.0  # guess: nothing drives the run; {begins}, {why} both are taken to begin at once"

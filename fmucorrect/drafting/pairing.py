@@ -53,7 +53,8 @@ UNITLESS = ("", "1", "-")
 class Run:
     """A log. columns: unit by the name that selects it, of the numeric columns, those with the most samples first. record:
     these columns, all rows. left_out: what else it holds, and why, in words. repeated: columns that are the same in another
-    run to the last digit: commands, no measurements. reading: how a study has to read it, beside what the file says."""
+    run to the last digit: commands, no measurements. reading: how a study has to read it, beside what the file says.
+    at_once: whether a run that nothing drives begins with its first row, whatever its stamps."""
 
     path: Path
     columns: Mapping[str, str]
@@ -61,6 +62,7 @@ class Run:
     left_out: tuple[str, ...]
     repeated: frozenset[str] = frozenset()
     reading: Reading = AS_IT_IS
+    at_once: bool = False
 
     @property
     def stamps(self) -> tuple[int, int]:
@@ -75,7 +77,7 @@ class Run:
     @property
     def believed(self) -> bool:
         """Whether its stamps may count from the begin of a run that nothing drives (clocks)."""
-        return overlapping((0, self.stamps[1] - self.stamps[0]), self.stamps)
+        return not self.at_once and overlapping((0, self.stamps[1] - self.stamps[0]), self.stamps)
 
     @property
     def begins(self) -> int:
