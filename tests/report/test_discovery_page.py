@@ -93,7 +93,7 @@ def test_named_says_verdict_values_and_gap_at_once() -> None:
         "end Law;",
         "no evidence for safety, certification or acceptance",
         "took 134 s",
-        "cost 12 340 runs of the FMU, 48 h simulated",
+        "cost 12 340 runs of the FMU, 48.0 h simulated",
     ):
         assert said in text, said
     assert text.index("Evaluation: held out") < text.index("Development: the search")
