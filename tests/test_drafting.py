@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,6 +9,7 @@ import asammdf
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from exported import by_pythonfmu
 
 from fmucorrect import cli
 from fmucorrect.drafting import draft
@@ -59,11 +58,7 @@ STEP, ROWS, BEGINS = 2_000_000, 1500, 1_767_225_600_000_000_000
 
 @pytest.fixture(scope="module")
 def car(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("car")
-    (folder / "quarter_car.py").write_text(QUARTER_CAR)
-    command = [sys.executable, "-m", "pythonfmu", "build", "-f", str(folder / "quarter_car.py"), "-d", str(folder)]
-    subprocess.run(command, check=True, capture_output=True)
-    return folder / "QuarterCar.fmu"
+    return by_pythonfmu(tmp_path_factory.mktemp("car"), "QuarterCar", QUARTER_CAR)
 
 
 @pytest.fixture(scope="module")
@@ -196,10 +191,8 @@ class Free(Fmi2Slave):
 def test_the_clock_of_a_run_that_nothing_drives(begins: float, clock: str | float, tmp_path: Path):
     """Released at 0: a logger that was started 0.25 s later counts from there, one that counts since 1970 says nothing, and one
     that counts from 2 s on is believed by nobody who has looked at what it measured."""
-    (tmp_path / "free.py").write_text(FREE)
-    command = [sys.executable, "-m", "pythonfmu", "build", "-f", str(tmp_path / "free.py"), "-d", str(tmp_path)]
-    subprocess.run(command, check=True, capture_output=True)
-    with IsolatedStepper(tmp_path / "Free.fmu", (Channel("x", ""),)) as stepper:
+    fmu = by_pythonfmu(tmp_path, "Free", FREE)
+    with IsolatedStepper(fmu, (Channel("x", ""),)) as stepper:
         result = run(stepper, Condition("a"), grid(4.0, 2_000_000))
     assert result is not None
     late = begins if begins < 1.0 else 0.0
@@ -208,7 +201,7 @@ def test_the_clock_of_a_run_that_nothing_drives(begins: float, clock: str | floa
     path = tmp_path / "free.csv"
     with writer(path) as file:
         file.write("/log", Record(stamps, 1e3 * result.values[kept], (Channel("Disp x", "mm"),)))
-    (tmp_path / "study.toml").write_text(draft(tmp_path / "Free.fmu", [path]).text(tmp_path / "study.toml"))
+    (tmp_path / "study.toml").write_text(draft(fmu, [path]).text(tmp_path / "study.toml"))
     study = load_study(tmp_path / "study.toml")
     assert study.conditions[0].clock == clock
     item = pair(study, study.conditions[0])

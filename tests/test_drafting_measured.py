@@ -5,11 +5,10 @@ The data are not part of the project (tools/real_data/README.md): without them t
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from exported import by_pythonfmu
 
 from fmucorrect.drafting import draft
 from fmucorrect.inspection import inspect
@@ -39,17 +38,12 @@ class Slide(Fmi2Slave):
 """
 
 
-def built(folder: Path, name: str, code: str) -> Path:
-    (folder / f"{name.lower()}.py").write_text(code)
-    command = [sys.executable, "-m", "pythonfmu", "build", "-f", str(folder / f"{name.lower()}.py"), "-d", str(folder)]
-    subprocess.run(command, check=True, capture_output=True)
-    return folder / f"{name}.fmu"
-
-
 @pytest.mark.skipif(not DATA.is_dir(), reason=f"there is no {DATA}: published data are not part of the project")
 def test_a_draft_needs_no_edit(tmp_path: Path) -> None:
     """The voltage drives; what the slide was told to do (qg) is as near to what comes out as what it did (qm)."""
-    found = draft(built(tmp_path, "Slide", SLIDE), [DATA / "emps" / f"DATA_EMPS{kind}.mat" for kind in ("", "_PULSES")])
+    found = draft(
+        by_pythonfmu(tmp_path, "Slide", SLIDE), [DATA / "emps" / f"DATA_EMPS{kind}.mat" for kind in ("", "_PULSES")]
+    )
     assert {guess.variable: guess.column for guess in found.driving.inputs} == {"voltage": "vir"}
     assert {guess.output: guess.column for guess in found.channels} == {"position": "qm"}
     (tmp_path / "study.toml").write_text(found.text(tmp_path / "study.toml"), encoding="utf-8")

@@ -1,11 +1,10 @@
 """An FMU that gives another answer each time is told before anything is fitted."""
 
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from exported import by_pythonfmu
 
 from fmucorrect.records import writer
 from fmucorrect.screening import screen
@@ -54,9 +53,7 @@ measurement = "log.csv"
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("mass")
-    (folder / "mass.py").write_text(MASS)
-    command = [sys.executable, "-m", "pythonfmu", "build", "-f", str(folder / "mass.py"), "-d", str(folder)]
-    subprocess.run(command, check=True, capture_output=True)
+    by_pythonfmu(folder, "Mass", MASS)
     t = np.arange(2000) * 0.002
     force = 10.0 * np.sin(2.0 * np.pi * 1.3 * t)
     x, v, rows = 0.0, 0.0, []

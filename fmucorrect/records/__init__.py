@@ -33,7 +33,7 @@ from fmucorrect.records.contents import Contents, Topic, TopicContents
 from fmucorrect.records.guarded import Guarded, damaged
 from fmucorrect.records.naming import field_names
 from fmucorrect.records.parts import PartsSource, is_recording, parts_of, refuse
-from fmucorrect.records.source import Sink, counted
+from fmucorrect.records.source import TOLD, Sink, counted
 from fmucorrect.records.writing import Writer
 from fmucorrect.signals import AS_IT_IS, Reading, Record
 
@@ -159,15 +159,15 @@ def describe(path: str | PathLike[str], reading: Reading = AS_IT_IS) -> Contents
 
 
 Seen = TypeVar("Seen")
-_Told = tuple[str, float, str, str, str]
-"""What of a reading the source itself needs: time, rate, delimiter, decimal, encoding."""
+_Told = tuple[str | float, ...]
+"""The values of source.TOLD."""
 SETTLED = 2_000_000_000
 """ns without a change after which a file's times of change tell every further one: clocks of file systems tick in ms to 2 s."""
 
 
 @lru_cache(maxsize=256)
 def _topics(name: str, state: tuple[int, ...], told: _Told) -> tuple[Topic, ...]:
-    source = _source(name, _reading(told))
+    source = _source(name, replace(AS_IT_IS, **dict(zip(TOLD, told, strict=True))))
     try:
         return source.topics()
     finally:
@@ -176,7 +176,7 @@ def _topics(name: str, state: tuple[int, ...], told: _Told) -> tuple[Topic, ...]
 
 @lru_cache(maxsize=256)
 def _contents(name: str, state: tuple[int, ...], told: _Told) -> Contents:
-    source = _source(name, _reading(told))
+    source = _source(name, replace(AS_IT_IS, **dict(zip(TOLD, told, strict=True))))
     try:
         topics = tuple(TopicContents(topic, source.extent(topic.name)) for topic in source.topics())
         return Contents(source.path, source.format, topics, source.truncated, source.damage, source.left_out)
@@ -184,16 +184,11 @@ def _contents(name: str, state: tuple[int, ...], told: _Told) -> Contents:
         source.close()
 
 
-def _reading(told: _Told) -> Reading:
-    time, rate, delimiter, decimal, encoding = told
-    return Reading(time=time, rate=rate, delimiter=delimiter, decimal=decimal, encoding=encoding)
-
-
 def _known(look: _lru_cache_wrapper[Seen], path: str | PathLike[str], reading: Reading) -> Seen:
     """What a look at a file tells. A study asks for it again and again, and a look may take a process, or all rows: a file
     that has not changed since the last one is not looked at again."""
     name = fspath(path)
-    told = reading.time, reading.rate, reading.delimiter, reading.decimal, reading.encoding
+    told = tuple(getattr(reading, key) for key in TOLD)
     if Path(name).suffix.lower() in (".tdm", ".tdms") or not Path(name).is_file():  # several files
         return look.__wrapped__(name, (), told)
     now = Path(name).stat()
@@ -205,7 +200,7 @@ def _known(look: _lru_cache_wrapper[Seen], path: str | PathLike[str], reading: R
 def is_time(topic: Topic, name: str) -> bool:
     """Whether the time of a topic is the column of this name, which may have its unit behind it."""
     own = naming.time_column(name, known=True)
-    return topic.time in (name, naming.bare(name), own.name if own is not None else name)
+    return own is not None and topic.time in (name, own.name)
 
 
 def suffix_of(path: str | PathLike[str]) -> str:

@@ -27,7 +27,7 @@ import numpy as np
 from fmucorrect.errors import FmucorrectError, RecordError
 from fmucorrect.records.contents import Column, Extent, Topic
 from fmucorrect.records.guarded import Guarded
-from fmucorrect.records.source import Block
+from fmucorrect.records.source import TOLD, Block
 from fmucorrect.signals import AS_IT_IS, Reading
 from fmucorrect.workfolder import WorkFolder
 
@@ -42,8 +42,6 @@ MEMORY, MEMORY_PER_BYTE = 2**29 + 2**28, 64
 
 _HEAD = struct.Struct("<Q")
 _MOST_HEAD = 2**27
-_TOLD = ("time", "rate", "delimiter", "decimal", "encoding")
-"""What of a reading the source itself needs."""
 _START = (
     "import sys, json; sys.path[:] = json.loads(sys.argv[1]); from fmucorrect.records.child import serve;"
     " serve(*sys.argv[2:])"
@@ -57,7 +55,7 @@ class ChildSource:
         self.path = path
         self._asked = count()
         self._limit = ANSWER_S + ANSWER_S_PER_BYTE * Path(path).stat().st_size
-        told_reading = json.dumps({key: getattr(reading, key) for key in _TOLD})
+        told_reading = json.dumps({key: getattr(reading, key) for key in TOLD})
         root = str(Path(__file__).resolve().parents[2])
         places = json.dumps([*(str(Path(place).resolve()) for place in sys.path if place), root])
         # one thread, and no arena of a gigabyte kept ready: the bound on memory counts what is kept, too

@@ -100,7 +100,8 @@ class ParquetSource:
         columns = tuple(Column(name, self._column(self._fields[place]).unit) for name, place in self._places.items())
         assumed = "; ".join(dict.fromkeys(self._assumed))
         note = "" if columns else "; ".join(self.left_out)
-        time = "" if self._time is None else naming.bare(str(self._fields[self._time].name))
+        named = None if self._time is None else naming.time_column(str(self._fields[self._time].name), known=True)
+        time = "" if named is None else named.name
         return (Topic("", columns, "columns", self._metadata | ({"assumed": assumed} if assumed else {}), note, time),)
 
     def blocks(self, topic: str, columns: Sequence[str]) -> Iterator[Block]:

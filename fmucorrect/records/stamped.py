@@ -31,8 +31,8 @@ class StampedMcap(McapSource):
 
     def topics(self) -> tuple[Topic, ...]:
         """In file order."""
-        told = {topic.name: self._columns_of_time(topic) for topic in super().topics()}
-        return tuple(replace(topic, time=self._time if told[topic.name] else "") for topic in super().topics())
+        every = super().topics()
+        return tuple(replace(topic, time=self._time if self._columns_of_time(topic) else "") for topic in every)
 
     def blocks(self, topic: str, columns: Sequence[str]) -> Iterator[Block]:
         """All rows of a topic in file order; without a time where a row has none."""

@@ -83,7 +83,7 @@ class TdmSource(Tables):
                     attributes,
                 )
             )
-        named = [c for c in channels if c[0] == self._told] or [c for c in channels if naming.is_time(c[0])]
+        named = [c for c in channels if c[0] == self._told] or [c for c in channels if naming.time_column(c[0])]
         named = named or [c for c in channels if c[1].dtype.kind == "M"]
         tables = [self._timed(title, named[0])] if named else []
         for channel in channels:
