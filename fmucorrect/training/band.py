@@ -74,6 +74,4 @@ def calibrate(folds: Sequence[LeftOut]) -> Band:
 
 def share_inside(band: Band, item: LeftOut) -> float:
     """Share of the errors of a condition that was left out within the 90 % band, all channels."""
-    level = np.abs(item.mean).mean(axis=1, keepdims=True)
-    sigma = np.array(band.floor) + np.array(band.size) * level + np.array(band.deviation) * item.deviation
-    return float((np.abs(item.error) <= BAND_90 * sigma).mean())
+    return float((np.abs(item.error) <= BAND_90 * band.sigma(item.mean, item.deviation)).mean())

@@ -81,9 +81,7 @@ def hour_later(model: Model, item: Samples, said: np.ndarray) -> dict[str, Any]:
 def band_of(band: Band, responses: np.ndarray) -> np.ndarray:
     """(N, J), as deployed.Corrector has it."""
     mean = responses.mean(axis=0)
-    level = np.abs(mean).mean(axis=1, keepdims=True)
-    spread = np.abs(responses - mean).mean(axis=0)
-    return np.array(band.floor) + np.array(band.size) * level + np.array(band.deviation) * spread
+    return band.sigma(mean, np.abs(responses - mean).mean(axis=0))
 
 
 def curve_of(curve: Curve, fold: str) -> dict[str, Any]:

@@ -82,6 +82,11 @@ class Band:
     size: tuple[float, ...]
     deviation: tuple[float, ...]
 
+    def sigma(self, mean: Float[np.ndarray, "N J"], deviation: Float[np.ndarray, "N J"]) -> Float64[np.ndarray, "N J"]:
+        """Of a mean response, and the members' mean |deviation| from it."""
+        level = np.abs(mean).mean(axis=1, keepdims=True)
+        return np.array(self.floor) + np.array(self.size) * level + np.array(self.deviation) * deviation
+
 
 class Corrector(nn.Module):
     """The deployed arithmetic; export.py writes these very tensors into the ONNX graph."""
