@@ -15,7 +15,8 @@ from fmucorrect.errors import FmuError, RecordError, SignalError, few
 from fmucorrect.fmu import FmuStepper, IsolatedStepper, Limits, Variable, input_record, open_fmu
 from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Channel, Condition, Reading, Record
 from fmucorrect.stepper import ReplayStepper, Stepper, grid
-from fmucorrect.study import Study
+from fmucorrect.study import Study, renamed_for_nothing
+from fmucorrect.study_places import place
 
 ROWS = 1024
 """Samples that are computed and written at once."""
@@ -101,6 +102,8 @@ def driving(study: Study, condition: Condition) -> tuple[Variable, ...]:
         return ()
     topics = records.topics(condition.inputs, condition.reading)
     every = open_fmu(study.fmu).of("input")
+    for loc, text in renamed_for_nothing(study, condition, [variable.name for variable in every]):
+        raise RecordError(text, where=f"{study.path}, {place(study.places, loc)}")
     found = tuple(variable for variable in every if records.has(topics, variable.name, condition.reading))
     if found:
         return found

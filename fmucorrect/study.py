@@ -16,7 +16,7 @@ from types import MappingProxyType
 from fmucorrect import sketch
 from fmucorrect.errors import SignalError, StudyError
 from fmucorrect.signals import NANOSECONDS, Channel, Condition, Reading
-from fmucorrect.study_places import Location, Places, by_line, like, misfit, place
+from fmucorrect.study_places import Location, Places, by_line, like, misfit, nearest, place
 from fmucorrect.study_training import Training
 from fmucorrect.units import NONE, Unit, parse
 
@@ -285,6 +285,8 @@ def check_study(
     if variables is not None:
         driven = {name: variables[name] for name in inputs}
         found += [*_check_model(study, variables, defined, fixed), *_check_inputs(study, driven, columns, defined)]
+        slips = [slip for condition in study.conditions for slip in renamed_for_nothing(study, condition, inputs)]
+        found += dict.fromkeys(slips)
         found += [*_check_units(study, defined)]
     return by_line(f"{place(study.places, loc)}: {text}" for loc, text in found)
 
@@ -303,6 +305,22 @@ _JOINT_UNITS = {
     "acceleration": ("m/s2", "rad/s2"),
 }
 _PARTNERS = {"velocity": "displacement", "nominal_force": "force"}
+
+
+def renamed_for_nothing(study: Study, condition: Condition, inputs: Sequence[str]) -> Iterator[tuple[Location, str]]:
+    """Names that [records] gives to columns and that nothing of the study has, an input of the FMU (`inputs`) or what is
+    measured or simulated: what they were meant for would go without its column, or take another one of its own name."""
+    channels = (*study.channels, *filter(None, [study.excitation]))
+    used = {getattr(channel, key, None) for channel in channels for key in _NAMED_COLUMNS} | set(inputs)
+    for name in condition.reading.columns:
+        if name not in used:
+            end = ("records", "columns", name)
+            loc = next((loc for loc in study.places if loc[-3:] == end), end)
+            known = nearest(name, sorted(filter(None, used)))
+            yield loc, f"nothing in the study, and no input of the FMU, is called {name!r}{known}"
+
+
+_NAMED_COLUMNS = ("name", "simulation", "measurement", "acceleration")
 
 
 def _check_units(study: Study, defined: Mapping[str, Unit]) -> Iterator[tuple[Location, str]]:

@@ -145,6 +145,9 @@ def test_names_and_units_that_the_study_gives(tmp_path: Path):
     assert left(paired(tmp_path, "log.csv", "log.csv", f"[records]\n{columns}\n{units}")) < 1e-9
     with pytest.raises(RecordError, match=r"no column is named as an input of the FMU"):
         paired(tmp_path, "log.csv", "log.csv", '[records]\ncolumns = { "x" = "Susp. travel" }')
+    slipped = columns.replace('"x" =', '"xx" =')  # the log may well have an x of its own
+    with pytest.raises(RecordError, match=r"line \d+, .*is called 'xx'; did you mean 'x'"):
+        paired(tmp_path, "log.csv", "log.csv", f"[records]\n{slipped}\n{units}")
 
 
 def test_a_text_file_as_the_study_tells_it(tmp_path: Path):

@@ -143,6 +143,8 @@ def test_a_name_that_no_record_has(tmp_path: Path, line: str) -> None:
     with pytest.raises(StudyError, match=r"no record of the study has a column '.*'.*did you mean"):
         screen(make(tmp_path, more=f"records = {{ {line} }}\n"))
     assert screen(make(tmp_path, more='records = { units = { "s2" = "mm" } }\n')).warnings == ()
+    with pytest.raises(StudyError, match=r"is called 's11'; did you mean 's1'"):
+        screen(make(tmp_path, more='records = { columns = { "s11" = "s2" } }\n'))
 
 
 def changed(**columns: Callable[[Table], np.ndarray]) -> Fault:

@@ -14,14 +14,15 @@ from fmucorrect import records, units
 from fmucorrect.clocks import clock
 from fmucorrect.errors import SHOWN
 from fmucorrect.experiment import read_samples
+from fmucorrect.fmu import open_fmu
 from fmucorrect.screening.finding import Finding
 from fmucorrect.screening.floor import COMMON, shared_noise
 from fmucorrect.screening.lifeless import alone, few_values, frozen, spikes, stuck
 from fmucorrect.screening.same import COPIED, overlap
 from fmucorrect.signals import NANOSECONDS, Channel, Condition, Reading, Record
 from fmucorrect.sources import damages, defined, driving, unknown_starts
-from fmucorrect.study import Study
-from fmucorrect.study_places import nearest
+from fmucorrect.study import Study, renamed_for_nothing
+from fmucorrect.study_places import nearest, place
 
 OFF = 0.05
 """Share by which a stated frequency or speed may differ from what was measured; an amplitude by three times as much."""
@@ -88,6 +89,17 @@ def _misnamed(study: Study) -> Iterator[Finding]:
             f"no record of the study has a column {column!r}{' of times' * (key == 'time')}{nearest(column, sorted(there))}",
             "What is said of it is lost",
             "Write the column's name as the file has it, or take the line out.",
+        )
+    inputs = [] if study.fmu is None else [variable.name for variable in open_fmu(study.fmu, warn=False).of("input")]
+    slips = [slip for condition in study.conditions for slip in renamed_for_nothing(study, condition, inputs)]
+    for loc, text in dict.fromkeys(slips):
+        yield Finding(
+            "name without a use",
+            "error",
+            place(study.places, loc),
+            text,
+            "The column is used for nothing, and what was meant goes without it",
+            "Write the name of the FMU's input, or that of a channel's measurement.",
         )
 
 
