@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -247,6 +248,12 @@ def test_what_cannot_be_drafted(car: Path, logs: list[Path], tmp_path: Path):
         draft(car, [path])
     with pytest.raises(RecordError, match=r"one simulated record for each run"):
         draft(car, logs, [logs[0]])
+    t, rng = np.arange(0.0, 10.0, 0.01), np.random.default_rng(4)  # nothing in the one is of the other
+    np.savetxt(
+        path, np.column_stack([t, *rng.normal(0.0, 1e-3, (2, len(t)))]), delimiter=",", header="t,u,y", comments=""
+    )
+    with pytest.raises(RecordError, match=r"no column shows an output"):
+        draft(car, [path])
 
 
 def test_a_log_of_outputs_alone_drives_nothing(car: Path, logs: list[Path], tmp_path: Path):
@@ -281,6 +288,7 @@ def test_groups_with_rates_of_their_own(car: Path, logs: list[Path], tmp_path: P
             drives.append(Path(file.save(tmp_path / f"{log.stem}.mf4")))
     found = draft(car, drives)
     (path := tmp_path / "study.toml").write_text(found.text(path), encoding="utf-8")
+    assert re.search(r'repair = "interpolate"  # guess: .*other stamps, .*\(\d+ Hz\), .*\(\d+ Hz\)', found.text(path))
     study = load_study(path)
     assert {channel.measurement for channel in study.channels} == {"Travel", "Body acc"}
     assert [text for text in found.left_out if "it reaches from 0 to 0.098 s" in text]

@@ -31,6 +31,7 @@ from fmucorrect.drafting.pairing import (
     step_of,
 )
 from fmucorrect.drafting.parameters import find_parameters
+from fmucorrect.drafting.starts import find_starts, in_motion
 from fmucorrect.drafting.written import Draft, DraftedRun
 from fmucorrect.errors import FmuError, RecordError, few
 from fmucorrect.fmu import open_fmu
@@ -79,6 +80,9 @@ def draft(
         if _shown(anew := find_channels(model, other, again.trial)) > _shown(channels):
             first, driving, channels = other, again, anew
             logs = [replace(log, at_once=True) for log in logs]
+    if not channels:
+        driving = find_driving(model, replace(first, heard=True), step_ns)
+        channels = find_channels(model, first, driving.trial)
     inputs, trial = {guess.variable: guess.column for guess in driving.inputs}, driving.trial
     if not channels:
         free = [v.name for v in model.of("input") if v.number and v.name not in inputs]
@@ -101,7 +105,11 @@ def draft(
             log.path,
             Path(references[i]) if references else None,
             "evaluation" if i == held_out else "development",
-            tuple(column for column in (*(g.column for g in channels), *inputs.values()) if column not in log.columns),
+            tuple(
+                f"{column}, which cannot be read: {reason}" if (reason := log.unreadable.get(column)) else column
+                for column in (*(g.column for g in channels), *inputs.values())
+                if column not in log.columns
+            ),
             _clock(log, Path(references[i]) if references else None, bool(inputs)),
             {
                 guess.column: unit
@@ -111,6 +119,7 @@ def draft(
                 and (unit := first.columns[guess.column]) not in UNITLESS
             },
             quiet(trial) if log.path == first.path else 0.0,
+            in_motion(log, channels),
         )
         for i, log in enumerate(logs)
     ]
@@ -131,6 +140,8 @@ def draft(
         ),
         left_out=first.left_out,
         reading=next((log.reading for log in logs if log.reading != reading), reading),
+        filled=next((log.filled for log in logs if log.filled), ""),
+        starts=find_starts(model),
     )
 
 

@@ -104,7 +104,7 @@ def _further(plant: Plant, log: Run, known: Driving, step_ns: int) -> Driving | 
         if found is None:
             continue
         gain, shown = found
-        why = f"no name tells; with it, {shown.output} shows {shown.column} (correlation {shown.shown:+.2f})"
+        why = f"no name tells; with it, {shown.output} shows {shown.column} ({shown.why})"
         guess = InputGuess(variable.name, column, why)
         score = gain + likeness(variable.name, column)
         if best is None or score > best[0]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 from jaxtyping import Float64
@@ -13,7 +14,7 @@ from fmucorrect import records, units
 from fmucorrect.clocks import overlapping
 from fmucorrect.drafting.guess import likeness, quantity, si
 from fmucorrect.drafting.joints import SI, kind
-from fmucorrect.errors import RecordError
+from fmucorrect.errors import RecordError, few
 from fmucorrect.fmu import FmuDescription, IsolatedStepper, Variable, input_record
 from fmucorrect.records.contents import TopicContents
 from fmucorrect.records.timebase import seconds_text
@@ -38,6 +39,11 @@ SHOWS = 0.5
 """Correlation from which a column shows an output, whatever it is called."""
 HINTS = 0.2
 """Correlation that a column needs whose name says it already: a model that lacks something may be far off."""
+HEARD = 0.5
+"""Share of a column's power that is linear in an output, from which it is of it, where no correlation says so: a model whose
+resonance is elsewhere than the machine's answers a random excitation with quite another series."""
+SIZED = 1.0
+"""Powers of ten by which it may be larger or smaller; what is only related to the output is off by more."""
 ROUNDED = 1e-12
 """Share of a column's swing by which it differs from another one that is the same: what converting leaves, and no noise."""
 TIED = 0.05
@@ -52,17 +58,22 @@ UNITLESS = ("", "1", "-")
 @dataclass(frozen=True)
 class Run:
     """A log. columns: unit by the name that selects it, of the numeric columns, those with the most samples first. record:
-    these columns, all rows. left_out: what else it holds, and why, in words. repeated: columns that are the same in another
-    run to the last digit: commands, no measurements. reading: how a study has to read it, beside what the file says.
-    at_once: whether a run that nothing drives begins with its first row, whatever its stamps."""
+    these columns, all rows. left_out: what else it holds, and why, in words. unreadable: why, by name, a column cannot be
+    read. filled: the topics between whose samples values were filled in, with their rates, in words. repeated: columns that
+    are the same in another run to the last digit: commands, no measurements. reading: how a study has to read it, beside what
+    the file says. at_once: whether a run that nothing drives begins with its first row, whatever its stamps. heard: whether
+    columns are taken for what is linear in an output and of its size, as no correlation says what they are."""
 
     path: Path
     columns: Mapping[str, str]
     record: Record
     left_out: tuple[str, ...]
+    unreadable: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    filled: str = ""
     repeated: frozenset[str] = frozenset()
     reading: Reading = AS_IT_IS
     at_once: bool = False
+    heard: bool = False
 
     @property
     def stamps(self) -> tuple[int, int]:
@@ -90,7 +101,7 @@ class ChannelGuess:
     """A measured column and the output that it shows. unit: of the column, or of the output where it says none. sign: -1
     where the sensor's positive direction is the other way. shown: their correlation. variable_unit: of an output that the
     FMU leaves without, "" where it says one. column_unit: of a column that the file leaves without, "" where it says one.
-    rivals: columns that show it as well."""
+    rivals: columns that show it as well. heard: whether `shown` is what `Run.heard` looks at."""
 
     column: str
     output: str
@@ -102,6 +113,14 @@ class ChannelGuess:
     variable_unit: str = ""
     column_unit: str = ""
     rivals: tuple[str, ...] = ()
+    heard: bool = False
+
+    @property
+    def why(self) -> str:
+        """What tells that the column shows the output."""
+        if self.heard:
+            return f"of its size and linear in it ({abs(self.shown):.2f} of 1), though no correlation tells"
+        return f"correlation {self.shown:+.2f}"
 
 
 def read_run(path: Path, reading: Reading = AS_IT_IS) -> Run:
@@ -123,13 +142,23 @@ def read_run(path: Path, reading: Reading = AS_IT_IS) -> Run:
     }
     try:
         record, wrong = _readable(path, list(units), reading)
+        filled = ""
     except RecordError:
         if len(kept) == 1:
             raise
+        filled = f"straight lines between the samples of topics with other stamps, {_rates(kept)}"
         reading = replace(reading, repair=",".join(filter(None, [reading.repair, "interpolate"])))
         record, wrong = _readable(path, list(units), reading)
     columns = {channel.name: units[channel.name] for channel in record.channels}
-    return Run(path, columns, record, (*contents.left_out, *left_out, *wrong), reading=reading)
+    told = (*contents.left_out, *left_out, *wrong.values())
+    return Run(path, columns, record, told, wrong, filled, reading=reading)
+
+
+def _rates(topics: Sequence[TopicContents]) -> str:
+    """The topics with their rates, in words."""
+    lengths = [max((item.extent.stop_ns or 0) - (item.extent.start_ns or 0), 1) / NANOSECONDS for item in topics]
+    rates = [f"{(item.extent.rows - 1) / length:.4g} Hz" for item, length in zip(topics, lengths, strict=True)]
+    return few([f"{item.topic.name or 'the first'} ({rate})" for item, rate in zip(topics, rates, strict=True)])
 
 
 def _beside_each_other(filled: Sequence[TopicContents]) -> tuple[list[TopicContents], list[str]]:
@@ -151,11 +180,11 @@ def _beside_each_other(filled: Sequence[TopicContents]) -> tuple[list[TopicConte
     return kept, left_out
 
 
-def _readable(path: Path, columns: Sequence[str], reading: Reading) -> tuple[Record, list[str]]:
+def _readable(path: Path, columns: Sequence[str], reading: Reading) -> tuple[Record, dict[str, str]]:
     """All columns but those that have no value at some row, which the others are as good without; and what is wrong with
-    these. Raises RecordError where that is every one."""
+    these, by name. Raises RecordError where that is every one."""
     try:
-        return records.read(path, columns, reading=reading), []
+        return records.read(path, columns, reading=reading), {}
     except RecordError as error:
         wrong: dict[str, str] = {}
         for column in columns:
@@ -166,7 +195,7 @@ def _readable(path: Path, columns: Sequence[str], reading: Reading) -> tuple[Rec
         if not wrong or len(wrong) == len(columns):
             raise error
         kept = [column for column in columns if column not in wrong]
-        return records.read(path, kept, reading=reading), list(wrong.values())
+        return records.read(path, kept, reading=reading), wrong
 
 
 def beside(log: Run, other: Run) -> Run:
@@ -191,7 +220,7 @@ def may_be(one: str, other: str, known: Mapping[str, units.Unit] = units.NONE) -
 class Trial:
     """One run of the model over a log: all its outputs (own units) and all measured columns, on one grid.
 
-    simulated: (T, O); measured: (T, C). driven: the inputs as they were logged, None without any.
+    simulated: (T, O); measured: (T, C). driven: the inputs as they were logged, None without any. heard: as of `Run`.
     """
 
     outputs: tuple[Variable, ...]
@@ -199,6 +228,7 @@ class Trial:
     columns: tuple[str, ...]
     measured: Float64[np.ndarray, "T C"]
     driven: Record | None
+    heard: bool = False
 
     def only(self, columns: Sequence[str]) -> Trial:
         """The same with those of these columns that it has."""
@@ -269,7 +299,7 @@ def try_out(plant: Plant, log: Run, inputs: Mapping[str, str], step_ns: int) -> 
     measured = resample(record, step_ns) if len(record) > 1 else record
     shown = simulated.values[round(late / step_ns) :]
     rows = min(len(shown), len(measured))
-    return Trial(tuple(outputs), shown[:rows], columns, measured.values[:rows], driven)
+    return Trial(tuple(outputs), shown[:rows], columns, measured.values[:rows], driven, log.heard)
 
 
 def input_units(fmu: FmuDescription, log: Run, inputs: Mapping[str, str]) -> dict[str, str]:
@@ -285,6 +315,8 @@ def find_channels(fmu: FmuDescription, log: Run, trial: Trial) -> tuple[ChannelG
     from scipy.optimize import linear_sum_assignment
 
     shown = correlations(trial.measured, trial.simulated)
+    if trial.heard:
+        shown = _heard(fmu, log, trial, shown)
     alike = np.array([[likeness(c, o.name) for o in trial.outputs] for c in trial.columns]).reshape(shown.shape)
     fits = [
         [c not in log.repeated and may_be(log.columns[c], o.unit, fmu.defined) for o in trial.outputs]
@@ -314,6 +346,7 @@ def find_channels(fmu: FmuDescription, log: Run, trial: Trial) -> tuple[ChannelG
                     variable_unit,
                     column_unit,
                     tuple(trial.columns[i] for i in free if score[i, o] > score[c, o] - TIED),
+                    trial.heard,
                 )
             )
     return tuple(sorted(found, key=lambda guess: trial.columns.index(guess.column)))
@@ -365,6 +398,31 @@ def correlations(
     scale = np.outer(*norms)
     moving = np.outer(norms[0] > 0.0, norms[1] > 0.0)
     return np.where(moving, (a.T @ b) / np.where(moving, scale, 1.0), 0.0)
+
+
+def _heard(
+    fmu: FmuDescription, log: Run, trial: Trial, correlation: Float64[np.ndarray, "C O"]
+) -> Float64[np.ndarray, "C O"]:
+    """The share of each column's power that is linear in each output, less what it is larger or smaller (powers of ten), with
+    the sign of their correlation; 0 where it is of another size. A column without a unit is taken in the output's."""
+    from scipy.signal import csd, welch
+
+    found, length = np.zeros_like(correlation), len(trial.measured) // 8
+    if length < 8:
+        return found
+    for (c, o), sign in np.ndenumerate(np.copysign(1.0, correlation)):
+        column, output = trial.columns[c], trial.outputs[o]
+        measured, simulated, unit = trial.measured[:, c], trial.simulated[:, o], log.columns[column]
+        if np.ptp(measured) > 0.0 and np.ptp(simulated) > 0.0 and may_be(unit, output.unit, fmu.defined):
+            said = unit not in UNITLESS and output.unit not in UNITLESS
+            factor = units.conversion("gn" if unit == "g" else unit, output.unit, column, fmu.defined) if said else 1.0
+            away = abs(np.log10(trial.ratio(column, output.name) * factor)) / SIZED
+            (_, powers), (_, power) = (welch(series, nperseg=length) for series in (measured, simulated))
+            _, shared = csd(measured, simulated, nperseg=length)
+            share = float((np.abs(shared) ** 2 / np.maximum(power, np.finfo(float).tiny)).sum() / powers.sum())
+            if share >= HEARD and away <= 1.0:
+                found[c, o] = sign * share * (1.0 - away / 2.0)
+    return found
 
 
 def step_of(fmu: FmuDescription, log: Run) -> tuple[int, str]:

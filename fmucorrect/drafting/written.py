@@ -16,12 +16,15 @@ from fmucorrect.errors import few, one_line
 from fmucorrect.fmu import FmuDescription
 from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Reading
 
+SHOWN_STARTS = 12
+"""Start values that a comment lists; of a whole vehicle's hundred it shows some."""
+
 
 @dataclass(frozen=True)
 class DraftedRun:
-    """A log, the simulated record that belongs to it, its role, what the others have and it has not, its clock in the study
-    with the reason, "" for none, the units that another log says and it does not, and s at its beginning in which nothing
-    moves, 0 where that is not known."""
+    """A log, the simulated record that belongs to it, its role, what the others have and it has not (or not readably, with
+    the reason), its clock in the study with the reason, "" for none, the units that another log says and it does not, s at
+    its beginning in which nothing moves, 0 where that is not known, and whether it begins in motion."""
 
     path: Path
     simulated: Path | None
@@ -30,12 +33,14 @@ class DraftedRun:
     clock: str
     units: Mapping[str, str]
     quiet: float
+    in_motion: bool = False
 
 
 @dataclass(frozen=True)
 class Draft:
     """units: of variables that the FMU leaves without one. unpaired: columns that show no output, in words. left_out:
-    what a log holds that is no column, in words. reading: what was told of the logs."""
+    what a log holds that is no column, in words. reading: what was told of the logs. filled: why values between samples are
+    asked for, "" where they are not, or were by the user. starts: variables with start values that may be free."""
 
     model: FmuDescription
     step_ns: int
@@ -49,6 +54,8 @@ class Draft:
     unpaired: tuple[str, ...]
     left_out: tuple[str, ...]
     reading: Reading = AS_IT_IS
+    filled: str = ""
+    starts: tuple[str, ...] = ()
 
     def text(self, path: Path) -> str:
         """The study file, to be written to `path`: file names are relative to it."""
@@ -91,7 +98,8 @@ class Draft:
         if unsaid or told:
             yield ""
             yield "[records]"
-            yield from (f"{key} = {toml(value)}" for key, value in told.items())
+            for key, value in told.items():
+                yield f"{key} = {toml(value)}{f'  # guess: {one_line(self.filled)}' if key == 'repair' and self.filled else ''}"
         if unsaid:
             yield f"units = {toml(unsaid)}  # guess: the logs say none; what makes simulated and measured of one size"
         if renamed:
@@ -111,12 +119,12 @@ class Draft:
         yield f"name = {toml(guess.output)}"
         yield f"simulation = {toml(guess.output)}"
         rivals = f"; as likely: {one_line(few(guess.rivals))}" if guess.rivals else ""
-        yield f"measurement = {toml(guess.column)}  # guess: {named}, correlation {guess.shown:+.2f}{rivals}"
+        yield f"measurement = {toml(guess.column)}  # guess: {named}, {guess.why}{rivals}"
         yield f'quantity = "{guess.quantity}"'
         said = "  # guess: nobody says one" if guess.column_unit and guess.variable_unit else ""
         yield f"unit = {toml(guess.unit)}{said}"
-        if guess.sign < 0:
-            yield "measurement_sign = -1  # guess: by the correlation"
+        if guess.sign < 0 or guess.heard:
+            yield f"measurement_sign = {guess.sign}  # guess: by the correlation{', which is weak' * guess.heard}"
 
     def _joint(self, joint: JointGuess) -> Iterator[str]:
         yield ""
@@ -156,6 +164,9 @@ class Draft:
                 yield f"records = {{ {', '.join(entries)} }}  # guess: {'; '.join(reasons)}"
             if run.quiet:
                 yield f"quiet = [0.0, {run.quiet:.3f}]  # guess: nothing moves there"
+            if run.in_motion and self.starts:
+                named = few(self.starts) if len(self.starts) > SHOWN_STARTS else ", ".join(map(toml, self.starts))
+                yield f"# it begins in motion; those of these start values that nobody knows: free = [{one_line(named)}]"
             if run.missing:
                 yield f"# it lacks {one_line(', '.join(run.missing))}"
 
