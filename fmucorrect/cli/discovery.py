@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from fmucorrect.cli.group import ALLOW_DAMAGED, OVERWRITE, PATH, STEP_TIMEOUT, say
+from fmucorrect.cli.group import ALLOW_DAMAGED, OVERWRITE, PATH, STEP_TIMEOUT, Span, say
 
 
 @click.command()
@@ -20,6 +20,11 @@ from fmucorrect.cli.group import ALLOW_DAMAGED, OVERWRITE, PATH, STEP_TIMEOUT, s
     help="Address of a dask scheduler that you trust: it can run anything here and on its workers. tls://... takes the "
     "certificates of dask's configuration. Default: this machine's cores.",
 )
+@click.option(
+    "--time-limit",
+    type=Span(),
+    help="Clock time after which the search ends with its verdict so far, as 900, 15min or 2h. The same command goes on.",
+)
 @STEP_TIMEOUT
 @OVERWRITE
 @ALLOW_DAMAGED
@@ -28,6 +33,7 @@ def discover(
     study: Path,
     out: Path,
     scheduler: str,
+    time_limit: float | None,
     step_timeout: float | None,
     overwrite: bool,
     allow_damaged: bool,
@@ -36,7 +42,8 @@ def discover(
     """Find where a STUDY's simulation and measurement disagree, name what the model lacks, and prove it.
 
     Writes report.html and report.json, and where something was found effects.toml, augmented.fmu (the FMU with it) and
-    study.toml (the same study on augmented.fmu, for `fmucorrect train`). Broken off, the same command goes on where it was.
+    study.toml (the same study on augmented.fmu, for `fmucorrect train`). Broken off, or ended by --time-limit, the same
+    command goes on where it was.
 
     Example: fmucorrect discover study.toml -o found
     """
@@ -62,6 +69,7 @@ def discover(
                 step_timeout=step_timeout,
                 allow_damaged=allow_damaged,
                 overwrite=overwrite,
+                time_limit=time_limit,
             )
     if as_json:
         say((out / "report.json").read_text(encoding="utf-8"))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import re
 import signal
 import sys
 import threading
@@ -67,6 +68,20 @@ OVERWRITE = click.option(
     is_flag=True,
     help="Write over what is at -o already and this command did not make; never over an input.",
 )
+
+
+class Span(click.ParamType):
+    """A time of the clock: s, or with a unit, as 15min; becomes s."""
+
+    name = "time"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """In s. Raises click.BadParameter."""
+        found = re.fullmatch(r"(\d+(?:\.\d*)?|\.\d+) *(s|min|h)?", str(value).strip())
+        seconds = float(found[1]) * {None: 1.0, "s": 1.0, "min": 60.0, "h": 3600.0}[found[2]] if found else 0.0
+        if seconds <= 0.0:
+            self.fail(f"{value!r} is no time: give s, or a number with s, min or h, as 900, 15min or 2h", param, ctx)
+        return seconds
 
 
 class UserError(click.ClickException):

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
+import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Executor
-from contextlib import suppress
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -25,8 +26,9 @@ from fmucorrect.discovery.elsewhere import library, quietly
 from fmucorrect.discovery.evenness import TOO_UNEVEN, uneven
 from fmucorrect.discovery.fitted import Setting
 from fmucorrect.discovery.kept import Kept
+from fmucorrect.discovery.ledger import AHEAD
 from fmucorrect.discovery.located import located
-from fmucorrect.discovery.naming import Naming, name
+from fmucorrect.discovery.naming import Naming, Stopped, name
 from fmucorrect.discovery.nexttest import next_test
 from fmucorrect.discovery.outputmap import output_maps
 from fmucorrect.discovery.pictures import free_picture, picture
@@ -42,7 +44,9 @@ from fmucorrect.screening import screen
 from fmucorrect.study import Study, load_study
 from fmucorrect.units import parse
 
-FILES = ("report.json", "report.html", "effects.toml", "augmented.fmu", "study.toml", ".progress/")
+MODEL_FILES = ("effects.toml", "augmented.fmu", "study.toml")
+"""What it writes where something was found that an FMU can take."""
+FILES = ("report.json", "report.html", *MODEL_FILES, ".progress/")
 """What a discovery writes into its folder."""
 
 
@@ -55,6 +59,7 @@ def discover(
     step_timeout: float | None = None,
     allow_damaged: bool = False,
     overwrite: bool = True,
+    time_limit: float | None = None,
 ) -> Report:
     """Everything of `fmucorrect discover`: returns the report, which is also OUT/report.json, with report.html beside it and,
     where something was found that an FMU can take, effects.toml, augmented.fmu and study.toml.
@@ -63,9 +68,12 @@ def discover(
     is written: a run that was broken off goes on where it stopped, as far as nothing has changed since. executor: simulates
     large batches of candidates, on other machines perhaps; None for this machine alone. step_timeout: s
     that the solver may take for one step, None for the study's own. allow_damaged: whether records that
-    lost something are taken for what is there; the report's warnings say what they lost. Raises StudyError, RecordError,
-    SignalError, FmuError.
+    lost something are taken for what is there; the report's warnings say what they lost. time_limit: s of the clock after
+    which the search ends with the verdict so far, None for none; the report then has `complete` false, and the same call goes
+    on where the search was. Of the evaluation conditions that learns nothing: they are no part of what is kept. Raises
+    StudyError, RecordError, SignalError, FmuError.
     """
+    ends = math.inf if time_limit is None else time.monotonic() + time_limit
     study = replace(load_study(study_file).with_step_timeout(step_timeout), allow_damaged=allow_damaged)
     folder = Path(out)
     outputs.check_folder(folder, FILES, study.files(), "discover", overwrite, away_from=study.path)
@@ -91,13 +99,19 @@ def discover(
     with (
         threadpool_limits(1),
         quietly(),
+        _kept_when_broken_off(),
         load(study, built, kept=kept, executor=executor, pairs=checked.pairs) as problem,
     ):
         lap("load")
+        problem.spent.until = ends
         naming = name(problem, progress)
         decision = decide(naming)
         lap("name")
-        report, found = _report(study, problem, naming, decision, progress, lap)
+        stopped = naming.stopped
+        with nullcontext(problem) if stopped is None else stopped.problem as seen:
+            report, found = _report(
+                study, seen, naming, decision, progress, lap, _completeness(study, stopped, time_limit)
+            )
         report["cost"] = {"runs": problem.spent.runs, "seconds": round(problem.spent.seconds, 1)}
     written, notes = [], []
     if found is not None:
@@ -109,9 +123,45 @@ def discover(
     lap("write")
     report["stages"] = {stage: round(value, 3) for stage, value in seconds.items()}
     report = _plain(report)
+    _withdraw(folder, written)
     write(folder, report)
-    kept.clear()
+    if stopped is None:
+        kept.clear()
     return Report(report)
+
+
+@contextmanager
+def _kept_when_broken_off() -> Generator[None]:
+    """Ctrl-C says how it goes on."""
+    try:
+        yield
+    except KeyboardInterrupt as error:
+        error.add_note("What was found so far is kept: the same command goes on where this one was.")
+        raise
+
+
+def _completeness(study: Study, stopped: Stopped | None, limit: float | None) -> dict[str, Any]:
+    """`complete`, and of a search that its time limit (s) ended `not_looked_at`, in words."""
+    if stopped is None:
+        return {"complete": True}
+    seen = {trial.condition.name for trial in stopped.problem.trials}
+    unseen = ", ".join(condition.name for condition in study.development if condition.name not in seen)
+    ahead = [
+        f"{AHEAD[stage]} ({unseen})" if stage == "conditions" and unseen else AHEAD[stage] for stage in stopped.ahead
+    ]
+    return {"complete": False, "time_limit": limit, "not_looked_at": ahead}
+
+
+def _withdraw(folder: Path, written: Sequence[str]) -> None:
+    """A verdict so far that lies there takes its files with it, as far as the new one has none of that name: they are no
+    longer what was found."""
+    try:
+        before = json.loads((folder / "report.json").read_bytes())
+        gone = {*before["files"]} & {*MODEL_FILES} - {*written} if before["complete"] is False else set[str]()
+    except (OSError, ValueError, KeyError, TypeError):  # none, or another program's
+        return
+    for file in gone:
+        (folder / file).unlink(missing_ok=True)
 
 
 def write(folder: Path, report: dict[str, Any]) -> None:
@@ -140,6 +190,7 @@ def _report(
     decision: Decision,
     progress: Progress,
     lap: Callable[[str], None],
+    completeness: dict[str, Any],
 ) -> tuple[dict[str, Any], Found | None]:
     """The report, and what an FMU can be given of what was found."""
     best = decision.best
@@ -182,6 +233,7 @@ def _report(
         "format": 1,
         "verdict": verdict,
         "sentence": "",
+        **completeness,
         "study": {"name": study.name, "fmu": None if study.fmu is None else study.fmu.name, "step_size": step},
         "effects": rows if named else [],
         "suspects": [] if named else rows,

@@ -10,6 +10,7 @@ from jaxtyping import Float64
 from fmucorrect.discovery.fitted import Fitted, Setting, explains, judge, judge_at
 from fmucorrect.discovery.form import FARTHEST, covariance, normal, step, stepped
 from fmucorrect.discovery.kept import remembered
+from fmucorrect.discovery.ledger import Entry
 from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.nuisances import PERTURBED, sensitivities
 from fmucorrect.discovery.offsets import with_whole_offsets
@@ -30,7 +31,6 @@ SLOW, HOLDS = 3.0, 0.3
 anew."""
 
 
-@remembered
 def fit(
     problem: Problem,
     setting: Setting,
@@ -44,7 +44,23 @@ def fit(
     Levenberg and Marquardt's method (1944, 1963) on the posterior, sensors integrated out. Sensitivities to the base
     parameters are those of the setting until one of them has moved by STALE. start: the model's evidence, where known.
     rival: a surprise that is to be beaten; a fit that will not come near it ends early.
+    The result stands in the problem's ledger, too.
     """
+    found = _fitted(problem, setting, model, iterations, start, rival)
+    if found is not None:
+        problem.ledger.add(problem.trials, Entry(found, setting, problem.substeps))
+    return found
+
+
+@remembered
+def _fitted(
+    problem: Problem,
+    setting: Setting,
+    model: Model,
+    iterations: int,
+    start: Float64[np.ndarray, " n"] | None,
+    rival: float,
+) -> Fitted | None:
     at = start if start is not None else next(iter(problem.many([model])))
     if at is None:
         return None

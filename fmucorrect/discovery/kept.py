@@ -10,11 +10,13 @@ from __future__ import annotations
 import io
 import os
 import re
+import zlib
 from collections.abc import Callable
 from functools import cache, wraps
 from pathlib import Path
 from shutil import rmtree
 from typing import Any, Concatenate, ParamSpec, Protocol, TypeVar, runtime_checkable
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -24,6 +26,9 @@ from fmucorrect.discovery.content import digest, packed, unpacked
 _DIGEST = re.compile(r"[0-9a-f]{40}")
 LARGE = 50_000
 """Bytes of an array beyond which it is a file of its own, however many results hold it."""
+FINEST = 32_767.0
+"""The largest number of a column of a large matrix, as it is kept. Such columns are sensitivities and marks: differences of
+simulations whose own error is larger than a 16-bit number's. Kept whole they would be nearly all of the folder."""
 
 
 class Kept:
@@ -41,7 +46,7 @@ class Kept:
                 return given[name]
             if not _DIGEST.fullmatch(name):
                 raise ValueError(f"no array is called {name!r}")
-            return self._loaded(self._folder / f"{name}.npy")
+            return self._loaded(self._folder / f"{name}.npz")
 
         try:
             return (unpacked((self._folder / f"{key}.result").read_bytes(), get),)
@@ -65,17 +70,20 @@ class Kept:
 
     def _loaded(self, path: Path) -> np.ndarray:
         try:
-            return np.load(path, allow_pickle=False)
-        except (ValueError, EOFError):  # damaged: to be written anew
+            with np.load(path, allow_pickle=False) as parts:
+                values, scale = parts["values"], parts.get("scale")
+            return values if scale is None else values.astype(scale.dtype) * scale
+        except (ValueError, EOFError, KeyError, BadZipFile, zlib.error) as error:  # damaged: to be written anew
             path.unlink()
-            raise
+            raise ValueError(f"{path.name} is damaged") from error
 
     def _array(self, values: np.ndarray) -> str:
-        name = digest(values)
-        if not (self._folder / f"{name}.npy").exists():
+        parts = _columns(values) if values.ndim == 2 and values.dtype.kind == "f" else {"values": values}
+        name = digest(parts)
+        if not (self._folder / f"{name}.npz").exists():
             buffer = io.BytesIO()
-            np.save(buffer, np.ascontiguousarray(values), allow_pickle=False)
-            self._replace(f"{name}.npy", buffer.getvalue())
+            np.savez_compressed(buffer, **{key: np.ascontiguousarray(part) for key, part in parts.items()})
+            self._replace(f"{name}.npz", buffer.getvalue())
         return name
 
     def _replace(self, name: str, content: bytes) -> None:
@@ -121,6 +129,17 @@ def remembered(work: Callable[Concatenate[K, P], R]) -> Callable[Concatenate[K, 
         return known[0]
 
     return run
+
+
+def _columns(values: np.ndarray) -> dict[str, np.ndarray]:
+    """A matrix in 16 bits a number: values = values * scale, scale a power of two for each column. The same again of what comes
+    of that. What is not finite stays as it is."""
+    if not np.isfinite(values).all():
+        return {"values": values}
+    most = np.abs(values).max(axis=0, initial=0.0)
+    most = np.where(most > 2.0 * FINEST * np.finfo(values.dtype).tiny, most, FINEST)
+    scale = np.exp2(np.ceil(np.log2(most / FINEST))).astype(values.dtype)
+    return {"values": np.rint(values / scale).astype(np.int16), "scale": scale}
 
 
 def _given(values: list[Any]) -> list[object]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,10 +12,11 @@ from fmucorrect.discovery.apart import apart
 from fmucorrect.discovery.calibration import calibrated
 from fmucorrect.discovery.candidates import places
 from fmucorrect.discovery.condensing import condensed
+from fmucorrect.discovery.cost import OutOfTime
 from fmucorrect.discovery.deepening import LISTED, Around, deepened
 from fmucorrect.discovery.ending import ended, likeliest, needed
 from fmucorrect.discovery.fit import fit
-from fmucorrect.discovery.fitted import Fitted, Setting, begin, begin_as, explains
+from fmucorrect.discovery.fitted import Fitted, Setting, begin, begin_as, explains, judge, tried
 from fmucorrect.discovery.held import held
 from fmucorrect.discovery.look import at_other_places, look, rivals
 from fmucorrect.discovery.marks import with_marks
@@ -62,14 +64,25 @@ class Searched:
 
 
 @dataclass(frozen=True)
+class Stopped:
+    """A search that its time limit ended. problem: of the conditions that the sets were fitted to; to be closed. ahead: what
+    was not looked at, by names of ledger.AHEAD."""
+
+    problem: Problem
+    ahead: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class Naming:
     """base: the FMU without any effect, its adjustables moved within their tolerances. sets: fitted sets of effects, the
-    most likely first. setting: with which the surprises were formed. searched: what these were chosen from."""
+    most likely first. setting: with which the surprises were formed. searched: what these were chosen from. stopped: None
+    where the search came to its end."""
 
     base: Fitted
     sets: tuple[Fitted, ...]
     setting: Setting
     searched: Searched | None = None
+    stopped: Stopped | None = None
 
     @property
     def best(self) -> Fitted:
@@ -81,9 +94,48 @@ def name(problem: Problem, progress: Progress = lambda stage, done, total: None)
     """Simulates every candidate in the loop and fits the likely sets. Raises FmuError when the FMU alone gives up.
 
     Where all conditions together take long, the candidates are looked at in a few that differ most, and the likely sets
-    fitted to all of them.
+    fitted to all of them. Where its time is over before (Spent.until), what was fitted until then is compared, `stopped` says
+    what was not, and the time is given back: what is still to be simulated is little.
     """
-    naming = _somewhere(problem, progress)
+    few = problem.few(round(QUICK * min(1.0, PLACES / max(len(places(problem.study)), 1))))
+    naming = None
+    try:
+        naming = _somewhere(problem, few, progress)
+        return _ended(problem, naming)
+    except OutOfTime:
+        problem.spent.until = math.inf
+        stands, ahead = _stands_on(problem, None if naming else few), tuple(problem.ledger.ahead)
+        return replace(naming or _so_far(stands), stopped=Stopped(stands, ahead))
+
+
+def _stands_on(problem: Problem, few: Problem | None) -> Problem:
+    """The conditions whose fits a verdict so far stands on, anew: all, once the likeliest set of a few was fitted to all."""
+    if few is not None:
+        by_all = [names(entry.fitted) for entry in problem.ledger.of(problem.trials)]
+        if not any(names(entry.fitted) in by_all for entry in problem.ledger.of(few.trials)[:1]):
+            return few.of(few.trials)
+    return problem.of(problem.trials)
+
+
+def _so_far(problem: Problem) -> Naming:
+    """What was fitted to the problem's conditions, all judged alike, beside the FMU as it is where that was not yet."""
+    entries = problem.ledger.of(problem.trials)
+    fits = [entry.fitted for entry in entries if entry.substeps == problem.substeps]
+    for old in (entry for entry in entries if entry.substeps != problem.substeps):
+        fits += tried(problem, old.setting, old.fitted, [old.fitted.model])
+    setting = entries[0].setting if entries else None
+    bare = [fitted for fitted in fits if not fitted.model.terms]
+    if setting is None or not bare:
+        own, at, _ = begin(problem)
+        setting = setting or own
+        bare = [Fitted(problem.nominal, at, own.measured - at, 1.0, 0.0, own.base, problem.nominal.base)]
+    base = first_of([judge(setting, fitted) for fitted in bare])
+    setting, base, found = settled(problem, setting, base, [fitted for fitted in fits if fitted.model.terms])
+    return _believed(Naming(base, tuple(found), setting))
+
+
+def _ended(problem: Problem, naming: Naming) -> Naming:
+    """With what is only at other places, and the likeliest sets fitted to their end."""
     setting = naming.setting
     close = [fitted for fitted in naming.sets if fitted.surprise < naming.best.surprise + NEAR][:TWINS]
     found = merged([*naming.sets, *(twin for fitted in close for twin in at_other_places(problem, setting, fitted))])
@@ -94,19 +146,22 @@ def name(problem: Problem, progress: Progress = lambda stage, done, total: None)
         best = replace(best, surprise=told[0].surprise)
         beside = [*held(problem, setting, best), *told[1:]]
         told = [best, *(fitted for fitted in beside if names(fitted) != names(best))]
+    problem.ledger.through("ending")
     return replace(naming, sets=tuple(told))
 
 
-def _somewhere(problem: Problem, progress: Progress) -> Naming:
+def _somewhere(problem: Problem, few: Problem | None, progress: Progress) -> Naming:
     """By all conditions, or by few first."""
-    few = problem.few(round(QUICK * min(1.0, PLACES / max(len(places(problem.study)), 1))))
     if few is None:
+        problem.ledger.through("conditions")
         naming = _name(problem, progress)
         return replace(_finished(problem, _believed(naming)), searched=_searched(problem, naming))
     with few:
         naming = _name(few, progress)
     problem.couple(few.substeps)
-    return replace(_finished(problem, _on_all(problem, naming, progress)), searched=_searched(few, naming))
+    by_all = _finished(problem, _on_all(problem, naming, progress))
+    problem.ledger.through("conditions")
+    return replace(by_all, searched=_searched(few, naming))
 
 
 def _searched(problem: Problem, naming: Naming) -> Searched:
@@ -180,6 +235,7 @@ def _name(problem: Problem, progress: Progress) -> Naming:
     setting = replace(setting, candidates=len(curves))
     progress("calibration", 0, 1)
     moved = calibrated(problem, setting, base) or base
+    problem.ledger.through("parameters")
     found = [] if moved is base else [moved]
     found += condensed(problem, setting, moved, curves) if explains(setting, moved) else []
     setting, base, found = settled(problem, setting, base, merged(found))
@@ -191,6 +247,7 @@ def _name(problem: Problem, progress: Progress) -> Naming:
         found += look(problem, replace(setting, base=base.base), base, single, (INSTEAD,), progress)[1]
     curves = curves if parent is base else around.curves(parent)
     first, more = look(problem, replace(setting, base=parent.base), parent, curves, LISTED, progress, begun)
+    problem.ledger.through("singles")
     setting, base, found = settled(problem, setting, base, merged([*found, *more]))
     setting, found = finer(problem, setting, base, found, progress)
     if moves and first_of(admissible(setting, base, found)).s2 > OPEN * setting.floor:
@@ -204,6 +261,7 @@ def _name(problem: Problem, progress: Progress) -> Naming:
     if names(first_of(admissible(setting, base, found))) not in replaced:
         found += rivals(problem, setting, base, found, parent, first, progress)
     base, found = pared(problem, setting, base, found)
+    problem.ledger.through("sets")
     return Naming(base, tuple(found), setting)
 
 

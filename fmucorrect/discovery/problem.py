@@ -24,6 +24,7 @@ from fmucorrect.companions import files_of
 from fmucorrect.discovery.content import digest
 from fmucorrect.discovery.cost import Spent
 from fmucorrect.discovery.kept import Kept, code
+from fmucorrect.discovery.ledger import Ledger
 from fmucorrect.discovery.model import AS_BEGUN, Model, Runner, runner, simulate, start_value, tolerance_of
 from fmucorrect.discovery.starts import fitted
 from fmucorrect.discovery.trials import Trial, read
@@ -42,7 +43,7 @@ class Problem:
 
     fmu: the study's, None where it has none. trials: their data. tolerated: adjustables that may differ by their tolerance
     anyway. workers: threads that simulate. substeps: couplings of laws and FMU in a communication step. kept: what was found
-    already. executor: simulates large batches. spent: counts runs of the FMU.
+    already. executor: simulates large batches. spent: counts runs of the FMU. ledger: of all fits of this discovery.
     """
 
     study: Study
@@ -55,6 +56,7 @@ class Problem:
     kept: Kept | None = None
     executor: Executor | None = None
     spent: Spent = field(default_factory=Spent)
+    ledger: Ledger = field(default_factory=Ledger)
     _free: list[SimpleQueue[Runner]] = field(default_factory=lambda: [])
 
     def __post_init__(self) -> None:

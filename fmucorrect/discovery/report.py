@@ -12,13 +12,21 @@ class Report(dict[str, Any]):
 
     def lines(self) -> list[str]:
         """The verdict, one line for each effect and each condition."""
-        lines = [f"{self['verdict']}: {self['sentence']}"]
+        lines = [f"{'' if self.complete else 'so far '}{self['verdict']}: {self['sentence']}"]
         for effect, joint, share, equation, values in self._effects():
             lines.append(f"  {effect} at {joint} ({share}): {equation}; {values}")
         for condition, role, before, after, noise in self._gaps():
             held = ", held out" if role == "evaluation" else ""
             lines.append(f"  {condition}{held}: {before} -> {after} % (noise {noise} %)")
+        if not self.complete:
+            lines += [f"  not looked at yet: {what}" for what in self["not_looked_at"]]
+            lines.append("  The same command without --time-limit goes on where this search was.")
         return lines
+
+    @property
+    def complete(self) -> bool:
+        """Whether the search came to its end."""
+        return self.get("complete", True)
 
     def _repr_html_(self) -> str:
         """What a notebook shows."""

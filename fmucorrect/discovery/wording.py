@@ -15,7 +15,7 @@ from fmucorrect.discovery.fitted import Setting, stands_out
 from fmucorrect.discovery.sets import MOST
 from fmucorrect.discovery.terms import OF_FACTOR, OFFSET
 from fmucorrect.discovery.worth import OPEN, SMALL, WORTH
-from fmucorrect.report.discovery_text import at, changes, plain, quantity, short
+from fmucorrect.report.discovery_text import at, changes, duration, plain, quantity, short
 
 TELLING = 2.5
 """Standard deviations of a sensor's gain or lag from which on the sentence tells it."""
@@ -24,7 +24,14 @@ MUCH = 0.1
 
 
 def sentence(report: dict[str, Any], checked: Sequence[Gap]) -> str:
-    """The verdict for an engineer."""
+    """The verdict for an engineer; of a search that its time limit ended it says so first."""
+    said = _verdict(report, checked)
+    if report.get("complete", True):
+        return said
+    return f"Verdict so far, {duration(report['time_limit'])} into a search that is not complete: {said}"
+
+
+def _verdict(report: dict[str, Any], checked: Sequence[Gap]) -> str:
     if report["verdict"] == "none":
         by = report["adjusted_by"]
         most = max(by, key=lambda name: abs(by[name]), default="")
@@ -35,7 +42,8 @@ def sentence(report: dict[str, Any], checked: Sequence[Gap]) -> str:
         return f"Simulation and measurement agree to the sensors' noise{moved}: nothing is missing that these data can show."
     if report["verdict"] == "unexplained":
         left = _nearest(report["suspects"]) or f"{100 * report['unexplained']:.3g} % of the residual's energy stays"
-        return f"Simulation and measurement disagree, and nothing in the catalogue explains it: {left}."
+        known = "nothing in the catalogue" if report.get("complete", True) else "nothing that was looked at"
+        return f"Simulation and measurement disagree, and {known} explains it: {left}."
     held = [gap for gap in checked if gap.condition.role == "evaluation"] or list(checked)
     worst = max(held, key=lambda gap: gap.nrmse_before)
     error = (

@@ -8,6 +8,7 @@ from typing import Any
 from fmucorrect.report.discovery_parts import DiscoveryPage
 from fmucorrect.report.discovery_text import (
     at,
+    duration,
     known,
     listed,
     mapping,
@@ -87,10 +88,8 @@ def run_section(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
         facts.append(("took", f"{short(sum(stages.values()))} s ({each})"))
     cost = mapping(report.get("cost"))
     if known(cost.get("runs")) and known(cost.get("seconds")) and cost["runs"]:
-        seconds = number(cost["seconds"])
-        size, unit = (3600.0, "h") if seconds > 7200.0 else (60.0, "min") if seconds > 120.0 else (1.0, "s")
         runs = f"{number(cost['runs']):,.0f}".replace(",", " ")
-        facts.append(("cost", f"{runs} runs of the FMU, {short(seconds / size)} {unit} simulated"))
+        facts.append(("cost", f"{runs} runs of the FMU, {duration(number(cost['seconds']))} simulated"))
     if facts:
         page.section("Study")
         page.facts(facts)

@@ -30,6 +30,7 @@ from fmucorrect.report.discovery_text import (
     quantity,
     rows,
     short,
+    texts,
     titled,
 )
 from fmucorrect.report.discovery_where import where
@@ -71,6 +72,12 @@ def build(report: Mapping[str, Any]) -> DiscoveryPage:
     study = str(mapping(report.get("study")).get("name") or "")
     page = DiscoveryPage(*lead(report), kicker=" · ".join(["fmucorrect discover", *([study] if study else [])]))
     page.warnings(report.get("warnings", ()))
+    if report.get("complete") is False:
+        ahead = "; ".join(texts(report.get("not_looked_at")))
+        page.caution(
+            f"The search was ended by its time limit, and this is its verdict so far. Not looked at yet: {ahead}. The same "
+            "command without --time-limit goes on where it was; what the evaluation conditions show here has no part in that."
+        )
     _tiles(page, report)
     where(page, report)
     effects_section(page, report)
@@ -110,6 +117,8 @@ def lead(report: Mapping[str, Any]) -> tuple[str, str]:
         title = "Something is missing that no effect of the catalogue explains"
     else:
         title = titled(f"verdict: {plain(verdict)}" if verdict else "No verdict")
+    if report.get("complete") is False:
+        title = f"So far, of a search that is not complete: {title[:1].lower()}{title[1:]}"
     text = str(report.get("sentence") or "") or _sentence(report)
     return title, re.sub(r"(?<=\d) (?=[%\w])", NARROW, text)
 

@@ -58,6 +58,12 @@ def texts(value: Any) -> list[str]:
     return [str(item) for item in value] if isinstance(value, Sequence) else []
 
 
+def duration(seconds: float) -> str:
+    """So many s, as h, min or s."""
+    size, unit = (3600.0, "h") if seconds > 7200.0 else (60.0, "min") if seconds >= 120.0 else (1.0, "s")
+    return f"{short(seconds / size)} {unit}"
+
+
 def short(value: Any, digits: int = 3) -> str:
     """Three significant digits, without an exponent as far as that can be read; – where there is no number."""
     x = number(value)

@@ -164,7 +164,7 @@ def test_what_was_torn_is_done_again(tmp_path):
     place = Place("a", Kept(tmp_path))
     calls.clear()
     work(place, VALUES)
-    for ending in ("result", "npy"):
+    for ending in ("result", "npz"):
         for path in tmp_path.glob(f"*.{ending}"):
             path.write_bytes(path.read_bytes()[:-5])
         assert (work(place, VALUES)["large"] == VALUES.T).all()

@@ -1,0 +1,120 @@
+"""A search that its time limit ends: a verdict so far, plainly marked, and the same search goes on. The truth is integrated by
+scipy (test_discover)."""
+
+import json
+from types import SimpleNamespace
+
+import pytest
+
+pytest.importorskip("ziglang")
+pytest.importorskip("sympy")
+
+from click.testing import CliRunner
+from test_discover import cubic, friction, write_study
+from test_resuming import without_times
+
+from fmucorrect.cli import main
+from fmucorrect.discovery import cost, discover
+from fmucorrect.discovery.ledger import AHEAD
+from fmucorrect.report.discovery_page import lead
+
+MB = 1e6
+
+
+@pytest.fixture
+def over_at(monkeypatch):
+    """Lets the time be over where a stage begins its number-th piece: its progress."""
+    now = [0.0]
+    monkeypatch.setattr(cost, "time", SimpleNamespace(monotonic=lambda: now[0]))
+
+    def at(stage, number):
+        now[0] = 0.0
+
+        def progress(name, done, total):
+            if (name, done) == (stage, number):
+                now[0] = float("inf")
+
+        return progress
+
+    return at
+
+
+def limited(study, out, progress):
+    return discover(study, out, progress=progress, time_limit=1e9)
+
+
+def test_a_verdict_in_the_midst_is_marked_and_the_search_goes_on_to_the_same_end(tmp_path, over_at, found):
+    folder, fresh = found
+    study, out = folder / "study.toml", tmp_path / "out"
+    nothing = limited(study, out, over_at("calibration", 0))
+    assert nothing["verdict"] == "unexplained"
+    assert "nothing that was looked at explains it" in nothing["sentence"]
+    assert nothing["not_looked_at"][:2] == [AHEAD["parameters"], AHEAD["singles"]]
+    assert not (out / "augmented.fmu").exists()
+    some = limited(study, out, over_at("fits", 6))
+    assert not some["complete"]
+    assert [effect["effect"] for effect in some["effects"]] == ["cubic_stiffness"]
+    assert AHEAD["singles"] in some["not_looked_at"]
+    assert AHEAD["parameters"] not in some["not_looked_at"]
+    assert some["sentence"].startswith("Verdict so far")
+    assert "so far" in some.lines()[0]
+    assert "--time-limit" in some.lines()[-1]
+    assert lead(some)[0].startswith("So far")
+    assert "Not looked at yet" in (out / "report.html").read_text()
+    assert (out / "augmented.fmu").exists()
+    kept = sum(path.stat().st_size for path in (out / ".progress").iterdir())
+    assert 0 < kept < 20 * MB
+    assert without_times(discover(study, out)) == without_times(fresh)
+    assert fresh["complete"]
+    assert not (out / ".progress").exists()
+
+
+def test_a_continued_search_learns_nothing_from_the_evaluation_conditions_that_were_shown(tmp_path, over_at, found):
+    """They are others when it goes on, and what it finds is the same."""
+    _, fresh = found
+    study, out = write_study(tmp_path, cubic, garbage=True), tmp_path / "out"
+    shown = limited(study, out, over_at("fits", 6))
+    assert shown["verdict"] == "unexplained"  # they do not bear it out
+    write_study(tmp_path, cubic)
+    whole = discover(study, out)
+    assert whole["candidates"] == fresh["candidates"]
+    assert whole["effects"] == fresh["effects"]
+
+
+def test_files_of_a_verdict_so_far_go_where_the_last_one_has_none(tmp_path, over_at):
+    out = tmp_path / "out"
+    assert limited(write_study(tmp_path, cubic), out, over_at("fits", 6))["files"][2:]
+    (out / "notes.txt").write_text("mine")
+    assert limited(write_study(tmp_path, friction, garbage=True), out, over_at("calibration", 0))["files"] == [
+        "report.json",
+        "report.html",
+    ]
+    assert not (out / "augmented.fmu").exists()
+    assert (out / "notes.txt").exists()
+
+
+def test_the_command_takes_a_time_and_refuses_what_is_none(found, tmp_path):
+    folder, _ = found
+    run = CliRunner().invoke(
+        main, ["discover", str(folder / "study.toml"), "-o", str(tmp_path / "o"), "--time-limit", "1ms"]
+    )
+    assert run.exit_code == 2
+    assert "15min" in run.output
+    run = CliRunner().invoke(
+        main, ["discover", str(folder / "study.toml"), "-o", str(tmp_path / "o"), "--time-limit", "1s"]
+    )
+    assert run.exit_code == 0, run.output
+    assert run.output.startswith("so far unexplained: Verdict so far, 1.00 s into")
+    assert json.loads((tmp_path / "o" / "report.json").read_text())["complete"] is False
+
+
+def test_ctrl_c_says_that_the_same_command_goes_on(found, tmp_path, monkeypatch):
+    folder, _ = found
+
+    def broken_off(*args):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("fmucorrect.discovery.naming.calibrated", broken_off)
+    run = CliRunner().invoke(main, ["discover", str(folder / "study.toml"), "-o", str(tmp_path / "o")])
+    assert run.exit_code == 130
+    assert "the same command goes on" in run.output
