@@ -9,11 +9,12 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from types import MappingProxyType
 
-from fmucorrect.catalogue import damper, friction, hysteresis, inertia, load, relaxation, spring
+from fmucorrect.catalogue import damper, friction, hysteresis, inertia, learned, load, relaxation, spring
 from fmucorrect.catalogue.law import INPUTS, PORTS, Formula, Law, Parameter, State, unit
 from fmucorrect.catalogue.numeric import force, rates, step
 
-_LAWS = (*spring.LAWS, *damper.LAWS, *relaxation.LAWS, *inertia.LAWS, *friction.LAWS, *hysteresis.LAWS, *load.LAWS)
+_FILES = (spring, damper, relaxation, inertia, friction, hysteresis, load, learned)
+_LAWS = tuple(law for file in _FILES for law in file.LAWS)
 
 CATALOGUE: Mapping[str, tuple[Law, ...]] = MappingProxyType(
     {name: tuple(law for law in _LAWS if law.name == name) for name in dict.fromkeys(law.name for law in _LAWS)}

@@ -37,7 +37,7 @@ own element gives; positive where it opposes a positive displacement. time: s si
 vehicle, m/s.
 """
 
-FAMILIES = ("spring", "damper", "mass", "friction", "hysteresis", "load")
+FAMILIES = ("spring", "damper", "mass", "friction", "hysteresis", "load", "learned")
 """What `kinds` of a study's joint may name."""
 
 _PLAIN = {"N.s2/m": "kg", "N.m.s2/rad": "kg.m2", "1": "1"}

@@ -75,7 +75,7 @@ def _effects(
                 {name: float(entry["std"]) for name, entry in given.items() if entry["std"] > 0.0},
                 {name: entry["unit"] for name, entry in given.items() if entry["unit"]},
                 row["equation"],
-                float(row["probability"]),
+                row["probability"],
             )
             values = {name: float(value) for name, value in term.values.items() if name != "radius"}
             rotation = next((r.name for r in study.rotations if r.radius == term.values.get("radius")), "")

@@ -26,8 +26,10 @@ from fmucorrect.discovery.elsewhere import library, quietly
 from fmucorrect.discovery.evenness import TOO_UNEVEN, uneven
 from fmucorrect.discovery.fitted import Setting
 from fmucorrect.discovery.kept import Kept
+from fmucorrect.discovery.learned import learn
+from fmucorrect.discovery.learned_report import file_row, learned_row, writable
 from fmucorrect.discovery.ledger import AHEAD
-from fmucorrect.discovery.located import located
+from fmucorrect.discovery.located import Located, located
 from fmucorrect.discovery.naming import Naming, Stopped, name
 from fmucorrect.discovery.nexttest import next_test
 from fmucorrect.discovery.outputmap import output_maps
@@ -229,6 +231,13 @@ def _report(
         for t, y in zip(problem.trials, start, strict=True)
     ]
     adjusted = output.adjusted(problem, best.model.base)
+    places, shares_of = _joints(problem, naming, verdict != "unexplained")
+    law = row = None
+    if verdict == "unexplained" and completeness["complete"] and study.fmu is not None:
+        progress("learned law", 0, 1)
+        law = learn(problem, naming.setting, naming.base.model, places)
+        row = None if law is None else learned_row(problem, naming.setting, law, _largest(problem))
+        lap("learn")
     report: dict[str, Any] = {
         "format": 1,
         "verdict": verdict,
@@ -242,7 +251,8 @@ def _report(
         "adjusted_by": {moved.name: moved.tolerances for moved in adjusted},
         "sensors": output.sensor_rows(study.channels, sensors),
         "candidates": output.candidate_rows(problem, naming, decision),
-        "where": _joints(problem, naming, verdict != "unexplained") | where(residuals, study.rotations, study.channels),
+        "learned": row,
+        "where": shares_of | where(residuals, study.rotations, study.channels),
         "gap": [output.gap_row(gap) for gap in checked],
         "series": output.series(study, checked),
         "unexplained": decision.unexplained,
@@ -256,27 +266,28 @@ def _report(
     found = None
     if study.fmu is not None and changed and verdict != "unexplained":
         found = found_of(problem, terms, best.model.base, rows if named else ())
+    elif law is not None and row is not None and writable(row):
+        found = found_of(problem, (law.term,), law.model.base, (file_row(law),))
     report["sentence"] = sentence(report, checked)
     return report, found
 
 
-def _joints(problem: Problem, naming: Naming, named: bool) -> dict[str, Any]:
-    """`joints` of the report's where: the share of the residual that a free force at each explains, once the adjustables have
-    moved. Where nothing is `named`, `pictures` too: of the force at the one that explains most."""
+def _joints(problem: Problem, naming: Naming, named: bool) -> tuple[list[Located], dict[str, Any]]:
+    """What a free force at each joint explains, once the adjustables have moved, and `joints` of the report's where: its share
+    of the residual. Where nothing is `named`, `pictures` too: of the force at the one that explains most."""
     study = problem.study
     if study.fmu is None or not study.joints:
-        return {"joints": {}}
+        return [], {"joints": {}}
     model = naming.base.model
     responses = problem.responses(model)
     residuals = [trial.measured - y for trial, y in zip(problem.trials, responses, strict=True)]
     found = located(problem, model, residuals, study.joints)
-    shares = {item.joint.name: item.share for item in found}
+    told: dict[str, Any] = {"joints": {item.joint.name: item.share for item in found}}
     best = max(found, key=lambda item: item.share)
-    if named or best.share <= 0.0:
-        return {"joints": shares}
-    with suppress(FmuError):  # the solver gives up with so much force
-        return {"joints": shares, "pictures": {best.joint.name: free_picture(problem, model, best, _largest(problem))}}
-    return {"joints": shares}
+    if not named and best.share > 0.0:
+        with suppress(FmuError):  # the solver gives up with so much force
+            told["pictures"] = {best.joint.name: free_picture(problem, model, best, _largest(problem))}
+    return found, told
 
 
 def _largest(problem: Problem) -> int:

@@ -56,6 +56,18 @@ def _verdict(report: dict[str, Any], checked: Sequence[Gap]) -> str:
     return f"The model lacks {what}{after}{_more(report['unexplained'], worst)}"
 
 
+def _learned(report: dict[str, Any]) -> str:
+    """What a learned law does instead; nothing where there is none, or where it does not help."""
+    row = report.get("learned")
+    if (
+        row is None
+        or (share := row["closed"] if row["closed"] is not None else row["closed_in_development"] or 0.0) <= 0.0
+    ):
+        return ""
+    gap = "held-out gap" if row["closed"] is not None else "gap it was learned from (none was held out)"
+    return f" A force learned at {row['joint']}, which is no name for it, closes {100 * share:.2g} % of the {gap}."
+
+
 def _more(unexplained: float, held: Gap) -> str:
     """What is said where names do not explain all. unexplained: share of the residual's energy that is left above the noise."""
     stays = np.sqrt(unexplained)

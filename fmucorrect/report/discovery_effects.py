@@ -59,7 +59,7 @@ def effects_section(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
         page.section("What")
         page.text_block(
             "The disagreement is real, well above the noise, but no effect of the catalogue, alone or with others, "
-            "removes it and carries over to conditions that were left out. Nothing was added to the model."
+            "removes it and carries over to conditions that were left out. No name was added to the model."
         )
         page.end()
     if len(effects) > 1 and verdict in ("named", "ambiguous"):

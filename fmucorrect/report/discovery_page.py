@@ -14,6 +14,7 @@ import numpy as np
 
 from fmucorrect.report import discovery_figures as drawn
 from fmucorrect.report.discovery_effects import effects_section, laws_section, source_section
+from fmucorrect.report.discovery_learned import learned_section
 from fmucorrect.report.discovery_next import left_section, next_section, run_section
 from fmucorrect.report.discovery_parts import DiscoveryPage
 from fmucorrect.report.discovery_rivals import rivals_section
@@ -83,6 +84,7 @@ def build(report: Mapping[str, Any]) -> DiscoveryPage:
     effects_section(page, report)
     _gap_section(page, report)
     _series_section(page, report)
+    learned_section(page, report)
     laws_section(page, report)
     rivals_section(page, report)
     left_section(page, report)

@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.interpolate import RegularGridInterpolator
 
 from fmucorrect.catalogue import CATALOGUE, Law
 from fmucorrect.catalogue.motion import Motion
 
 LAWS = {law.label: law for forms in CATALOGUE.values() for law in forms}
+LEARNED = {
+    "force": 400.0, "middle": 2e-4, "reach": 1.5e-3, "rate": 0.015,
+    **{f"spring_{k + 1}": 0.5 * np.sin(k) for k in range(33)},
+    **{f"damper_{k + 1}": 0.6 * np.cos(k) for k in range(11)},
+    **{f"both_{i + 1}_{j + 1}": 0.3 * np.sin(5.0 * i + j) for i in range(5) for j in range(5)},
+}  # fmt: skip
 VALUES = {
     "linear_stiffness": {"stiffness": -2e5},
     "cubic_stiffness": {"cubic_stiffness": 4e10},
@@ -34,6 +41,8 @@ VALUES = {
     "preload": {"force": -300.0},
     "periodic_force_frequency": {"amplitude": 200.0, "frequency": 2.5, "phase": 0.4},
     "periodic_force_order": {"amplitude": 200.0, "order": 3.0, "radius": 0.43, "phase": 0.4},
+    "learned_force": LEARNED,
+    "learned_force_memory": LEARNED | {"slip": 4e-4, "memory_1": -1.5, "memory_5": 0.4, "memory_7": 2.0},
 }
 # force (d, v, a, F0, t, V, z, p), and dz/dt
 BY_HAND = {
@@ -83,6 +92,10 @@ BY_HAND = {
     "periodic_force_order": lambda d, v, a, f, t, s, z, p: (
         p["amplitude"] * np.imag(np.exp(1j * (p["order"] * s / p["radius"] * t + p["phase"])))
     ),
+    "learned_force": lambda d, v, a, f, t, s, z, p: 400.0 * interpolated(d, v, p),
+    "learned_force_memory": lambda d, v, a, f, t, s, z, p: (
+        400.0 * (interpolated(d, v, p) + np.interp(z / 4e-4, np.linspace(-1, 1, 7), [-1.5, 0, 0, 0, 0.4, 0, 2.0]))
+    ),
 }
 RATES_BY_HAND = {
     "series_stiffness_nominal": lambda v, f, z, p: p["stiffness"] * np.abs(v) / (np.abs(f) + 1e-3) * (f - z),
@@ -96,9 +109,22 @@ RATES_BY_HAND = {
     "bouc_wen_hysteresis": lambda v, f, z, p: (
         v - p["beta"] * np.abs(v) * np.abs(z) ** (p["exponent"] - 1) * z - p["gamma"] * v * np.abs(z) ** p["exponent"]
     ),
+    "learned_force_memory": lambda v, f, z, p: v - np.abs(v) * z / p["slip"],
     # back at once, on only as far as it does not slide yet
     "friction_with_backlash": lambda v, f, z, p: np.where(v * z < 0, v, v * (1 - (z / (3e-4 + 500.0 / 1e6)) ** 4)),
 }
+
+
+def interpolated(d, v, p):
+    """S + D + G of a learned force."""
+    x, y = (d - p["middle"]) / p["reach"], v / p["rate"]
+    spring = np.interp(x, np.linspace(-1, 1, 33), [p[f"spring_{k + 1}"] for k in range(33)])
+    uneven = [-1.0, -0.6, -0.3, -0.12, -0.04, 0.0, 0.04, 0.12, 0.3, 0.6, 1.0]
+    damper = np.interp(y, uneven, [p[f"damper_{k + 1}"] for k in range(11)])
+    grid = [-1.0, -0.5, 0.0, 0.5, 1.0], [-1.0, -0.25, 0.0, 0.25, 1.0]
+    table = [[p[f"both_{i + 1}_{j + 1}"] for j in range(5)] for i in range(5)]
+    both = RegularGridInterpolator(grid, table)(np.stack(np.broadcast_arrays(np.clip(x, -1, 1), np.clip(y, -1, 1)), -1))
+    return spring + damper + both
 
 
 def rounded_deadzone(x, gap):
@@ -107,9 +133,9 @@ def rounded_deadzone(x, gap):
     return x - np.sqrt(1 + 0.01**2) * inside
 
 
-OPERATORS = {"fractional_damping"}
-"""Laws whose equation tells an operator on the motion, not the states that compute it: held against closed forms in
-test_fractional.py."""
+OPERATORS = {"fractional_damping", "learned_force", "learned_force_memory"}
+"""Laws whose equation tells an operator on the motion, not the states that compute it (held against closed forms in
+test_fractional.py), or functions that lie in tables (BY_HAND has them)."""
 
 JOINT = Motion(d=1e-3, v=2e-2, a=0.4, f=1e3, stiffness=8e5, damping=2e4, mark=500.0, frequency=2.5, radius=0.43)
 

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from by_hand import LAWS, start, states
+from by_hand import LAWS, complete, states
 
 import fmucorrect.catalogue
-from fmucorrect.catalogue import CATALOGUE, Law, step
+from fmucorrect.catalogue import CATALOGUE, Law, learned, step
 from fmucorrect.catalogue.motion import Motion
 from fmucorrect.catalogue.signal import SIGNALS, SignalLaw
 from fmucorrect.wrapping import laws as as_c
@@ -21,7 +21,8 @@ README = Path(fmucorrect.catalogue.__file__).with_name("README.md").read_text(en
 
 
 def row(law: Law | SignalLaw) -> str:
-    numbers = [p for p in law.parameters if not p.name.startswith("smoothing")]
+    nodes = {*learned.NODES, *learned.REMEMBERED}
+    numbers = [p for p in law.parameters if not p.name.startswith("smoothing") and p.name not in nodes]
     form = f", {law.form}" if law.form else ""
     cells = [
         f"`{law.name}`{form}",
@@ -85,7 +86,9 @@ def test_the_example_and_every_form_compute_the_same_in_c(example, tmp_path):
     library = compiled(every, tmp_path)
     rng = np.random.default_rng(5)
     for law in every:
-        values = law.starts(Motion(1e-3, 2e-2, 1.0, 1e3, 1e5, 3e4, 500.0, 2.5), 300.0)[0] if law is new else start(law)
+        values = (
+            law.starts(Motion(1e-3, 2e-2, 1.0, 1e3, 1e5, 3e4, 500.0, 2.5), 300.0)[0] if law is new else complete(law)
+        )
         p, z = np.array(list(values.values())), states(law, n=1)[0]
         function = getattr(library, f"call_{law.label}")
         function.restype = ctypes.c_double

@@ -71,7 +71,7 @@ def test_what_a_law_says_of_itself_fits_together(law):
     assert law.main in law.estimated
     assert set(law.estimated) <= set(names)
     assert len(set(names)) == len(names)
-    assert len(law.guesses) >= 1
+    assert (len(law.guesses) >= 1) == (law.family != "learned")  # which nobody looks for
     assert len(law.severities) == 3
     growing = list(law.severities) == sorted(law.severities)
     assert growing or law.relative

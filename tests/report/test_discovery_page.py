@@ -196,7 +196,7 @@ def test_unexplained_says_where_and_names_nothing() -> None:
     text = words(ALL["unexplained"])
     assert "Something is missing that no effect of the catalogue explains" in text
     assert "Explained by a free force 98 % at secondary, lateral" in text
-    assert "Nothing was added to the model." in text
+    assert "No name was added to the model." in text
     assert "explained by the best that was tried: 36 % left: 64 %" in text
     assert "Tried Coulomb friction" in text
     assert "Secondary, lateral" in text  # its force against displacement and velocity, without a law

@@ -1,0 +1,108 @@
+"""What the report says of a learned law: what it closes where it was not learned, and the force that it is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float64
+
+from fmucorrect.catalogue import learned as law_of
+from fmucorrect.catalogue.numeric import force
+from fmucorrect.discovery import output
+from fmucorrect.discovery.confirm import Gap, gaps, sensor_errors
+from fmucorrect.discovery.fitted import Setting
+from fmucorrect.discovery.learned import Learned
+from fmucorrect.discovery.motion import along, law_along
+from fmucorrect.discovery.pictures import picture, units_at
+from fmucorrect.discovery.problem import Problem
+from fmucorrect.errors import FmuError
+
+HALF = 0.5
+"""Share of the held-out gap that a learned law has to close to be written into an FMU."""
+POINTS = 81
+"""Of a section through the law."""
+
+
+def learned_row(problem: Problem, setting: Setting, learned: Learned, condition: int) -> dict[str, Any] | None:
+    """`learned` of the report. condition: the number of the one whose picture is drawn. None where the solver gives up with the
+    law at a condition that was held out."""
+    study, term = problem.study, learned.term
+    told = setting.sensors.believe(learned.residual, setting.share).fitted
+    free = sum(len(trial.condition.free) for trial in problem.trials)
+    sensors = sensor_errors(told, len(study.channels), len(problem.trials), free)
+    with suppress(FmuError):
+        checked = gaps(
+            study,
+            problem.library,
+            study.conditions,
+            learned.model,
+            problem.tolerated,
+            sensors,
+            problem.substeps,
+            problem.spent,
+        )
+        given = [
+            law_along(term, along(problem, learned.model, trial, term.joints[0]), study.simulation.step_size)[
+                trial.rows
+            ]
+            for trial in problem.trials
+        ]
+        acting = np.concatenate(given)
+        unit, length = units_at(problem, term.joints[0])
+        return {
+            "joint": term.where,
+            "remembers": term.values.get("slip"),
+            "closed": closed([gap for gap in checked if gap.condition.role == "evaluation"]),
+            "closed_in_development": closed([gap for gap in checked if gap.condition.role != "evaluation"]),
+            "rms": float(np.sqrt(np.mean(acting**2))),
+            "peak": float(np.abs(acting).max()),
+            "units": [length, f"{length}/s", unit],
+            "from": list(learned.reach),
+            "gap": [output.gap_row(gap) for gap in checked],
+            "adjusted": {moved.name: moved.now for moved in output.adjusted(problem, learned.model.base)},
+            "sections": _sections(learned),
+            "picture": picture(problem, learned.model, term, condition),
+        }
+    return None
+
+
+def closed(checked: Sequence[Gap]) -> float | None:
+    """Share of the error above the noise that is gone, of all conditions together; None where there is none."""
+    before = sum(gap.nrmse_before - gap.noise_floor for gap in checked)
+    return None if before <= 0.0 else (before - sum(gap.nrmse_after - gap.noise_floor for gap in checked)) / before
+
+
+def writable(row: dict[str, Any]) -> bool:
+    """Whether it closes enough of the gap where it was held out, and makes no such condition worse."""
+    held = [item for item in row["gap"] if item["role"] == "evaluation"]
+    worse = any(item["nrmse_after"] > item["nrmse_before"] for item in held)
+    return bool(held) and not worse and (row["closed"] or 0.0) >= HALF
+
+
+def file_row(learned: Learned) -> dict[str, Any]:
+    """What effects.toml says of it: it is no name, and has no probability."""
+    return {"parameters": {}, "equation": learned.term.law.equation, "probability": None}
+
+
+def _sections(learned: Learned) -> dict[str, Any]:
+    """The force over the displacement at rest, and over the velocity in the middle, nothing being remembered, with one
+    standard deviation. SI."""
+    low, high, rate = learned.reach
+    d, v = np.linspace(low, high, POINTS), np.linspace(-rate, rate, POINTS)
+    still, middle = np.zeros(POINTS), np.full(POINTS, (low + high) / 2.0)
+    return {
+        "displacement": _section(learned, d, still) | {"at": d.tolist()},
+        "velocity": _section(learned, middle, v) | {"at": v.tolist()},
+    }
+
+
+def _section(learned: Learned, d: Float64[np.ndarray, " N"], v: Float64[np.ndarray, " N"]) -> dict[str, list[float]]:
+    law, values = learned.term.law, learned.term.values
+    given, states = {"displacement": d, "velocity": v}, np.zeros((len(d), len(law.states)))
+    bare = {**values, **dict.fromkeys(law_of.values(law), 0.0)}
+    ones = np.stack([force(law, given, states, {**bare, name: 1.0}) for name in law_of.values(law)], axis=1)  # (N, p)
+    std = np.sqrt(np.maximum(np.einsum("np,pq,nq->n", ones, learned.covariance, ones), 0.0))
+    return {"force": force(law, given, states, values).tolist(), "std": std.tolist()}
