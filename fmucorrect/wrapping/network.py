@@ -11,6 +11,7 @@ import importlib.util
 import re
 import shutil
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -84,8 +85,26 @@ _HEADER = re.compile(r"\A\s*/\*.*?\*/\s*", re.DOTALL)
 
 def _generate(model: onnx.ModelProto, where: str) -> tuple[str, str]:
     """The graph and the weights, without emx-onnx-cgen's comment at the top and its loader of weight files."""
-    from emx_onnx_cgen.compiler import Compiler, CompilerOptions
     from emx_onnx_cgen.errors import CompilerError
+
+    try:
+        text, data = _compiled(model.SerializeToString(deterministic=True))
+    except (CompilerError, NotImplementedError, KeyError, ValueError) as error:
+        named = [f"{node.op_type} that makes {', '.join(node.output)!r}" for node in _blamed(model, str(error))]
+        raise WrapError(
+            f"the network cannot be written as C: {error}{'; node ' if named else ''}{', '.join(named)}",
+            where=where,
+            remedy="Export the corrector with other operators, or use it from Python.",
+        ) from error
+    text, data = (_WEIGHT.sub("network_weight", _HEADER.sub("", part)) for part in (text, data))
+    return _LOADER.sub("", text).replace("\nvoid network_graph(", "\nstatic void network_graph("), data
+
+
+@lru_cache(maxsize=4)  # each time anew emx-onnx-cgen compiles all of its 170 templates: half of what a wrap takes
+def _compiled(model: bytes) -> tuple[str, str]:
+    """What emx-onnx-cgen writes of a graph, with our own product of matrices."""
+    import onnx
+    from emx_onnx_cgen.compiler import Compiler, CompilerOptions
 
     with WorkFolder() as folder:
         templates = folder.path / "templates"
@@ -100,17 +119,7 @@ def _generate(model: onnx.ModelProto, where: str) -> tuple[str, str]:
             large_weight_threshold=0,
             large_temp_threshold_bytes=0,
         )
-        try:
-            text, data = Compiler(options).compile_with_data_file(model)
-        except (CompilerError, NotImplementedError, KeyError, ValueError) as error:
-            named = [f"{node.op_type} that makes {', '.join(node.output)!r}" for node in _blamed(model, str(error))]
-            raise WrapError(
-                f"the network cannot be written as C: {error}{'; node ' if named else ''}{', '.join(named)}",
-                where=where,
-                remedy="Export the corrector with other operators, or use it from Python.",
-            ) from error
-    text, data = (_WEIGHT.sub("network_weight", _HEADER.sub("", part)) for part in (text, data))
-    return _LOADER.sub("", text).replace("\nvoid network_graph(", "\nstatic void network_graph("), data
+        return Compiler(options).compile_with_data_file(onnx.load_model_from_string(model))
 
 
 def _blamed(model: onnx.ModelProto, message: str) -> list[onnx.NodeProto]:
