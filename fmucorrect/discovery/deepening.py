@@ -79,7 +79,7 @@ def around(problem: Problem, base: Fitted) -> Around:
     start = problem.responses(problem.nominal)
     moves: Mapping[str, Motion] = {}
     if problem.study.fmu is not None and problem.study.joints:
-        moves = motions(problem.study, [trial.condition for trial in problem.trials])
+        moves = motions(problem.study, [trial.condition for trial in problem.trials], problem.spent)
         moves = with_marks(problem, moves, problem.stack(start), base.residual)
     return Around(problem, moves, start, float(np.linalg.norm(base.residual)) or 1.0)
 

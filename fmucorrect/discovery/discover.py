@@ -22,16 +22,19 @@ from fmucorrect.discovery.augmented import Found, found_of, write_model
 from fmucorrect.discovery.confirm import Gap, carries_over, gaps, sensor_errors
 from fmucorrect.discovery.constancy import TOO_MUCH, varying
 from fmucorrect.discovery.decide import CLOSE, Decision, decide
+from fmucorrect.discovery.doubt import cautions
 from fmucorrect.discovery.elsewhere import library, quietly
+from fmucorrect.discovery.errorbars import with_unlisted
 from fmucorrect.discovery.evenness import TOO_UNEVEN, uneven
 from fmucorrect.discovery.fitted import Setting
 from fmucorrect.discovery.kept import Kept
 from fmucorrect.discovery.ledger import AHEAD
 from fmucorrect.discovery.located import located
+from fmucorrect.discovery.motion import acting
 from fmucorrect.discovery.naming import Naming, Stopped, name
 from fmucorrect.discovery.nexttest import next_test
 from fmucorrect.discovery.outputmap import output_maps
-from fmucorrect.discovery.pictures import free_picture, picture
+from fmucorrect.discovery.pictures import free_picture, picture, units_at
 from fmucorrect.discovery.problem import Problem, load
 from fmucorrect.discovery.report import Report
 from fmucorrect.discovery.sets import Progress
@@ -211,7 +214,8 @@ def _report(
     shares, pieces = varying(problem.rows, naming.setting, best), uneven(problem, naming.setting, best)
     verdict = confirmed(decision, checked, shares, [0.0 if piece is None else piece.share for piece in pieces])
     lap("confirm")
-    std = best.std()
+    wider = with_unlisted(problem, naming.setting, best)
+    std = wider.std()
     rows = [
         output.effect_row(problem, term, std[i], decision.probability[i], decision.classes[i])
         for i, term in enumerate(best.model.terms)
@@ -229,6 +233,7 @@ def _report(
         for t, y in zip(problem.trials, start, strict=True)
     ]
     adjusted = output.adjusted(problem, best.model.base)
+    sensed = output.sensor_rows(study.channels, sensors)
     report: dict[str, Any] = {
         "format": 1,
         "verdict": verdict,
@@ -240,7 +245,8 @@ def _report(
         "adjusted": {moved.name: moved.now for moved in adjusted},
         "adjusted_from": {moved.name: moved.before for moved in adjusted},
         "adjusted_by": {moved.name: moved.tolerances for moved in adjusted},
-        "sensors": output.sensor_rows(study.channels, sensors),
+        "sensors": sensed,
+        "cautions": cautions(problem, best, wider, rows, sensed),
         "candidates": output.candidate_rows(problem, naming, decision),
         "where": _joints(problem, naming, verdict != "unexplained") | where(residuals, study.rotations, study.channels),
         "gap": [output.gap_row(gap) for gap in checked],
@@ -286,11 +292,13 @@ def _largest(problem: Problem) -> int:
 
 
 def _pictures(problem: Problem, decision: Decision, rows: Sequence[dict[str, Any]]) -> None:
-    """Adds to every force's row its picture."""
-    condition = _largest(problem)
-    for term, row in zip(decision.best.model.terms, rows, strict=True):
+    """Adds to every force's row its picture, and how much of it acted."""
+    condition, model = _largest(problem), decision.best.model
+    for term, row in zip(model.terms, rows, strict=True):
         if isinstance(term, ForceTerm):
-            row["picture"] = picture(problem, decision.best.model, term, condition)
+            row["picture"] = picture(problem, model, term, condition)
+            rms, most = acting(problem, model, term)
+            row["acting"] = {"rms": rms, "peak": most, "unit": units_at(problem, term.joints[0])[0]}
 
 
 def _next(problem: Problem, naming: Naming, decision: Decision) -> dict[str, Any] | None:

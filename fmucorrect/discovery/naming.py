@@ -96,7 +96,7 @@ def name(problem: Problem, progress: Progress = lambda stage, done, total: None)
     fitted to all of them. Where its time is over before (Spent.until), what was fitted until then is compared, `stopped` says
     what was not, and the time is given back: what is still to be simulated is little.
     """
-    few = problem.few(round(QUICK * min(1.0, PLACES / max(len(places(problem.study)), 1))))
+    few = fewer(problem)
     naming = None
     try:
         naming = _somewhere(problem, few, progress)
@@ -105,6 +105,11 @@ def name(problem: Problem, progress: Progress = lambda stage, done, total: None)
         problem.spent.until = math.inf
         stands, ahead = _stands_on(problem, None if naming else few), tuple(problem.ledger.ahead)
         return replace(naming or _so_far(stands), stopped=Stopped(stands, ahead))
+
+
+def fewer(problem: Problem) -> Problem | None:
+    """The conditions that all candidates are looked at in, where these are not all."""
+    return problem.few(round(QUICK * min(1.0, PLACES / max(len(places(problem.study)), 1))))
 
 
 def _stands_on(problem: Problem, few: Problem | None) -> Problem:

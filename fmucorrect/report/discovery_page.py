@@ -78,6 +78,8 @@ def build(report: Mapping[str, Any]) -> DiscoveryPage:
             f"The search was ended by its time limit, and this is its verdict so far. Not looked at yet: {ahead}. The same "
             "command without --time-limit goes on where it was; what the evaluation conditions show here has no part in that."
         )
+    for doubt in texts(report.get("cautions")):
+        page.caution(f"The verdict hangs on {doubt}.")
     _tiles(page, report)
     where(page, report)
     effects_section(page, report)

@@ -43,7 +43,7 @@ def decided(folder, library, text, x, **inputs):
     table(folder / "measured.csv", **{"x1 [mm]": 1e3 * x + NOISE * np.random.default_rng(4).normal(size=len(T))})
     (folder / "study.toml").write_text(text, encoding="utf-8")
     with load(load_study(folder / "study.toml"), library, 2) as problem:
-        return decide(name(problem))
+        return problem, decide(name(problem))
 
 
 def integrated(rate, states):
@@ -66,7 +66,7 @@ def classes(decision):
 def test_a_springs_offset_and_a_stiffness_at_its_joint_are_one_class(library, tmp_path):
     x = integrated(lambda t, y: [y[1], (force(t) - 1.25 * K * y[0] - C * y[1]) / M], 2)[0]
     text = MASS + JOINT + adjustable("k1") + adjustable("m1") + SWEEP
-    found = decided(tmp_path, library, text, x, **{"mass1.f [N]": sweep(0.5)})
+    _, found = decided(tmp_path, library, text, x, **{"mass1.f [N]": sweep(0.5)})
     assert classes(found) == [{"k1", "joint 1"}]
     assert found.verdict == "ambiguous"
     assert found.probability == pytest.approx((0.5,), abs=0.1)
@@ -86,7 +86,7 @@ def test_a_mass_and_all_that_holds_it_are_one_class_where_the_base_moves(library
 
     d, v = base(T + 0.5 * STEP)  # held over a step
     text = HEAD + adjustable("m1") + adjustable("k1", "c1")
-    found = decided(tmp_path, library, text, integrated(rate, 2)[0], **{"base.d [m]": d, "base.v [m/s]": v})
+    _, found = decided(tmp_path, library, text, integrated(rate, 2)[0], **{"base.d [m]": d, "base.v [m/s]": v})
     assert classes(found) == [{"m1", "k1 and c1"}]
 
 
@@ -97,6 +97,6 @@ def test_masses_on_a_stiff_link_are_one_class(library, tmp_path):
 
     text = HEAD.replace("masses = 1.0,", f"masses = 2.0, m2 = {M}, k2 = {LINK}, c2 = 40.0,")
     text += adjustable("m1") + adjustable("m2") + adjustable("k1")
-    found = decided(tmp_path, library, text, integrated(rate, 4)[0], **{"mass2.f [N]": sweep(0.5)})
+    _, found = decided(tmp_path, library, text, integrated(rate, 4)[0], **{"mass2.f [N]": sweep(0.5)})
     assert classes(found) == [{"m1", "m2"}]
     assert found.probability[0] < 0.8
