@@ -217,7 +217,7 @@ def _report(
     wider = with_unlisted(problem, naming.setting, best)
     std = wider.std()
     rows = [
-        output.effect_row(problem, term, std[i], decision.probability[i], decision.classes[i])
+        output.effect_row(problem, term, std[i], decision.probability[i], decision.classes[i], decision.classed[i])
         for i, term in enumerate(best.model.terms)
     ]
     for term, row, share, piece in zip(best.model.terms, rows, shares, pieces, strict=True):

@@ -44,7 +44,7 @@ class Report(dict[str, Any]):
             (
                 row["effect"],
                 row["joint"],
-                f"{100 * row['probability']:.0f} %",
+                f"{100 * row['probability']:.0f} %" + _of_class(row),
                 row["equation"],
                 ", ".join(
                     f"{name} = {entry['value']:.4g} +- {entry['std']:.2g} {entry['unit']}"
@@ -73,3 +73,11 @@ def _acted(row: dict[str, Any]) -> str:
     """The force of a law on the measured records."""
     acts = row.get("acting")
     return f"; acted with {acts['rms']:.3g} {acts['unit']} rms, {acts['peak']:.3g} at most" if acts else ""
+
+
+def _of_class(row: dict[str, Any]) -> str:
+    """How probable it is that it is this effect or one that cannot be told from it."""
+    if "class_probability" not in row:
+        return ""
+    others = " or ".join(f"{other['effect']} at {other['joint']}" for other in row["indistinguishable_from"])
+    return f"; it or {others}: {100 * row['class_probability']:.0f} %"

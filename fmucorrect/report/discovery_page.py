@@ -171,6 +171,8 @@ def _tiles(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
     if sure and verdict in ("named", "ambiguous"):
         least = min(sure, key=lambda effect: number(effect["probability"]))
         what = at(least) if len(effects) == 1 else f"the least sure: {at(least)}"
+        if known(least.get("class_probability")):
+            what += f"; {percent(least['class_probability'])} with what cannot be told from it"
         tiles.append(("Probability", "", percent(least["probability"]), what))
     if effects and verdict in ("named", "ambiguous"):
         found = mapping(effects[0].get("parameters"))

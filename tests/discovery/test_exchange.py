@@ -70,6 +70,7 @@ def test_a_springs_offset_and_a_stiffness_at_its_joint_are_one_class(library, tm
     assert classes(found) == [{"k1", "joint 1"}]
     assert found.verdict == "ambiguous"
     assert found.probability == pytest.approx((0.5,), abs=0.1)
+    assert found.classed[0] > 0.95
 
 
 def test_a_mass_and_all_that_holds_it_are_one_class_where_the_base_moves(library, tmp_path):
