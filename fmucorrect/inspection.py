@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,13 +25,14 @@ from fmucorrect.views import Thing
 class Inspection:
     """views: one JSON-able description a file. fits: pairs that were held against each other and agree, in words.
     misfits: what does not, in words. warnings: of the gate. seen: what a study's records lost or leave out, and how they were
-    registered, in words."""
+    registered, in words. pairs: of the studies by their paths, measured and simulated, where all went well."""
 
     views: tuple[Mapping[str, Any], ...]
     fits: tuple[str, ...]
     misfits: tuple[str, ...]
     warnings: tuple[Finding, ...] = ()
     seen: tuple[str, ...] = ()
+    pairs: Mapping[Path, Sequence[Pair]] = field(default_factory=lambda: {})
 
     def to_json(self) -> dict[str, Any]:
         """All of it for programs."""
@@ -62,12 +63,14 @@ def inspect(paths: Sequence[Path], reading: Reading = AS_IT_IS) -> Inspection:
     """
     things = [open_thing(path, reading) for path in paths]
     fits, misfits, warnings, seen = [], [], [], []
+    pairs: dict[Path, Sequence[Pair]] = {}
     for study in (thing for thing in things if isinstance(thing, Study)):
         problems = study_problems(study)
         seen += _left_out(study)
-        found = _screened(study, problems, seen)
+        found, simulated = _screened(study, problems, seen)
         warnings += [finding for finding in found if finding.level == "warning"]
         problems += [finding.text for finding in found if finding.level == "error"]
+        pairs |= {} if problems else {study.path: simulated}
         _judge(f"{study.path.name} and what it names", problems, fits, misfits)
     for model in (thing for thing in things if isinstance(thing, Bundle)):
         for other in things:
@@ -79,7 +82,12 @@ def inspect(paths: Sequence[Path], reading: Reading = AS_IT_IS) -> Inspection:
         for fmu in (thing for thing in things if isinstance(thing, FmuDescription)):
             _judge(f"{study.path.name} and {fmu.path.name}", _against_model(study, fmu, {}), fits, misfits)
     return Inspection(
-        tuple(views.describe(thing) for thing in things), tuple(fits), tuple(misfits), tuple(warnings), tuple(seen)
+        tuple(views.describe(thing) for thing in things),
+        tuple(fits),
+        tuple(misfits),
+        tuple(warnings),
+        tuple(seen),
+        pairs,
     )
 
 
@@ -96,9 +104,9 @@ def _left_out(study: Study) -> Iterator[str]:
         yield from (f"{path.name}: assumed: {text}" for text in dict.fromkeys(said) if text)
 
 
-def _screened(study: Study, problems: list[str], seen: list[str]) -> list[Finding]:
-    """The gate's findings, as far as files can be read and the model runs; what cannot is added to `problems`, and how each
-    condition was registered to `seen`."""
+def _screened(study: Study, problems: list[str], seen: list[str]) -> tuple[list[Finding], list[Pair]]:
+    """The gate's findings, and the conditions, measured and simulated, as far as files can be read and the model runs; what
+    cannot is added to `problems`, and how each condition was registered to `seen`."""
     study = replace(study, allow_damaged=True)
     known = bool(problems)
     found: list[Finding] = []
@@ -106,7 +114,7 @@ def _screened(study: Study, problems: list[str], seen: list[str]) -> list[Findin
     try:
         found += of_records(study)
         if any(finding.level == "error" for finding in found):
-            return found
+            return found, pairs
         for condition in () if known else study.conditions:
             pairs.append(pair(study, condition))
             seen.append(f"condition {condition.name!r}: {pairs[-1].clock}")
@@ -114,7 +122,7 @@ def _screened(study: Study, problems: list[str], seen: list[str]) -> list[Findin
     except FmucorrectError as error:
         if not known:
             problems.append(str(error))
-    return found
+    return found, pairs
 
 
 def open_thing(path: Path, reading: Reading = AS_IT_IS) -> Thing:

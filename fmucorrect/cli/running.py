@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,8 +22,11 @@ from fmucorrect.cli.group import (
     reading_options,
     say,
 )
+from fmucorrect.errors import FmucorrectError
 
 if TYPE_CHECKING:
+    from fmucorrect.discovery.estimate import Estimate
+    from fmucorrect.inspection import Inspection
     from fmucorrect.session import Summary
     from fmucorrect.signals import Condition, Reading
 
@@ -206,13 +210,32 @@ def inspect(
         outputs.check_file(out, read, "inspect", overwrite)
     found = inspection.inspect(paths, reading_of(time, rate, delimiter, decimal, encoding))
     mark = {} if out is None else {"made_by": outputs.mark("inspect")}
-    text = json.dumps(mark | found.to_json(), indent=1) if as_json else found.text()
+    costs = _costs(found)
+    if as_json:
+        text = json.dumps(mark | found.to_json() | {"discover": [cost.to_json() for cost in costs]}, indent=1)
+    else:
+        text = "\n".join([found.text(), *(cost.text for cost in costs)])
     if out is None:
         say(text)
     else:
         outputs.write(out, text + "\n")
     if found.misfits:
         raise UserError(f"{len(found.misfits)} thing{'s do' if len(found.misfits) > 1 else ' does'} not fit, see above")
+
+
+def _costs(found: Inspection) -> list[Estimate]:
+    """What discovering from each study would cost, where what that needs is installed."""
+    from fmucorrect.study import load_study
+
+    try:
+        from fmucorrect.discovery.estimate import estimate
+    except ImportError:
+        return []
+    costs: list[Estimate | None] = []
+    for path, pairs in found.pairs.items():
+        with suppress(FmucorrectError):  # discover says what it cannot take
+            costs.append(estimate(load_study(path), pairs))
+    return [cost for cost in costs if cost is not None]
 
 
 def _condition(

@@ -21,6 +21,8 @@ UNKNOWN = 0.05
 """Relative tolerance that scales the offset of a parameter without one."""
 FIRST = 5.0
 """Tolerances at which an offset is looked at first."""
+UP = "up"
+"""The form of an offset that makes its parameter larger."""
 
 Make = Callable[[float], Term | None]
 
@@ -170,7 +172,7 @@ def _as_offset(problem: Problem, adjustable: Adjustable) -> OffsetTerm:
 
 def _of_parameters(problem: Problem) -> Iterator[Curve]:
     for term in (*adjustables(problem), *parts(problem)):
-        for form, way, most in (("up", term.scale, term.high), ("down", -term.scale, -term.low)):
+        for form, way, most in ((UP, term.scale, term.high), ("down", -term.scale, -term.low)):
             if most > 0.0:  # two curves: seldom each other's mirror
                 size = min(FIRST, most / term.scale)
                 yield Curve(OFFSET, form, term.where, _offset(term, way), size, most / term.scale, False, 1)

@@ -68,7 +68,7 @@ def condensed(problem: Problem, setting: Setting, best: Fitted, curves: Sequence
     best = _both_sided(problem, best, int(ends[-1])) if near else best
     x = np.zeros(int(ends[-1]))
     for t in own:
-        x[ends[t]] = _size(best.model.terms[t])
+        x[ends[t]] = size_of(best.model.terms[t])
     alone, _ = _form(setting, best)
     costs, most = [put_back(alone, part, x)[0] for part in parts], STAYS_NEAR if near else STAYS
     each = best.slopes * x
@@ -168,7 +168,7 @@ def _from_nothing(term: Term) -> bool:
     return neutral is not None and math.isfinite(neutral)
 
 
-def _size(term: Term) -> float:
+def size_of(term: Term) -> float:
     """How far a member's coordinate is from nothing, to first order."""
     (name,), (scale,) = term.estimated, coordinates(term)
     nothing = term.parameter(name).neutral or 0.0

@@ -41,7 +41,7 @@ class Rival:
 class Decision:
     """verdict: as the report has it, before the evaluation conditions are looked at. best: the chosen set. probability: of
     each of its members. classes: of each member, the terms that cannot be told from it. rivals: all sets. unexplained:
-    share of the residual's energy that is left above the noise."""
+    share of the residual's energy that is left above the noise. classed: probability of each class, the member in it."""
 
     verdict: str
     best: Fitted
@@ -49,6 +49,7 @@ class Decision:
     classes: tuple[tuple[Term, ...], ...]
     rivals: tuple[Rival, ...]
     unexplained: float
+    classed: tuple[float, ...] = ()
 
 
 def decide(naming: Naming) -> Decision:
@@ -63,17 +64,21 @@ def decide(naming: Naming) -> Decision:
     weights /= weights.sum()
     rivals = tuple(Rival(f, float(w), float(b)) for f, w, b in zip(sets, weights, behind, strict=True))
     unexplained = left(best, base, naming.setting.floor)
-    probability = tuple(
-        min(sum(r.probability for r in rivals if term.key in names(r.chosen)), 1.0) for term in best.model.terms
-    )
+
+    def probable(*any_of: Term) -> float:
+        keys = {term.key for term in any_of}
+        return min(sum(r.probability for r in rivals if keys & names(r.chosen)), 1.0)
+
+    probability = tuple(probable(term) for term in best.model.terms)
     classes = tuple(_class(best, t, rivals) for t in range(len(best.model.terms)))
+    classed = tuple(probable(term, *others) for term, others in zip(best.model.terms, classes, strict=True))
     if not best.model.terms:
         verdict = "none" if best.s2 <= AGREES * naming.setting.floor else "unexplained"
     elif unexplained > LEFT or _full(best, unexplained > WORTH**2 and best.s2 > OPEN * naming.setting.floor):
         verdict = "unexplained"
     else:
         verdict = "ambiguous" if any(classes) else "named"
-    return Decision(verdict, best, probability, classes, rivals, unexplained)
+    return Decision(verdict, best, probability, classes, rivals, unexplained, classed)
 
 
 def _full(fitted: Fitted, open_still: bool) -> bool:

@@ -18,7 +18,8 @@ from fmucorrect.discovery.fitted import EXPLAINED, Fitted, Setting, explains, pr
 from fmucorrect.discovery.joined import joined
 from fmucorrect.discovery.lines import line, stands
 from fmucorrect.discovery.look import look, regrouped, rivals
-from fmucorrect.discovery.marks import Marks
+from fmucorrect.discovery.marks import Marks, with_marks
+from fmucorrect.discovery.motion import motions
 from fmucorrect.discovery.paring import pared
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.sets import (
@@ -71,6 +72,16 @@ class Around:
             for name, motion in self.moves.items()
         }
         return found, self.curves(base, pushed)
+
+
+def around(problem: Problem, base: Fitted) -> Around:
+    """What candidates are looked for with, beside a fitted base model."""
+    start = problem.responses(problem.nominal)
+    moves: Mapping[str, Motion] = {}
+    if problem.study.fmu is not None and problem.study.joints:
+        moves = motions(problem.study, [trial.condition for trial in problem.trials], problem.spent)
+        moves = with_marks(problem, moves, problem.stack(start), base.residual)
+    return Around(problem, moves, start, float(np.linalg.norm(base.residual)) or 1.0)
 
 
 def _ranked(setting: Setting, base: Fitted, found: list[Fitted]) -> list[Fitted]:

@@ -22,7 +22,9 @@ from fmucorrect.discovery.augmented import Found, found_of, write_model
 from fmucorrect.discovery.confirm import Gap, carries_over, gaps, sensor_errors
 from fmucorrect.discovery.constancy import TOO_MUCH, varying
 from fmucorrect.discovery.decide import CLOSE, Decision, decide
+from fmucorrect.discovery.doubt import cautions
 from fmucorrect.discovery.elsewhere import library, quietly
+from fmucorrect.discovery.errorbars import with_unlisted
 from fmucorrect.discovery.evenness import TOO_UNEVEN, uneven
 from fmucorrect.discovery.fitted import Setting
 from fmucorrect.discovery.kept import Kept
@@ -30,10 +32,11 @@ from fmucorrect.discovery.learned import learn
 from fmucorrect.discovery.learned_report import file_row, learned_row, writable
 from fmucorrect.discovery.ledger import AHEAD
 from fmucorrect.discovery.located import Located, located
+from fmucorrect.discovery.motion import acting
 from fmucorrect.discovery.naming import Naming, Stopped, name
 from fmucorrect.discovery.nexttest import next_test
 from fmucorrect.discovery.outputmap import output_maps
-from fmucorrect.discovery.pictures import free_picture, picture
+from fmucorrect.discovery.pictures import free_picture, picture, units_at
 from fmucorrect.discovery.problem import Problem, load
 from fmucorrect.discovery.report import Report
 from fmucorrect.discovery.sets import Progress
@@ -213,9 +216,10 @@ def _report(
     shares, pieces = varying(problem.rows, naming.setting, best), uneven(problem, naming.setting, best)
     verdict = confirmed(decision, checked, shares, [0.0 if piece is None else piece.share for piece in pieces])
     lap("confirm")
-    std = best.std()
+    wider = with_unlisted(problem, naming.setting, best)
+    std = wider.std()
     rows = [
-        output.effect_row(problem, term, std[i], decision.probability[i], decision.classes[i])
+        output.effect_row(problem, term, std[i], decision.probability[i], decision.classes[i], decision.classed[i])
         for i, term in enumerate(best.model.terms)
     ]
     for term, row, share, piece in zip(best.model.terms, rows, shares, pieces, strict=True):
@@ -238,6 +242,7 @@ def _report(
         law = learn(problem, naming.setting, naming.base.model, places)
         row = None if law is None else learned_row(problem, naming.setting, law, _largest(problem))
         lap("learn")
+    sensed = output.sensor_rows(study.channels, sensors)
     report: dict[str, Any] = {
         "format": 1,
         "verdict": verdict,
@@ -249,7 +254,8 @@ def _report(
         "adjusted": {moved.name: moved.now for moved in adjusted},
         "adjusted_from": {moved.name: moved.before for moved in adjusted},
         "adjusted_by": {moved.name: moved.tolerances for moved in adjusted},
-        "sensors": output.sensor_rows(study.channels, sensors),
+        "sensors": sensed,
+        "cautions": cautions(problem, best, wider, rows, sensed),
         "candidates": output.candidate_rows(problem, naming, decision),
         "learned": row,
         "where": shares_of | where(residuals, study.rotations, study.channels),
@@ -297,11 +303,13 @@ def _largest(problem: Problem) -> int:
 
 
 def _pictures(problem: Problem, decision: Decision, rows: Sequence[dict[str, Any]]) -> None:
-    """Adds to every force's row its picture."""
-    condition = _largest(problem)
-    for term, row in zip(decision.best.model.terms, rows, strict=True):
+    """Adds to every force's row its picture, and how much of it acted."""
+    condition, model = _largest(problem), decision.best.model
+    for term, row in zip(model.terms, rows, strict=True):
         if isinstance(term, ForceTerm):
-            row["picture"] = picture(problem, decision.best.model, term, condition)
+            row["picture"] = picture(problem, model, term, condition)
+            rms, most = acting(problem, model, term)
+            row["acting"] = {"rms": rms, "peak": most, "unit": units_at(problem, term.joints[0])[0]}
 
 
 def _next(problem: Problem, naming: Naming, decision: Decision) -> dict[str, Any] | None:

@@ -1,13 +1,26 @@
-"""How well the numbers of a set are known, where the error that is left is no white noise."""
+"""How well the numbers of a set are known, where the error that is left is no white noise and what the study does not list is
+not quite right either."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float64
 
+from fmucorrect.catalogue import CATALOGUE
 from fmucorrect.discovery.fitted import Fitted, Setting
-from fmucorrect.discovery.form import joint_covariance
+from fmucorrect.discovery.form import joint_covariance, normal
+from fmucorrect.discovery.model import Model
+from fmucorrect.discovery.motion import motions
 from fmucorrect.discovery.problem import Problem
+from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, Term
+
+JOINT_ERROR = 0.03
+"""Standard deviation of what each joint's own force may be off by though nothing in the study says so, as a share of it: parts
+are made to a few per cent, and no study lists them all."""
+SMALL = 0.1
+"""Shares of it that are simulated."""
 
 
 def spread(problem: Problem, setting: Setting, fitted: Fitted) -> Float64[np.ndarray, "p p"]:
@@ -40,3 +53,44 @@ def _beyond_white(problem: Problem, setting: Setting, fitted: Fitted) -> Float64
         total += np.einsum("kjp,kj,kjq->pq", lines.conj(), excess, lines, optimize=True).real
     values, vectors = np.linalg.eigh(0.5 * (total + total.T))
     return (vectors * np.maximum(values, 0.0)) @ vectors.T
+
+
+def with_unlisted(problem: Problem, setting: Setting, fitted: Fitted) -> Fitted:
+    """The same, its numbers' covariance with what it is more where every joint's own force may be off by JOINT_ERROR, in phase
+    with its displacement and with its velocity: how much less is known then, and how far the numbers would move for it.
+
+    Not at a place where the set has a force: that is what is lacking there. Nor as far as parameters do the same that the study
+    lists: their tolerances say it. Joints without a nominal force are left out.
+    """
+    given = [joint for joint in problem.study.joints if joint.nominal_force] if problem.library is not None else []
+    named = {joint.name for term in fitted.model.terms if isinstance(term, ForceTerm) for joint in term.joints}
+    given = [joint for joint in given if joint.name not in named]
+    if not given or not fitted.slopes.shape[1]:
+        return fitted
+    moves = motions(problem.study, [trial.condition for trial in problem.trials], problem.spent)
+    errors: list[Term] = []
+    for joint in given:
+        for effect, number, size in (
+            ("linear_stiffness", "stiffness", moves[joint.name].stiffness),
+            ("viscous_damping", "damping", moves[joint.name].damping),
+        ):
+            (law,) = CATALOGUE[effect]
+            if size != 0.0:
+                values = law.complete({number: SMALL * JOINT_ERROR * size})
+                errors.append(ForceTerm(law, joint.name, (joint,), values))
+    model = fitted.model
+    found = problem.many([replace(model, terms=(*model.terms, term)) for term in errors])
+    columns = [(y - fitted.at) / SMALL for y in found if y is not None]
+    if not columns:
+        return fitted
+    offsets = np.repeat([isinstance(t, OffsetTerm) for t in model.terms], [len(t.estimated) for t in model.terms])
+    listed, _ = np.linalg.qr(np.concatenate([fitted.base, fitted.slopes[:, offsets]], axis=1))
+    more = np.stack(columns, axis=1)
+    base = np.concatenate([fitted.base, more - listed @ (listed.T @ more)], axis=1)
+    wider = replace(fitted, base=base, model=Model(model.terms, (*model.base, *(0.0 for _ in columns))))
+    steps = [
+        (joint_covariance(setting, f) @ normal(setting, f, f.slopes)[1])[: f.slopes.shape[1]] for f in (fitted, wider)
+    ]
+    moved = steps[1] - steps[0]
+    less_known = spread(problem, setting, wider) - spread(problem, setting, fitted)
+    return replace(fitted, covariance=fitted.covariance + less_known + np.outer(moved, moved))

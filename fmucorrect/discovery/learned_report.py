@@ -15,7 +15,7 @@ from fmucorrect.discovery import output
 from fmucorrect.discovery.confirm import Gap, gaps, sensor_errors
 from fmucorrect.discovery.fitted import Setting
 from fmucorrect.discovery.learned import Learned
-from fmucorrect.discovery.motion import along, law_along
+from fmucorrect.discovery.motion import acting
 from fmucorrect.discovery.pictures import picture, units_at
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.errors import FmuError
@@ -44,21 +44,15 @@ def learned_row(problem: Problem, setting: Setting, learned: Learned, condition:
             problem.substeps,
             problem.spent,
         )
-        given = [
-            law_along(term, along(problem, learned.model, trial, term.joints[0]), study.simulation.step_size)[
-                trial.rows
-            ]
-            for trial in problem.trials
-        ]
-        acting = np.concatenate(given)
+        rms, peak = acting(problem, learned.model, term)
         unit, length = units_at(problem, term.joints[0])
         return {
             "joint": term.where,
             "remembers": term.values.get("slip"),
             "closed": closed([gap for gap in checked if gap.condition.role == "evaluation"]),
             "closed_in_development": closed([gap for gap in checked if gap.condition.role != "evaluation"]),
-            "rms": float(np.sqrt(np.mean(acting**2))),
-            "peak": float(np.abs(acting).max()),
+            "rms": rms,
+            "peak": peak,
             "units": [length, f"{length}/s", unit],
             "from": list(learned.reach),
             "gap": [output.gap_row(gap) for gap in checked],

@@ -55,7 +55,9 @@ class Pushed(Simulator):
         assert problem.library is not None
         seconds = (trial.rows.stop - 1) * problem.study.simulation.step_size
         extra = [joint.force for joint in joints]
-        super().__init__(problem.study, trial.condition, problem.library, seconds, problem.substeps, extra)
+        super().__init__(
+            problem.study, trial.condition, problem.library, seconds, problem.substeps, extra, problem.spent
+        )
         self._problem, self.trial = problem, trial
 
     def run(

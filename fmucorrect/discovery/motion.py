@@ -13,6 +13,7 @@ from fmucorrect import sources
 from fmucorrect.catalogue import PORTS
 from fmucorrect.catalogue.motion import Motion
 from fmucorrect.catalogue.numeric import force, step
+from fmucorrect.discovery.cost import Spent
 from fmucorrect.discovery.located import Pushed
 from fmucorrect.discovery.model import Model, simulate
 from fmucorrect.discovery.problem import Problem
@@ -28,8 +29,8 @@ Series = dict[str, Float64[np.ndarray, " _"]]
 """What a law reads at a joint, by the names of its inputs, SI."""
 
 
-def motions(study: Study, conditions: Sequence[Condition]) -> dict[str, Motion]:
-    """The motion of every joint, over all of `conditions`, without any law in the loop."""
+def motions(study: Study, conditions: Sequence[Condition], spent: Spent | None = None) -> dict[str, Motion]:
+    """The motion of every joint, over all of `conditions`, without any law in the loop. spent: counts runs."""
     assert study.simulation.fmu is not None
     names = ports(study.joints)
     channels = tuple(Channel(name, unit="") for name in names)
@@ -39,6 +40,7 @@ def motions(study: Study, conditions: Sequence[Condition]) -> dict[str, Motion]:
         with sources.solver(study, channels, given[0].names) as stepper:
             result = run(stepper, replace(condition, simulated=None), given)
             assert result is not None
+            (spent or Spent()).add(len(result) * study.simulation.step_size)
             column = dict(zip(names, result.values.T, strict=True))
             parts.append({joint.name: shown(stepper.description, joint, column) for joint in study.joints})
     return {
@@ -108,6 +110,19 @@ def along(
 def halfway(x: Float64[np.ndarray, " N"]) -> Float64[np.ndarray, " N"]:
     """In the middle of each step; the last row as it is."""
     return np.append(0.5 * (x[:-1] + x[1:]), x[-1:])
+
+
+def acting(problem: Problem, model: Model, term: ForceTerm) -> tuple[float, float]:
+    """The force of a term of `model` on the measured rows of all conditions, N or N.m at one joint: rms, and the largest.
+    Raises FmuError where the solver gives up."""
+    size = problem.study.simulation.step_size
+    shown = [
+        law_along(term, along(problem, model, trial, joint), size)[trial.rows]
+        for trial in problem.trials
+        for joint in term.joints
+    ]
+    every = np.concatenate(shown)
+    return float(np.sqrt(np.mean(every**2))), float(np.abs(every).max())
 
 
 def law_along(term: ForceTerm, moved: Series, size: float) -> Float64[np.ndarray, " N"]:

@@ -13,14 +13,13 @@ from fmucorrect.discovery.calibration import calibrated
 from fmucorrect.discovery.candidates import places
 from fmucorrect.discovery.condensing import condensed
 from fmucorrect.discovery.cost import OutOfTime
-from fmucorrect.discovery.deepening import LISTED, Around, deepened
+from fmucorrect.discovery.deepening import LISTED, Around, around, deepened
 from fmucorrect.discovery.ending import ended, likeliest, needed
-from fmucorrect.discovery.fit import fit
+from fmucorrect.discovery.exchange import exchanged
+from fmucorrect.discovery.fit import GAINED, fit
 from fmucorrect.discovery.fitted import Fitted, Setting, begin, begin_as, explains, judge, tried
 from fmucorrect.discovery.held import held
 from fmucorrect.discovery.look import at_other_places, look, rivals
-from fmucorrect.discovery.marks import with_marks
-from fmucorrect.discovery.motion import motions
 from fmucorrect.discovery.paring import pared
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.remaining import sensors, turning
@@ -97,7 +96,7 @@ def name(problem: Problem, progress: Progress = lambda stage, done, total: None)
     fitted to all of them. Where its time is over before (Spent.until), what was fitted until then is compared, `stopped` says
     what was not, and the time is given back: what is still to be simulated is little.
     """
-    few = problem.few(round(QUICK * min(1.0, PLACES / max(len(places(problem.study)), 1))))
+    few = fewer(problem)
     naming = None
     try:
         naming = _somewhere(problem, few, progress)
@@ -106,6 +105,11 @@ def name(problem: Problem, progress: Progress = lambda stage, done, total: None)
         problem.spent.until = math.inf
         stands, ahead = _stands_on(problem, None if naming else few), tuple(problem.ledger.ahead)
         return replace(naming or _so_far(stands), stopped=Stopped(stands, ahead))
+
+
+def fewer(problem: Problem) -> Problem | None:
+    """The conditions that all candidates are looked at in, where these are not all."""
+    return problem.few(round(QUICK * min(1.0, PLACES / max(len(places(problem.study)), 1))))
 
 
 def _stands_on(problem: Problem, few: Problem | None) -> Problem:
@@ -135,15 +139,21 @@ def _so_far(problem: Problem) -> Naming:
 
 
 def _ended(problem: Problem, naming: Naming) -> Naming:
-    """With what is only at other places, and the likeliest sets fitted to their end."""
+    """With what is only at other places, what is alike, and the likeliest sets fitted to their end."""
     setting = naming.setting
     close = [fitted for fitted in naming.sets if fitted.surprise < naming.best.surprise + NEAR][:TWINS]
     found = merged([*naming.sets, *(twin for fitted in close for twin in at_other_places(problem, setting, fitted))])
+    if naming.sets:
+        curves = around(problem, naming.base).curves(naming.base)
+        found = merged([*found, *exchanged(problem, setting, first_of(found), curves, found)])
     told = likeliest(problem, setting, found)
     if told:  # its numbers to their end; compared with the others as they were fitted alike
+        least = told[0].surprise
+        first = names(naming.best)  # of equals it stays
+        told.sort(key=lambda fitted: names(fitted) != first or fitted.surprise > least + GAINED)
         best = ended(problem, setting, naming.base, told[0])
         best = needed(problem, setting, naming.base, best)
-        best = replace(best, surprise=told[0].surprise)
+        best = replace(best, surprise=least)
         beside = [*held(problem, setting, best), *told[1:]]
         told = [best, *(fitted for fitted in beside if names(fitted) != names(best))]
     problem.ledger.through("ending")
@@ -220,18 +230,16 @@ def _on_all(problem: Problem, found_by_few: Naming, progress: Progress) -> Namin
 
 def _name(problem: Problem, progress: Progress) -> Naming:
     """By the problem's conditions alone: all sets that were fitted."""
-    setting, at, start = begin(problem)
-    can_act = problem.study.fmu is not None and bool(problem.study.joints)
-    moves = motions(problem.study, [trial.condition for trial in problem.trials]) if can_act else {}
+    setting, at, _ = begin(problem)
     setting = replace(setting, share=share_of(problem, setting, setting.measured - at))
     base = fit(problem, setting, problem.nominal, 8, at)
     assert base is not None
     setting = replace(setting, base=base.base)
     setting, base, _ = settled(problem, setting, base, [])
-    moves = with_marks(problem, moves, at, base.residual) if can_act else moves
-    around = Around(problem, moves, start, float(np.linalg.norm(base.residual)) or 1.0)
+    looking = around(problem, base)
+    moves = looking.moves
 
-    curves = around.curves(base)
+    curves = looking.curves(base)
     setting = replace(setting, candidates=len(curves))
     progress("calibration", 0, 1)
     moved = calibrated(problem, setting, base) or base
@@ -241,20 +249,20 @@ def _name(problem: Problem, progress: Progress) -> Naming:
     setting, base, found = settled(problem, setting, base, merged(found))
     raw = float(np.mean((setting.measured - at) ** 2))
     parent = found[0] if found and found[0].s2 < CALIBRATED * raw else base
-    begun = _begun(around, setting, base) if parent is base and moves and is_far(problem, base) else []
+    begun = _begun(looking, setting, base) if parent is base and moves and is_far(problem, base) else []
     if parent is not base and not (explains(setting, parent) and len(parent.model.terms) == 1):
         single = [curve for curve in curves if curve.effect != OFFSET]  # perhaps one effect does what these do
         found += look(problem, replace(setting, base=base.base), base, single, (INSTEAD,), progress)[1]
-    curves = curves if parent is base else around.curves(parent)
+    curves = curves if parent is base else looking.curves(parent)
     first, more = look(problem, replace(setting, base=parent.base), parent, curves, LISTED, progress, begun)
     problem.ledger.through("singles")
     setting, base, found = settled(problem, setting, base, merged([*found, *more]))
     setting, found = finer(problem, setting, base, found, progress)
     if moves and first_of(admissible(setting, base, found)).s2 > OPEN * setting.floor:
-        more = apart(problem, setting, base, *around.asked(base), progress)
+        more = apart(problem, setting, base, *looking.asked(base), progress)
         setting, base, found = settled(problem, setting, base, merged([*found, *more]))
 
-    setting, base, found, replaced = deepened(around, setting, base, found, parent, first, curves, progress)
+    setting, base, found, replaced = deepened(looking, setting, base, found, parent, first, curves, progress)
     if problem.substeps == 1:  # of what was found since
         setting, found = finer(problem, setting, base, found, progress)
     setting, base, found = settled(problem, setting, base, found)
@@ -265,7 +273,7 @@ def _name(problem: Problem, progress: Progress) -> Naming:
     return Naming(base, tuple(found), setting)
 
 
-def _begun(around: Around, setting: Setting, base: Fitted) -> list[Term]:
+def _begun(looking: Around, setting: Setting, base: Fitted) -> list[Term]:
     """Laws begun from the force that the data ask for, where the model is far from the measurement."""
-    _, curves = around.asked(base)
-    return starts(around.problem, setting, base, curves, AFRESH)
+    _, curves = looking.asked(base)
+    return starts(looking.problem, setting, base, curves, AFRESH)

@@ -40,9 +40,14 @@ SECONDS = 4.0
 
 
 def effect_row(
-    problem: Problem, term: Term, std: Mapping[str, float], probability: float, rivals: Sequence[Term]
+    problem: Problem,
+    term: Term,
+    std: Mapping[str, float],
+    probability: float,
+    rivals: Sequence[Term] = (),
+    of_class: float = 1.0,
 ) -> dict[str, Any]:
-    """One entry of the report's effects."""
+    """One entry of the report's effects. rivals: what cannot be told from it. of_class: probability of all of them together."""
     row: dict[str, Any] = {
         "effect": term.effect,
         "joint": term.where,
@@ -59,6 +64,7 @@ def effect_row(
         "equation": equation(term),
         "probability": probability,
         "indistinguishable_from": [called(other) for other in rivals],
+        **({"class_probability": of_class} if rivals else {}),
     }
     if isinstance(term, ForceTerm):
         row |= {

@@ -66,7 +66,7 @@ def _periodic(problem: Problem, best: Fitted) -> list[Curve]:
         return stands(problem.trials, rest, step, [trial.condition.speed / 3.6 / wave for trial in problem.trials])
 
     start = problem.responses(problem.nominal)
-    moves = motions(problem.study, [trial.condition for trial in problem.trials])
+    moves = motions(problem.study, [trial.condition for trial in problem.trials], problem.spent)
     near = with_marks(problem, moves, problem.stack(start), best.residual)
     curves = candidates(problem, near, start, line(problem.trials, rest, step), turns)
     return [

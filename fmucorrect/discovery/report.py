@@ -15,6 +15,7 @@ class Report(dict[str, Any]):
         lines = [f"{'' if self.complete else 'so far '}{self['verdict']}: {self['sentence']}"]
         for effect, joint, share, equation, values in self._effects():
             lines.append(f"  {effect} at {joint} ({share}): {equation}; {values}")
+        lines += [f"  hangs on {doubt}" for doubt in self.get("cautions", [])]
         for condition, role, before, after, noise in self._gaps():
             held = ", held out" if role == "evaluation" else ""
             lines.append(f"  {condition}{held}: {before} -> {after} % (noise {noise} %)")
@@ -43,13 +44,14 @@ class Report(dict[str, Any]):
             (
                 row["effect"],
                 row["joint"],
-                f"{100 * row['probability']:.0f} %",
+                f"{100 * row['probability']:.0f} %" + _of_class(row),
                 row["equation"],
                 ", ".join(
                     f"{name} = {entry['value']:.4g} +- {entry['std']:.2g} {entry['unit']}"
                     for name, entry in row["parameters"].items()
                     if entry["std"] > 0.0
-                ),
+                )
+                + _acted(row),
             )
             for row in self["effects"]
         ]
@@ -65,3 +67,17 @@ class Report(dict[str, Any]):
             )
             for row in self["gap"]
         ]
+
+
+def _acted(row: dict[str, Any]) -> str:
+    """The force of a law on the measured records."""
+    acts = row.get("acting")
+    return f"; acted with {acts['rms']:.3g} {acts['unit']} rms, {acts['peak']:.3g} at most" if acts else ""
+
+
+def _of_class(row: dict[str, Any]) -> str:
+    """How probable it is that it is this effect or one that cannot be told from it."""
+    if "class_probability" not in row:
+        return ""
+    others = " or ".join(f"{other['effect']} at {other['joint']}" for other in row["indistinguishable_from"])
+    return f"; it or {others}: {100 * row['class_probability']:.0f} %"

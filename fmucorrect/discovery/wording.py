@@ -25,10 +25,16 @@ MUCH = 0.1
 
 def sentence(report: dict[str, Any], checked: Sequence[Gap]) -> str:
     """The verdict for an engineer; of a search that its time limit ended it says so first."""
-    said = _verdict(report, checked)
+    said = _verdict(report, checked) + _hangs_on(report)
     if report.get("complete", True):
         return said
     return f"Verdict so far, {duration(report['time_limit'])} into a search that is not complete: {said}"
+
+
+def _hangs_on(report: dict[str, Any]) -> str:
+    """What a name, or that there is none to give, hangs on; of what nothing explains that says nothing."""
+    doubts = report.get("cautions", [])
+    return f" This hangs on {'; and on '.join(doubts)}." if doubts and report["verdict"] != "unexplained" else ""
 
 
 def _verdict(report: dict[str, Any], checked: Sequence[Gap]) -> str:
@@ -127,7 +133,10 @@ def sized(row: dict[str, Any]) -> str:
         size = f"{short(100.0 * main['value'])} %"
     else:
         size = next(iter(changes(row).values()), quantity(main["value"], unit=main["unit"]))
-    return f"{at(row)} ({size if len(row['parameters']) == 1 else f'{plain(name)} {size}'})"
+    size = size if len(row["parameters"]) == 1 else f"{plain(name)} {size}"
+    acts = row.get("acting")  # a size that is said is the force that acted
+    size += f", at most {quantity(acts['peak'], unit=acts['unit'])} acted" if acts else ""
+    return f"{at(row)} ({size})"
 
 
 def rest(setting: Setting, decision: Decision) -> list[str]:

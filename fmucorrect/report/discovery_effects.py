@@ -153,6 +153,16 @@ def _effect(page: DiscoveryPage, effect: Mapping[str, Any], verdict: str) -> Non
     facts = [*meanings, *changes(effect).items()]
     if known(effect.get("probability")):
         facts.append(("probability", f"{percent(effect['probability'])} that this effect at this place is right"))
+    if known(effect.get("class_probability")):
+        facts.append(
+            (
+                "of its class",
+                f"{percent(effect['class_probability'])} that it, or what cannot be told from it, is right",
+            )
+        )
+    if acts := mapping(effect.get("acting")):
+        rms, most = (quantity(acts.get(key), None, str(acts.get("unit") or "")) for key in ("rms", "peak"))
+        facts.append(("acted", f"with {rms} rms, {most} at most, on the records that the search saw"))
     if known(effect.get("severity")):
         facts.append(("explains", f"{percent(effect['severity'])} of the disagreement's energy"))
     rivals = [at(item) for item in rows(effect.get("indistinguishable_from"))]

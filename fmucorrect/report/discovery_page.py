@@ -79,6 +79,8 @@ def build(report: Mapping[str, Any]) -> DiscoveryPage:
             f"The search was ended by its time limit, and this is its verdict so far. Not looked at yet: {ahead}. The same "
             "command without --time-limit goes on where it was; what the evaluation conditions show here has no part in that."
         )
+    for doubt in texts(report.get("cautions")):
+        page.caution(f"The verdict hangs on {doubt}.")
     _tiles(page, report)
     where(page, report)
     effects_section(page, report)
@@ -171,6 +173,8 @@ def _tiles(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
     if sure and verdict in ("named", "ambiguous"):
         least = min(sure, key=lambda effect: number(effect["probability"]))
         what = at(least) if len(effects) == 1 else f"the least sure: {at(least)}"
+        if known(least.get("class_probability")):
+            what += f"; {percent(least['class_probability'])} with what cannot be told from it"
         tiles.append(("Probability", "", percent(least["probability"]), what))
     if effects and verdict in ("named", "ambiguous"):
         found = mapping(effects[0].get("parameters"))

@@ -1,0 +1,74 @@
+"""Doubt: what a verdict hangs on, in words: numbers far from what the study expects of them, sensors that moved alike, names
+whose size stands or falls with joints that the study takes for right."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from fmucorrect.discovery.errorbars import JOINT_ERROR
+from fmucorrect.discovery.fitted import Fitted
+from fmucorrect.discovery.form import FARTHEST
+from fmucorrect.discovery.problem import Problem
+from fmucorrect.discovery.terms import OffsetTerm
+from fmucorrect.report.discovery_text import at, plain, short
+
+FAR = 3.0
+"""Standard deviations from what is expected: one number in 370 is farther by chance."""
+BOUND = 1e-3
+"""Tolerances, or share of a parameter's range, from its bound at which a number counts as on it: there the fit wanted more."""
+WIDER = 2.0
+"""By how many times a number is known less well, if joints may be off that the study does not list, for that to be told."""
+
+
+def cautions(
+    problem: Problem,
+    best: Fitted,
+    wider: Fitted,
+    rows: Sequence[Mapping[str, Any]],
+    sensors: Sequence[Mapping[str, Any]],
+) -> list[str]:
+    """What the verdict hangs on, a phrase each. wider: the same fit with its covariance as errorbars.with_unlisted has it.
+    rows, sensors: of the report."""
+    return [*_parameters(problem, best), *_sensors(sensors), *_numbers(best, wider, rows)]
+
+
+def _parameters(problem: Problem, best: Fitted) -> Iterator[str]:
+    reach = np.clip(problem.reach, -FARTHEST, FARTHEST)
+    for adjustable, z, (low, high) in zip(problem.tolerated, best.model.base, reach, strict=True):
+        name = " and ".join(adjustable.parameters)
+        if z != 0.0 and not low + BOUND < z < high - BOUND:
+            yield f"{name}, which moved by {short(z)} of its tolerances and would have gone on"
+        elif abs(z) >= FAR:
+            yield f"{name}, which moved by {short(z)} of its tolerances"
+    for term in best.model.terms:
+        if isinstance(term, OffsetTerm):
+            edge = BOUND * (term.high - term.low)
+            if not term.low + edge < term.values["value"] < term.high - edge:
+                yield f"{term.where}, which is at its bound in the study"
+
+
+def _sensors(sensors: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    for of in ("gain", "lag"):
+        far = [float(row[f"{of}_by"]) for row in sensors]
+        alike = sum(far) / np.sqrt(len(far)) if len(far) > 1 else 0.0  # of independent ones: one standard deviation
+        single = [row for row in sensors if abs(row[f"{of}_by"]) >= FAR]
+        if of == "gain" and abs(alike) >= FAR:
+            yield (
+                f"the sensors' gains, which moved alike (by {short(min(far, key=abs))} to {short(max(far, key=abs))} of "
+                "what is expected): something that they have in common may be off"
+            )
+        elif single:
+            listed = ", ".join(f"{row['channel']} by {short(row[f'{of}_by'])}" for row in single)
+            yield f"the {of} of sensors ({listed} of what is expected of it)"
+
+
+def _numbers(best: Fitted, wider: Fitted, rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    for term, row, one, other in zip(best.model.terms, rows, best.std(), wider.std(), strict=True):
+        if term.main in one and other[term.main] > WIDER * one[term.main]:
+            yield (
+                f"joints that the study takes for right: if their forces are off by {100.0 * JOINT_ERROR:g} %, the "
+                f"{plain(term.main)} of {at(row)} is known {short(other[term.main] / one[term.main], 2)} times less well"
+            )

@@ -1,0 +1,133 @@
+"""Exchange: what else does at the sensors what a member of a set does: no name is told before its equivalents were fitted.
+
+A member's change of the evidence is m, to first order around the set: its sensitivity times its number, or with several numbers
+what goes when it is taken out; r is that and the set's residual. With K = s2/share I + N N' of all that may move beside it (the
+other members' numbers, base parameters, sensors, each as far as is expected of it) a candidate with the column c takes away
+
+    (c' K^-1 r)^2 / (c' K^-1 c)
+
+of r' K^-1 r. One formula for a mass and another mass, a spring and a stiffness at its joint, a damper and another law there:
+why they are alike need not be known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float64
+
+from fmucorrect.discovery.candidates import UP, Curve
+from fmucorrect.discovery.condensing import size_of
+from fmucorrect.discovery.evidence import Nuisances
+from fmucorrect.discovery.fit import PROBE, fit
+from fmucorrect.discovery.fitted import Fitted, Setting, tried
+from fmucorrect.discovery.form import FARTHEST, stepped
+from fmucorrect.discovery.model import Model
+from fmucorrect.discovery.problem import Problem
+from fmucorrect.discovery.sets import LONG
+from fmucorrect.discovery.terms import OFFSET, SignalTerm, Term, proportional
+from fmucorrect.discovery.worth import names
+
+STAYS = 0.4
+"""Share of what a member takes away that a candidate may leave, to first order: numbers that are off by a quarter are not quite
+straight. The fits decide."""
+FITTED = 4
+"""Equivalents of a member that are fitted: the likeliest as they are simulated."""
+
+
+@dataclass(frozen=True)
+class _Column:
+    """What a candidate changes, (n,) for all of its first size, beside a set."""
+
+    curve: Curve
+    change: Float64[np.ndarray, " n"]
+
+
+def exchanged(
+    problem: Problem, setting: Setting, best: Fitted, curves: Sequence[Curve], found: Sequence[Fitted]
+) -> list[Fitted]:
+    """The set with one of its members given up for another effect of one number that does about the same, each fitted. found:
+    sets that were fitted already."""
+    if not best.model.terms:
+        return []
+    columns = list(_columns(problem, best, curves))
+    ends = np.cumsum([0, *(len(term.estimated) for term in best.model.terms)])
+    have, fits = {names(fitted) for fitted in found}, list[Fitted]()
+    around = replace(setting, base=best.base)
+    for t, term in enumerate(best.model.terms):
+        others = (*best.model.terms[:t], *best.model.terms[t + 1 :])
+        own = best.slopes[:, ends[t] : ends[t + 1]]
+        if own.shape[1] == 1:
+            does = own[:, 0] * size_of(term)
+        else:
+            (without,) = problem.many([replace(best.model, terms=others)])
+            does = np.zeros_like(best.at) if without is None else best.at - without
+        beside = np.delete(best.slopes, range(ends[t], ends[t + 1]), axis=1)
+        models = list(_alike(problem, setting, best, others, does, beside, columns))
+        models = [model for model in models if frozenset(term.key for term in model.terms) not in have]
+        for start in tried(problem, around, best, models)[:FITTED]:
+            fitted = fit(problem, around, start.model, LONG, start.at, rival=best.surprise)
+            fits += [] if fitted is None else [fitted]
+    return fits
+
+
+def _alike(
+    problem: Problem,
+    setting: Setting,
+    best: Fitted,
+    others: tuple[Term, ...],
+    does: Float64[np.ndarray, " n"],
+    beside: Float64[np.ndarray, "n q"],
+    columns: Sequence[_Column],
+) -> Iterator[Model]:
+    """Models with a candidate in the place of the member, as the form has them. does: what the member does. beside:
+    sensitivities to the coordinates of the others."""
+    nuisances = Nuisances(np.concatenate([best.base, beside, setting.sensors.columns], axis=1))
+    level = best.s2 / setting.share
+    inverse = 1.0 / (nuisances.values + level)
+
+    def weighed(x: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " n"]:
+        """K^-1 x."""
+        return (x - nuisances.rotated.T @ (inverse * (nuisances.rotated @ x))) / level
+
+    rest = best.linear + does
+    asked = weighed(rest)
+    taken = float(rest @ asked - best.linear @ weighed(best.linear))
+    low, high = np.clip(problem.reach, -FARTHEST, FARTHEST).T
+    for column in columns:
+        size = float(column.change @ weighed(column.change))
+        share = float(column.change @ asked) / size if size > 0.0 else 0.0
+        term = column.curve.term(share * column.curve.size) if share > 0.0 or column.curve.signed else None
+        if term is None or taken - share**2 * size > STAYS * taken:
+            continue
+        moves = nuisances.vectors @ (inverse * (nuisances.rotated @ (rest - share * column.change)))
+        count = best.base.shape[1]
+        base = np.clip(moves[:count], low, high)
+        moved = stepped(Model(others), moves[count : count + beside.shape[1]])
+        yield Model((*moved.terms, term), tuple(float(z) for z in base))
+
+
+def _columns(problem: Problem, best: Fitted, curves: Sequence[Curve]) -> Iterator[_Column]:
+    """Candidates of one number that are not in the set, forces if they are proportional to it. From both sides where there are
+    two: what is curved in a one-sided change is more than the noise. A tolerated parameter's is that of the base."""
+    have, own = names(best), {" and ".join(a.parameters): i for i, a in enumerate(problem.tolerated)}
+    free = [curve for curve in curves if curve.numbers == 1 and curve.key not in have]
+    sides: list[tuple[int, float, Model]] = []
+    for i, curve in enumerate(free):
+        if curve.effect == OFFSET and curve.where in own:
+            yield _Column(curve, best.base[:, own[curve.where]] * curve.size * (1.0 if curve.form == UP else -1.0))
+            continue
+        for side in (1.0, -1.0) if curve.signed else (1.0,):
+            term = curve.term(side * PROBE * curve.size)
+            if term is not None and (isinstance(term, SignalTerm) or proportional(term)):
+                sides.append((i, side, replace(best.model, terms=(*best.model.terms, term))))
+    changes: dict[int, list[np.ndarray]] = {}
+    for (i, side, _), y in zip(sides, problem.many([model for _, _, model in sides]), strict=True):
+        if y is not None:
+            changes.setdefault(i, []).append(side * (y - best.at) / PROBE)
+    for i, each in list(changes.items()):
+        other = next((k for k in changes if k != i and free[i].effect == OFFSET and free[k].key == free[i].key), None)
+        mirrored = [] if other is None else [-x * free[i].size / free[other].size for x in changes[other][:1]]
+        yield _Column(free[i], np.mean([*each[:2], *mirrored], axis=0))

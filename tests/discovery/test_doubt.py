@@ -1,0 +1,76 @@
+"""What a verdict hangs on. The truths are integrated by scipy."""
+
+from dataclasses import replace
+
+import pytest
+
+pytest.importorskip("ziglang")
+pytest.importorskip("sympy")
+
+from one_mass import HEAD, begun, sweep, term_at
+from test_discover import CUBIC, C, cubic, write_study
+from test_exchange import C as C1
+from test_exchange import K, M, adjustable, decided, force, integrated
+
+from fmucorrect.discovery.doubt import cautions
+from fmucorrect.discovery.errorbars import JOINT_ERROR, with_unlisted
+from fmucorrect.discovery.fit import fit
+from fmucorrect.discovery.motion import acting
+from fmucorrect.discovery.problem import load
+from fmucorrect.discovery.wording import sentence
+from fmucorrect.study import load_study
+
+RIGHT = [{"channel": name, "gain_by": by, "lag_by": 0.1} for name, by in (("a", 1.9), ("b", -1.2), ("c", 0.4))]
+
+
+@pytest.mark.parametrize(("stiffer", "told"), [(1.07, ["k1, which moved by 3."]), (1.02, [])])
+def test_a_parameter_far_from_its_tolerance_is_told(library, tmp_path, stiffer, told):
+    """By less than makes it a finding of its own."""
+    x = integrated(lambda t, y: [y[1], (force(t) - stiffer * K * y[0] - C1 * y[1]) / M], 2)[0]
+    text = HEAD + adjustable("k1") + adjustable("m1")
+    problem, found = decided(tmp_path, library, text, x, **{"mass1.f [N]": sweep(0.5)})
+    assert found.verdict == "none"
+    said = cautions(problem, found.best, found.best, [], RIGHT)
+    assert len(said) == len(told)
+    assert all(phrase in one for phrase, one in zip(told, said, strict=True))
+    report = {"verdict": "none", "adjusted_by": {}, "sensors": [], "cautions": said}
+    assert ("hangs on k1" in sentence(report, [])) == bool(told)
+    at_bound = replace(found.best, model=replace(found.best.model, base=(6.0, 0.0)))
+    assert "would have gone on" in cautions(problem, at_bound, at_bound, [], [])[0]
+
+
+def test_sensors_that_moved_alike_are_told_and_those_that_scatter_are_not(library, tmp_path):
+    with load(load_study(write_study(tmp_path, cubic)), library, 2) as problem:
+        _, base = begun(problem)
+        base = replace(base, model=problem.nominal)
+        alike = [row | {"gain_by": by} for row, by in zip(RIGHT, (1.9, 2.2, 1.8), strict=True)]
+        (said,) = cautions(problem, base, base, [], alike)
+        assert "moved alike (by 1.80 to 2.20" in said
+        assert cautions(problem, base, base, [], RIGHT) == []
+        late = [RIGHT[0], RIGHT[1] | {"lag_by": -3.4}]
+        assert "lag of sensors (b by −3.40" in cautions(problem, base, base, [], late)[0]
+
+
+def test_an_error_bar_holds_what_joints_that_nobody_listed_may_do_to_a_number(library, tmp_path):
+    """The other damper is off by so much, and no parameter of the study: the number is wrong by more of its own standard
+    deviations than of those that are told."""
+    path = write_study(tmp_path, cubic)
+
+    def fitted():
+        with load(load_study(path), library, 2) as problem:
+            setting, _ = begun(problem)
+            spring = term_at(problem.study, "cubic_stiffness", "joint 2", cubic_stiffness=CUBIC)
+            found = fit(problem, setting, replace(problem.nominal, terms=(spring,)), 20)
+            wider = with_unlisted(problem, setting, found)
+            off = found.model.terms[0].values["cubic_stiffness"] - CUBIC
+            return *(abs(off) / one.std()[0]["cubic_stiffness"] for one in (found, wider)), acting(
+                problem, found.model, spring
+            )
+
+    own, told, (rms, peak) = fitted()
+    assert own < 3.0
+    assert told > 0.8 * own  # where nothing is off, little is added
+    assert 0.0 < rms < peak
+    path.write_text(path.read_text().replace(f"c1 = {C[0]}", f"c1 = {C[0] * (1.0 + JOINT_ERROR)}"))
+    own, told, _ = fitted()
+    assert told < 1.5 < 2.0 < own

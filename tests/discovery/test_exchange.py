@@ -1,0 +1,103 @@
+"""What is alike at the sensors stands in one class, whatever the search came by first. The truth is integrated by scipy."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("ziglang")
+pytest.importorskip("sympy")
+
+from one_mass import HEAD, JOINT, MASS, NOISE, STEP, SWEEP, T, sweep
+from scipy.integrate import solve_ivp
+
+from fmucorrect.discovery.decide import decide
+from fmucorrect.discovery.naming import name
+from fmucorrect.discovery.problem import load
+from fmucorrect.study import load_study
+
+M, K, C = 1.0, 1000.0, 10.0  # kg, N/m, N.s/m of the study
+LINK = 4e5  # N/m, between two masses: nearly rigid
+
+
+def adjustable(*parameters, tolerance=0.02):
+    starts = {"m": M, "k": K, "c": C}
+    if len(parameters) > 1:
+        return (
+            f"[[adjustable]]\nparameters = {list(parameters)}\nminimum = 0.2\nmaximum = 3.0\ntolerance = {tolerance}\n"
+        )
+    start = starts[parameters[0][0]]
+    return (
+        f'[[adjustable]]\nparameter = "{parameters[0]}"\nminimum = {0.2 * start}\nmaximum = {3.0 * start}\n'
+        f"tolerance = {tolerance}\n"
+    )
+
+
+def table(path, **columns):
+    np.savetxt(
+        path, np.column_stack([T, *columns.values()]), "%.9g", ",", header="time," + ",".join(columns), comments=""
+    )
+
+
+def decided(folder, library, text, x, **inputs):
+    """What is decided where the sensor shows x, m."""
+    table(folder / "force.csv", **inputs)
+    table(folder / "measured.csv", **{"x1 [mm]": 1e3 * x + NOISE * np.random.default_rng(4).normal(size=len(T))})
+    (folder / "study.toml").write_text(text, encoding="utf-8")
+    with load(load_study(folder / "study.toml"), library, 2) as problem:
+        return problem, decide(name(problem))
+
+
+def integrated(rate, states):
+    return solve_ivp(rate, (0.0, T[-1]), np.zeros(states), "LSODA", T, rtol=1e-9, atol=1e-12).y
+
+
+def force(t):
+    """sweep(), at any time; held over a step as the FMU holds it."""
+    s = np.maximum(np.floor(t / STEP + 1e-6) * STEP - 0.3, 0.0)
+    return 0.5 * np.sin(2 * np.pi * (1.0 + s) * s)
+
+
+def classes(decision):
+    return [
+        {term.where, *(other.where for other in rivals)}
+        for term, rivals in zip(decision.best.model.terms, decision.classes, strict=True)
+    ]
+
+
+def test_a_springs_offset_and_a_stiffness_at_its_joint_are_one_class(library, tmp_path):
+    x = integrated(lambda t, y: [y[1], (force(t) - 1.25 * K * y[0] - C * y[1]) / M], 2)[0]
+    text = MASS + JOINT + adjustable("k1") + adjustable("m1") + SWEEP
+    _, found = decided(tmp_path, library, text, x, **{"mass1.f [N]": sweep(0.5)})
+    assert classes(found) == [{"k1", "joint 1"}]
+    assert found.verdict == "ambiguous"
+    assert found.probability == pytest.approx((0.5,), abs=0.1)
+    assert found.classed[0] > 0.95
+
+
+def test_a_mass_and_all_that_holds_it_are_one_class_where_the_base_moves(library, tmp_path):
+    """Twice the mass, springs and dampers: the same motion."""
+
+    def base(t):
+        w = 2 * np.pi
+        s = np.maximum(t - 0.3, 0.0)
+        return 2e-3 * np.sin(w * (1.0 + s) * s), 2e-3 * w * (1.0 + 2.0 * s) * np.cos(w * (1.0 + s) * s) * (t > 0.3)
+
+    def rate(t, y):
+        d, v = base(t)
+        return [y[1], -(K * (y[0] - d) + C * (y[1] - v)) / (1.25 * M)]
+
+    d, v = base(T + 0.5 * STEP)  # held over a step
+    text = HEAD + adjustable("m1") + adjustable("k1", "c1")
+    _, found = decided(tmp_path, library, text, integrated(rate, 2)[0], **{"base.d [m]": d, "base.v [m/s]": v})
+    assert classes(found) == [{"m1", "k1 and c1"}]
+
+
+def test_masses_on_a_stiff_link_are_one_class(library, tmp_path):
+    def rate(t, y):
+        link = LINK * (y[1] - y[0]) + 40.0 * (y[3] - y[2])
+        return [y[2], y[3], (link - K * y[0] - C * y[2]) / M, (force(t) - link) / (1.3 * M)]
+
+    text = HEAD.replace("masses = 1.0,", f"masses = 2.0, m2 = {M}, k2 = {LINK}, c2 = 40.0,")
+    text += adjustable("m1") + adjustable("m2") + adjustable("k1")
+    _, found = decided(tmp_path, library, text, integrated(rate, 4)[0], **{"mass2.f [N]": sweep(0.5)})
+    assert classes(found) == [{"m1", "m2"}]
+    assert found.probability[0] < 0.8
