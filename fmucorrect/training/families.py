@@ -98,8 +98,11 @@ def count(family: Family, training: Training, left_out: bool = False) -> int:
 
 
 def lengths(family: Family, development: int, training: Training) -> tuple[int, ...]:
-    """Candidates for the number of epochs, of which leaving conditions out chooses; of one there is nothing to choose."""
-    return training.corrector.epochs if family == "window" else (-(-training.recurrent.steps // development),)
+    """Candidates for the number of epochs, the shortest first, of which leaving conditions out chooses. development: how many
+    conditions are fitted to."""
+    if family == "window":
+        return tuple(sorted(training.corrector.epochs))
+    return tuple(-(-steps // development) for steps in sorted(training.recurrent.steps))
 
 
 def fold(

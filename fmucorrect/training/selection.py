@@ -75,7 +75,7 @@ def leave_out(
     family: Family, development: Sequence[Samples], training: Training, workshop: Workshop, limit: float = np.inf
 ) -> dict[int, list[LeftOut]]:
     """What the folds said of the conditions that they had not seen, in the study's order, by number of epochs (0 where there
-    are none to choose). limit: mean NRMSE (%) beyond which longer trainings are not tried."""
+    are none to choose). Longer trainings are tried while they help; limit: mean NRMSE (%) beyond which none is."""
     parts = folds(development)
     if family not in NETWORKS:
         found = [
@@ -84,7 +84,7 @@ def leave_out(
         workshop.note(_told(family, 0, found))
         return {0: found}
     said: dict[int, list[LeftOut]] = {}
-    for n in sorted(lengths(family, min(len(rest) for rest, _ in parts), training)):
+    for n in lengths(family, _fewest(parts), training):
         tasks = [
             Task(
                 f"{family}, {', '.join(item.name for item in held)} left out, {n} epochs",
@@ -97,9 +97,15 @@ def leave_out(
         results: list[list[LeftOut]] = workshop.run(tasks)
         said[n] = [item for part in results for item in part]
         workshop.note(_told(family, n, said[n]))
-        if errors_of(said)[n] > limit:
+        errors = errors_of(said)
+        if errors[n] > min(limit, *errors.values()):
             break
     return said
+
+
+def _fewest(parts: Sequence[tuple[list[Samples], list[Samples]]]) -> int:
+    """Conditions that a fold is fitted to."""
+    return min(len(rest) for rest, _ in parts)
 
 
 def errors_of(found: Mapping[int, Sequence[LeftOut]]) -> dict[int, float]:
@@ -133,8 +139,9 @@ def select(development: Sequence[Samples], training: Training, workshop: Worksho
     }
     taken = simplest(scores)
     length = epochs[taken]
-    if taken == "recurrent":
-        (length,) = lengths(taken, len(development), training)
+    if taken in NETWORKS:  # as many steps; the more conditions, the fewer epochs a recurrent network takes for them
+        tried_lengths = lengths(taken, _fewest(folds(development)), training)
+        length = lengths(taken, len(development), training)[tried_lengths.index(length)]
     band = calibrate(tried[taken])
     covered = {item.name: share_inside(band, item) for item in tried[taken]}
     return Selection(scores, taken, covered, by_fold, length, band)
