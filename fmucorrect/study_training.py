@@ -144,10 +144,8 @@ class Recurrent:
     """[training.recurrent], the family with a memory of its own (training/recurrent.py).
 
     history: oscillators of the first bank for each channel. answer: of the second bank for each of the `signals` that the
-    network gives. width: of its two hidden layers. members: networks that are averaged; one
-    stands for them where conditions are left out. steps: of the optimiser, a record each; candidates, of which leaving
-    conditions out chooses.
-    learning_rate, weight_decay: of AdamW, the rate on a one-cycle schedule.
+    network gives. width: of its two hidden layers. members: networks that are averaged. steps: of the optimiser, a record each;
+    candidates, of which leaving conditions out chooses. learning_rate, weight_decay: of AdamW; one cycle of the rate.
     """
 
     history: Count = 6
