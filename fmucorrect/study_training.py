@@ -144,9 +144,8 @@ class Recurrent:
     """[training.recurrent], the family with a memory of its own (training/recurrent.py).
 
     history: oscillators of the first bank for each channel. answer: of the second bank for each of the `signals` that the
-    network gives. width: of its two hidden layers. members: networks that are averaged; one
-    stands for them where conditions are left out. steps: of the optimiser, a record each.
-    learning_rate, weight_decay: of AdamW, the rate on a one-cycle schedule.
+    network gives. width: of its two hidden layers. members: networks that are averaged. steps: of the optimiser, a record each;
+    candidates, of which leaving conditions out chooses. learning_rate, weight_decay: of AdamW; one cycle of the rate.
     """
 
     history: Count = 6
@@ -154,7 +153,7 @@ class Recurrent:
     signals: Count = 4
     width: Count = 24
     members: Count = 2
-    steps: Count = 400
+    steps: Widths = (400, 1600)
     learning_rate: Positive = 1e-2
     weight_decay: Weight = 1e-4
 

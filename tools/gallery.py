@@ -36,7 +36,7 @@ WORK = ROOT / ".gallery"
 FIGURES = ROOT / "exported_models" / "gallery.json"
 RIGS = {f"rig {letter}": letter for letter in "ABC"}
 CARS = {f"quarter car, {kind}": kind for kind in quarter_car.KINDS}
-MEASURED = ("silverbox", "bouc_wen", "rotary")
+MEASURED = ("silverbox", "bouc_wen", "rotary", "mr_damper", "emps")
 PLANTS = (*RIGS, *CARS, *MEASURED)
 
 

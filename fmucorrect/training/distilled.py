@@ -2,9 +2,9 @@
 
 The ensemble can be asked anything at no cost, so the student learns from far more motions than were measured (knowledge
 distillation: Hinton et al., Distilling the knowledge in a neural network, 2015): windows of the development conditions, the
-same between and beyond two of them, and at any speed within the envelope. It starts as the two members that come nearest to
-the mean; one alone cannot follow the others. All errors count in units of the ensemble's band. Where the student would add more
-than WORSE to the error at conditions that were left out, the ensemble itself is deployed.
+same between and beyond two of them, at any speed within the envelope, and near them (nearby.py). It starts as the two members
+that come nearest to the mean; one alone cannot follow the others. All errors count in units of the ensemble's band. Where the
+student would add more than WORSE to the error at conditions that were left out of its lesson, the ensemble itself is deployed.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from fmucorrect.training.deployed import Band
 from fmucorrect.training.grid import Inputs, inputs
 from fmucorrect.training.loop import Curve, Run, Terms, minimise, one_cycle
 from fmucorrect.training.mlp import parameters
+from fmucorrect.training.nearby import nearby
 from fmucorrect.training.networks import Member, OneHead, Student
 from fmucorrect.training.tasks import Context
 from fmucorrect.training.window import Ensemble
@@ -56,14 +57,21 @@ LEAST = 1e-6
 
 @dataclass(frozen=True)
 class Distilled:
-    """A student, the ensemble that it stands for, and by what share it makes the error larger (`worse`). see: its features.
-    band: the ensemble's, of what the student says of the members' deviations."""
+    """A student and the ensemble that it stands for. see: its features. band: the ensemble's, of what the student says of the
+    members' deviations. away: rms of what it says otherwise at each condition that it, or one taught as it was, had not been
+    taught, in units of the band."""
 
     network: Student
     ensemble: Ensemble
     see: Inputs
     band: Band
-    worse: float
+    away: tuple[float, ...]
+
+    @property
+    def worse(self) -> float:
+        """Share by which the student's own errors, independent of the ensemble's, make the whole larger: the ensemble's at
+        conditions that were left out is as large as its band."""
+        return math.sqrt(1.0 + float(np.mean(np.square(self.away)))) - 1.0 if self.away else 0.0
 
     @property
     def parameters(self) -> int:
@@ -115,10 +123,12 @@ def distil(
     members: Sequence[Member],
     ensemble_see: Inputs,
     development: Sequence[Samples],
+    held: Sequence[Samples],
     training: Training,
     band: Band,
 ) -> tuple[Distilled, list[Curve]]:
-    """A student of the members, and how much worse it is at motions that it has not been taught."""
+    """A student of the members, taught on motions of `development`, and how much worse it is at those that are held out of its
+    lesson. The members know all of them: it is their answer that the student has not heard."""
     ensemble = Ensemble(tuple(members), ensemble_see, training)
     run = Run(
         1000 * training.seed + 501, every=10, checkpoint=context.checkpoint, device=context.device, tick=context.tick
@@ -135,9 +145,9 @@ def distil(
     _last_layers(student, lesson)
     _teach(run, student, lesson, shares, training)
     _last_layers(student, lesson)
-    tested = _draw(ensemble, development, count // ASKED, rng, anywhere=False)
-    worse = _worse(student, _lesson(see, tested, *_ask(ensemble, tested), band))
-    return Distilled(student, ensemble, see, band, worse), run.curves
+    tested = [_of_condition(ensemble, item, settings.stride) for item in held]
+    away = tuple(_away(student, _lesson(see, asked, *_ask(ensemble, asked), band)) for asked in tested)
+    return Distilled(student, ensemble, see, band, away), run.curves
 
 
 def _of_condition(ensemble: Ensemble, item: Samples, stride: int) -> _Asked:
@@ -146,29 +156,35 @@ def _of_condition(ensemble: Ensemble, item: Samples, stride: int) -> _Asked:
     return _Asked(windows.reshape(len(windows), -1), torch.cat(beside, 1))
 
 
-def _draw(
-    ensemble: Ensemble, development: Sequence[Samples], count: int, rng: np.random.Generator, anywhere: bool = True
-) -> _Asked:
+def _draw(ensemble: Ensemble, development: Sequence[Samples], count: int, rng: np.random.Generator) -> _Asked:
     """Motions on the line through two conditions at the same time since the excitation began, up to BEYOND past either, at the
-    speed in between; anywhere: a sixth of them as they were measured, a quarter at any speed within the envelope."""
+    speed in between; a sixth of them as they were measured, a quarter at any speed within the envelope, and a third of all
+    near what was measured, where such motions are taught."""
     known = [_of_condition(ensemble, item, 1) for item in development]
+    near = [_of_condition(ensemble, item, 1) for item in nearby(development, 0)]
     # of the scaled speed, which goes from -1/2 to 1/2 over the conditions
     reach = 0.5 + BEYOND if len({item.speed for item in development}) > 1 else 0.0
     windows: list[np.ndarray] = []
     beside: list[Tensor] = []
     for _ in range(-(-count // GROUP)):
+        if near and rng.random() < 1.0 / 3.0:
+            one = near[int(rng.integers(len(near)))]
+            rows = rng.integers(len(one.windows), size=GROUP)
+            windows.append(one.windows[rows])
+            beside.append(one.beside[rows])
+            continue
         i = int(rng.integers(len(known)))
-        j = (i + int(rng.integers(1, len(known)))) % len(known)
+        j = (i + int(rng.integers(1, max(len(known), 2)))) % len(known)
         rows = rng.integers(len(known[i].windows), size=GROUP)
         at = np.searchsorted(development[j].seconds, development[i].seconds[rows])
         others = np.minimum(at, len(known[j].windows) - 1)
         kind, share = rng.random(), rng.uniform(-BEYOND, 1.0 + BEYOND)
         size, speed = rng.uniform(1.0 - SCALE, 1.0 + SCALE, size=(GROUP, 1)), rng.uniform(-reach, reach)
         seen = known[i].beside[rows].clone()
-        if anywhere and kind < 1.0 / 6.0:
+        if kind < 1.0 / 6.0:
             share, size = 0.0, np.ones((GROUP, 1))
         seen[:, 0] += share * (known[j].beside[0, 0] - known[i].beside[0, 0])
-        if anywhere and kind > 0.75:
+        if kind > 0.75:
             seen[:, 0] = speed
         mixed = (1.0 - share) * known[i].windows[rows] + share * known[j].windows[others]
         windows.append((size * mixed).astype(np.float32))
@@ -266,9 +282,7 @@ def _last_layers(student: Student, lesson: _Lesson) -> None:
             ).float()
 
 
-def _worse(student: Student, lesson: _Lesson) -> float:
-    """Share by which the student's own error, independent of the ensemble's, makes the whole larger: the ensemble's at
-    conditions that were left out is as large as its band."""
+def _away(student: Student, lesson: _Lesson) -> float:
+    """Rms of what the student says otherwise, in units of the ensemble's band."""
     with torch.no_grad():
-        away = (student(lesson.u)[0] - lesson.mean) / lesson.sigma
-    return math.sqrt(1.0 + float((away**2).mean())) - 1.0
+        return math.sqrt(float((((student(lesson.u)[0] - lesson.mean) / lesson.sigma) ** 2).mean()))

@@ -89,17 +89,17 @@ def together(
     return Recurrent(networks, recurrent.view(development, training, sizes(development)))
 
 
-def count(family: Family, training: Training, left_out: bool = False) -> int:
-    """Members of a family of networks. left_out: where conditions are left out; there one recurrent network stands for all,
-    since they differ little and take long."""
-    if family == "window":
-        return training.corrector.members
-    return 1 if left_out else training.recurrent.members
+def count(family: Family, training: Training) -> int:
+    """Members of a family of networks, of a fold, too: the band is that of what is deployed."""
+    return training.corrector.members if family == "window" else training.recurrent.members
 
 
 def lengths(family: Family, development: int, training: Training) -> tuple[int, ...]:
-    """Candidates for the number of epochs, of which leaving conditions out chooses; of one there is nothing to choose."""
-    return training.corrector.epochs if family == "window" else (-(-training.recurrent.steps // development),)
+    """Candidates for the number of epochs, the shortest first, of which leaving conditions out chooses. development: how many
+    conditions are fitted to."""
+    if family == "window":
+        return tuple(sorted(training.corrector.epochs))
+    return tuple(-(-steps // development) for steps in sorted(training.recurrent.steps))
 
 
 def fold(
@@ -107,7 +107,7 @@ def fold(
 ) -> list[LeftOut]:
     """Fit all members to the rest, and say what they make of what was held out."""
     members: list[Member | Oscillators] = []
-    names = [f".{number}.checkpoint" for number in range(count(family, training, left_out=True))]
+    names = [f".{number}.checkpoint" for number in range(count(family, training))]
     for number, name in enumerate(names):
         checkpoint = None if context.checkpoint is None else context.checkpoint.with_suffix(name)
         inner = Context(checkpoint, context.tick, context.device)
@@ -142,11 +142,20 @@ def refit(
 def distil(
     ensemble: Ensemble, development: Sequence[Samples], band: Band, workshop: Workshop
 ) -> tuple[Distilled, tuple[Curve, ...]]:
-    """One network that says what the ensemble says."""
-    training = needed(ensemble.training)
-    arguments = (ensemble.members, ensemble.see, list(development), training, band)
-    ((found, curves),) = workshop.run([Task("one network", distilled.distil, arguments, 0)])
-    return found, tuple(curves)
+    """One network that says what the ensemble says; how far it is from that is asked of others, which are taught alike but for
+    one speed, at that speed."""
+
+    def task(name: str, taught: Sequence[Samples], held: Sequence[Samples]) -> Task:
+        arguments = (ensemble.members, ensemble.see, list(taught), list(held), needed(ensemble.training), band)
+        return Task(name, distilled.distil, arguments, 0)
+
+    tasks = [task("one network", development, ())]
+    for held in by_speed(development):
+        rest = [item for i, item in enumerate(development) if i not in held]
+        left = [development[i] for i in held]
+        tasks.append(task(f"one network, {', '.join(item.name for item in left)} left out", rest, left))
+    (found, curves), *others = workshop.run(tasks)
+    return replace(found, away=tuple(away for other, _ in others for away in other.away)), tuple(curves)
 
 
 def guard(fitted: Fitted, development: Sequence[Samples]) -> Guard:

@@ -19,6 +19,7 @@ import numpy as np
 from jaxtyping import Bool, Float64
 
 from fmucorrect.training.data import FLOOR, Samples, quantile, sizes
+from fmucorrect.training.nearby import paced
 
 Look = Callable[[Samples, int], Float64[np.ndarray, "N S"]]
 """What a head sees of every stride-th row: the window, oldest row first, in the channels' units, then its memory."""
@@ -121,10 +122,6 @@ def strangers(development: Sequence[Samples]) -> dict[str, list[Samples]]:
         spectrum = np.fft.rfft(q, axis=0)
         turn = np.exp(2j * np.pi * np.random.default_rng(0).random(len(spectrum)))
         return np.fft.irfft(spectrum * turn[:, None], len(q), axis=0)
-
-    def paced(q: Float64[np.ndarray, "T J"], factor: float) -> Float64[np.ndarray, "R J"]:
-        at = np.arange(0.0, len(q) - 1.0, factor)
-        return np.stack([np.interp(at, np.arange(len(q)), column) for column in q.T], axis=1)
 
     changes = {
         "half the size": lambda q: 0.5 * q,

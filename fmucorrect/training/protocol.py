@@ -120,7 +120,7 @@ def total_epochs(study: Study, training: Training) -> int:
         if family not in families(training):
             continue
         candidates = lengths(family, conditions - conditions // folds, training)
-        total += folds * count(family, training, left_out=True) * sum(candidates)
+        total += folds * count(family, training) * sum(candidates)
         longest = max(longest, count(family, training) * max(lengths(family, conditions, training)))
     settings = training.corrector
     return settings.trials * min(settings.epochs) * folds + total + longest

@@ -29,6 +29,7 @@ from fmucorrect.training.data import FLOOR, Samples, Sizes
 from fmucorrect.training.deployed import Said, bias, spread, weight
 from fmucorrect.training.loop import Curve, Run, Terms, minimise, one_cycle
 from fmucorrect.training.mlp import parameters, tanh
+from fmucorrect.training.nearby import SHARE, nearby
 from fmucorrect.training.tasks import Context
 
 OVERSAMPLING = 10.0
@@ -222,17 +223,21 @@ class Oscillators(nn.Module):
 def fit_member(
     context: Context, development: Sequence[Samples], training: Training, sizes: Sizes, member: int, epochs: int
 ) -> tuple[Oscillators, list[Curve]]:
-    """One network to the development conditions, a record a step of the optimiser, then the last layer at every sample."""
+    """One network to the development conditions, a record a step of the optimiser (in a third of the steps another near it,
+    where such motions are taught), then the last layer at every sample."""
     settings, see = training.recurrent, view(development, training, sizes)
     run = Run(1000 * training.seed + 7 * member + 3, every=10, checkpoint=context.checkpoint)
     run.tick = context.tick
     stride, channels = see.pace.stride, len(see.lacking)
-    features = [see.features(item) for item in development]
+    near = nearby(development, member)
+    lesson = [*development, *near]
+    features = [see.features(item) for item in lesson]
     torch.manual_seed(run.seed)
     network = Oscillators(features[0].shape[1], int(see.speeds), channels, training, see.pace)
     seen = [torch.from_numpy(values[::stride]).float() for values in features]
-    conditions = [see.condition(item) for item in development]
-    targets = [_target(item, see, len(values)) for item, values in zip(development, features, strict=True)]
+    conditions = [see.condition(item) for item in lesson]
+    targets = [_target(item, see, len(values)) for item, values in zip(lesson, features, strict=True)]
+    each = len(near) // len(development)
     poles = [network.rate, network.damping]
     others = [p for name, p in network.named_parameters() if name not in ("rate", "damping")]
     groups = [{"params": others, "weight_decay": settings.weight_decay}, {"params": poles, "weight_decay": 0.0}]
@@ -241,14 +246,17 @@ def fit_member(
     optimiser.register_step_pre_hook(lambda *_: _shortened(network))
 
     def steps(epoch: int) -> Iterator[Terms]:
-        order = torch.randperm(len(seen), generator=torch.Generator().manual_seed(1_000_003 * run.seed + epoch))
-        for i in order.tolist():
+        drawn = torch.Generator().manual_seed(1_000_003 * run.seed + epoch)
+        for k in torch.randperm(len(development), generator=drawn).tolist():
+            other = int(torch.randint(3 * each, (1,), generator=drawn)) if near else each
+            i = len(development) + k * each + other if other < each else k
             first, target = targets[i]
             said = network(seen[i], conditions[i], see.step * stride)[-(-first // stride) :]
             yield {"residual": ((said - target[-first % stride :: stride]) ** 2).mean()}
 
     minimise(run, "recurrent", network, optimiser, steps, epochs, schedule)
-    _last_layer(network, see, features, conditions, targets)
+    shares = [1.0] * len(development) + [1.0 / SHARE] * len(near)
+    _last_layer(network, see, features, conditions, targets, shares)
     return network, run.curves
 
 
@@ -269,18 +277,20 @@ def _last_layer(
     features: Sequence[np.ndarray],
     conditions: Sequence[Tensor],
     targets: Sequence[tuple[int, Tensor]],
+    shares: Sequence[float],
 ) -> None:
-    """The last layer in closed form, at the sample time at which it will run: what the stride has lost."""
+    """The last layer in closed form, at the sample time at which it will run: what the stride has lost. shares: what each
+    record counts."""
     layer = network.out
     size = layer.in_features + 1
     gram = torch.zeros(size, size, dtype=torch.float64)
     side = torch.zeros(size, layer.out_features, dtype=torch.float64)
     with torch.no_grad():
-        for values, condition, (first, target) in zip(features, conditions, targets, strict=True):
+        for values, condition, (first, target), share in zip(features, conditions, targets, shares, strict=True):
             x = network.inner(torch.from_numpy(values).float(), condition, see.step)[first:].double()
             x = torch.cat([x, torch.ones(len(x), 1, dtype=torch.float64)], 1)
             rest = target.double() - x[:, :-1] @ layer.weight.double().T - layer.bias.double()
-            gram, side = gram + x.T @ x, side + x.T @ rest
+            gram, side = gram + share * x.T @ x, side + share * x.T @ rest
         more = torch.linalg.solve(gram + RIDGE * gram.trace() / size * torch.eye(size), side)
         layer.weight += more[:-1].T.float()
         layer.bias += more[-1].float()

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from fmucorrect.study_training import Corrector, Training
 from fmucorrect.training.data import Samples
-from fmucorrect.training.selection import errors_of, leave_out
+from fmucorrect.training.selection import candidates, errors_of, leave_out
 from fmucorrect.training.tasks import Workshop
 
 WIDTHS = (16, 24, 32, 48, 64)
@@ -54,7 +54,8 @@ def search(
             trial.suggest_float("weight_decay", *DECAYS, log=True), trial.suggest_categorical("width", WIDTHS),
             trial.suggest_categorical("history", FEATURES))  # fmt: skip
         single = replace(training, corrector=replace(settings, members=1, epochs=(min(asked.epochs),)))
-        (error,) = errors_of(leave_out("window", development, single, workshop)).values()
+        (epochs,) = candidates("window", development, single)
+        error = errors_of({epochs: leave_out("window", development, single, workshop, epochs)})[epochs]
         trials.append(Trial(settings.learning_rate, settings.weight_decay, settings.widths[0], settings.history, error))
         return error
 

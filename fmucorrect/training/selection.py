@@ -20,6 +20,10 @@ from fmucorrect.training.families import NETWORKS, by_speed, count, fit_filter, 
 from fmucorrect.training.tasks import Task, Workshop
 from fmucorrect.training.window import needed
 
+BEHIND = 2.0
+"""Times the error of the best beyond which a family's training is not made longer: few are twice as good for being trained four
+times as long."""
+
 
 @dataclass(frozen=True)
 class Selection:
@@ -72,34 +76,32 @@ def folds(development: Sequence[Samples]) -> list[tuple[list[Samples], list[Samp
 
 
 def leave_out(
-    family: Family, development: Sequence[Samples], training: Training, workshop: Workshop, limit: float = np.inf
-) -> dict[int, list[LeftOut]]:
-    """What the folds said of the conditions that they had not seen, in the study's order, by number of epochs (0 where there
-    are none to choose). limit: mean NRMSE (%) beyond which longer trainings are not tried."""
+    family: Family, development: Sequence[Samples], training: Training, workshop: Workshop, epochs: int
+) -> list[LeftOut]:
+    """What the folds said of the conditions that they had not seen, in the study's order. epochs: 0 of what is not trained."""
     parts = folds(development)
     if family not in NETWORKS:
         found = [
             left_out(fit_filter(family, rest, training).responses(item), item) for rest, held in parts for item in held
         ]
-        workshop.note(_told(family, 0, found))
-        return {0: found}
-    said: dict[int, list[LeftOut]] = {}
-    for n in sorted(lengths(family, min(len(rest) for rest, _ in parts), training)):
+    else:
         tasks = [
             Task(
-                f"{family}, {', '.join(item.name for item in held)} left out, {n} epochs",
+                f"{family}, {', '.join(item.name for item in held)} left out, {epochs} epochs",
                 fold,
-                (family, rest, held, needed(training), n),
-                n * count(family, training, left_out=True),
+                (family, rest, held, needed(training), epochs),
+                epochs * count(family, training),
             )
             for rest, held in parts
         ]
-        results: list[list[LeftOut]] = workshop.run(tasks)
-        said[n] = [item for part in results for item in part]
-        workshop.note(_told(family, n, said[n]))
-        if errors_of(said)[n] > limit:
-            break
-    return said
+        found = [item for part in workshop.run(tasks) for item in part]
+    workshop.note(_told(family, epochs, found))
+    return found
+
+
+def candidates(family: Family, development: Sequence[Samples], training: Training) -> tuple[int, ...]:
+    """Epochs of a fold to choose from, the fewest first; 0 of what is not trained."""
+    return lengths(family, min(len(rest) for rest, _ in folds(development)), training) if family in NETWORKS else (0,)
 
 
 def errors_of(found: Mapping[int, Sequence[LeftOut]]) -> dict[int, float]:
@@ -114,30 +116,40 @@ def _told(family: Family, epochs: int, found: Sequence[LeftOut]) -> str:
 
 def select(development: Sequence[Samples], training: Training, workshop: Workshop) -> Selection:
     """Each family at its best number of epochs; of these the simplest within one standard error of the best."""
-    tried: dict[Family, list[LeftOut]] = {}
-    by_fold: dict[str, dict[int, float]] = {}
-    epochs: dict[Family, int] = {}
-    bare = np.inf
-    for family in families(training):
-        # what harms after a short training is no cure after a long one, and costs most of the time
-        found = leave_out(family, development, training, workshop, bare)
-        errors = errors_of(found)
-        if family == "nothing":
-            bare = errors[0]
-        best = epochs[family] = min(errors, key=lambda n: errors[n])
-        tried[family] = found[best]
-        if family == "window":
-            by_fold = {item.name: {n: found[n][i].nrmse for n in found} for i, item in enumerate(found[best])}
+    found: dict[Family, dict[int, list[LeftOut]]] = {family: {} for family in families(training)}
+    lengths_of = {family: candidates(family, development, training) for family in found}
+    for rung in range(max(len(values) for values in lengths_of.values())):
+        for family, values in lengths_of.items():
+            if rung < len(values) and (rung == 0 or _goes_on(family, values[rung - 1], found)):
+                found[family][values[rung]] = leave_out(family, development, training, workshop, values[rung])
+    best = {family: min(errors, key=lambda n: errors[n]) for family, errors in _all_errors(found).items()}
+    tried = {family: items[best[family]] for family, items in found.items()}
     scores: dict[Family, dict[str, float]] = {
         family: {item.name: item.nrmse for item in items} for family, items in tried.items()
     }
     taken = simplest(scores)
-    length = epochs[taken]
-    if taken == "recurrent":
-        (length,) = lengths(taken, len(development), training)
+    length = best[taken]
+    if taken in NETWORKS:  # as many steps; the more conditions, the fewer epochs a recurrent network takes for them
+        length = lengths(taken, len(development), training)[lengths_of[taken].index(length)]
+    windows = found.get("window", {})
+    by_fold = {
+        item.name: {n: items[i].nrmse for n, items in windows.items()} for i, item in enumerate(tried.get("window", ()))
+    }
     band = calibrate(tried[taken])
     covered = {item.name: share_inside(band, item) for item in tried[taken]}
     return Selection(scores, taken, covered, by_fold, length, band)
+
+
+def _all_errors(found: Mapping[Family, Mapping[int, Sequence[LeftOut]]]) -> dict[Family, dict[int, float]]:
+    return {family: errors_of(items) for family, items in found.items()}
+
+
+def _goes_on(family: Family, last: int, found: Mapping[Family, Mapping[int, Sequence[LeftOut]]]) -> bool:
+    """Whether a longer training is tried: the last one was tried and the best, harmed nothing and is not hopelessly behind
+    the best of all (successive halving; Jamieson and Talwalkar, AISTATS 2016): long trainings take most of the time."""
+    errors = _all_errors(found)
+    own, best = errors[family], min(min(values.values()) for values in errors.values() if values)
+    return own.get(last, np.inf) <= min(*own.values(), *errors["nothing"].values(), BEHIND * best)
 
 
 def simplest(tried: Mapping[Family, Mapping[str, float]]) -> Family:

@@ -15,6 +15,7 @@ from fmucorrect.training.data import Samples, scales
 from fmucorrect.training.grid import Inputs, inputs
 from fmucorrect.training.loop import Curve, Run, Terms, minimise, one_cycle
 from fmucorrect.training.mlp import parameters
+from fmucorrect.training.nearby import SHARE, nearby
 from fmucorrect.training.networks import Baseline, Member, Residual, WindowHead
 from fmucorrect.training.tasks import Context
 from fmucorrect.training.tdnn import window_and_speed
@@ -35,15 +36,17 @@ def view(development: Sequence[Samples], training: Training) -> Inputs:
 def fit_member(
     context: Context, development: Sequence[Samples], training: Training, member: int, epochs: int
 ) -> tuple[Member, list[Curve]]:
-    """Fit one chain to the development conditions: TDNN, rho, residual network. The member's number is part of its seed."""
+    """Fit one chain to the development conditions: TDNN, rho, residual network, which is taught motions near them, too. The
+    member's number is part of its seed."""
     see, stride = view(development, training), training.corrector.stride
     run = Run(1000 * training.seed + 2 * member, every=10, checkpoint=context.checkpoint, device=context.device)
     baseline = _fit_baseline(development, see, training, run)
     chain = Member(baseline, _amplitude_factor(baseline, development, see), _untrained(training, see, run.seed + 1))
+    lesson = [(s, stride) for s in development] + [(s, SHARE * stride) for s in nearby(development, member)]
     with torch.no_grad():
-        parts = [_inputs(chain, see, s, training, stride) for s in development]
+        parts = [_inputs(chain, see, s, training, n) for s, n in lesson]
     x, base = torch.cat([u for u, _ in parts]), torch.cat([b for _, b in parts])
-    target = torch.cat([_scaled(s.measured[::stride], see) for s in development]) - base
+    target = torch.cat([_scaled(s.measured[::n], see) for s, n in lesson]) - base
     run.tick = context.tick  # the paper's L_res on r^e (eqs. observation_decomposition, loss_components)
     _minimise(run, "residual", chain.residual, (x, base), target, training, epochs)
     return chain, run.curves

@@ -15,7 +15,7 @@ NOISE = 0.02
 QUICK = Training(
     window=20,
     corrector=Corrector(families=("amplitude", "linear", "recurrent")),
-    recurrent=Recurrent(steps=200, width=16, members=2),
+    recurrent=Recurrent(steps=(200,), width=16, members=2),
 )
 HEAD = """format = 1
 name = "one mass over a road"

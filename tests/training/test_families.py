@@ -112,7 +112,7 @@ def test_a_family_can_be_left_out(friction: Case) -> None:
 def test_a_perfect_simulation_is_left_alone(tmp_path: Path) -> None:
     """No noise, nothing missing: no number becomes infinite, and nothing is changed."""
     study = load_study(road.make(tmp_path, "nothing", noise=0.0))
-    made = train(study, replace(road.QUICK, recurrent=replace(road.QUICK.recurrent, steps=9)))
+    made = train(study, replace(road.QUICK, recurrent=replace(road.QUICK.recurrent, steps=(9,))))
     assert made.selection.family == "nothing"
     result = evaluate(pair(study, study.evaluation[0]), bundle.load(save(made, tmp_path)))
     assert np.array_equal(result.corrected, result.simulated)

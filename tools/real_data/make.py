@@ -1,7 +1,7 @@
 """Studies from data that nobody here wrote: python tools/real_data/make.py SET --out DIR
 
-SET is silverbox, bouc_wen or rotary; README.md says where they come from. DIR gets study.toml on the oscillator FMU, records,
-inputs, and score.json, from which score.py knows the published figures.
+SET is silverbox, bouc_wen, rotary, mr_damper or emps; README.md says where they come from. DIR gets study.toml on the
+oscillator FMU, records, inputs, and score.json, from which score.py knows the published figures.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from pathlib import Path
 
 from real_study import DATA, Made, write
 
-SETS = ("silverbox", "bouc_wen", "rotary")
+SETS = ("silverbox", "bouc_wen", "rotary", "mr_damper", "emps")
 
 
 def study_of(name: str, data: Path) -> Made:

@@ -1,4 +1,4 @@
-"""What the three sets have in common: where they lie, signals between samples, and a study with its records as files."""
+"""What the sets have in common: where they lie, signals between samples, and a study with its records as files."""
 
 from __future__ import annotations
 
@@ -26,6 +26,32 @@ _UNITS = {"f": "N", "d": "m", "v": "m/s"}
 """Of the oscillator's inputs, by the last letter of their names."""
 
 Series = Float64[np.ndarray, " T"]
+
+_BENCH = """format = 1
+name = "{title}"
+
+[simulation]
+fmu = "oscillator.fmu"
+step_size = {step!r}      # {ratio} steps a sample
+parameters = {{ m1 = 1e15, k1 = {k:.6e}, c1 = {c:.6e} }}
+
+[[channels]]
+name = "force"
+simulation = "base.F"
+measurement = "force"
+measurement_sign = -1      # joint1.d = -base.d: what pulls the base back in the model is positive in the record
+quantity = "force"
+unit = "{unit}"
+noise = {noise}
+
+[[joints]]
+name = "device"
+force = "joint1.f"
+displacement = "joint1.d"
+velocity = "joint1.v"
+nominal_force = "joint1.F"
+
+{adjustable}"""
 
 
 @dataclass(frozen=True)
@@ -97,6 +123,21 @@ def sloped(samples: Series, ratio: int, step: float) -> tuple[Series, Series]:
     times = np.arange((len(samples) - 1) * ratio + 1) / ratio
     fine = make_interp_spline(np.arange(len(samples)), samples, k=3)(times)
     return fine, np.diff(fine, append=fine[-1]) / step
+
+
+def bench(title: str, step_ns: int, ratio: int, line: tuple[float, float], unit: str, noise: str) -> str:
+    """Head of the study of a device on a test bench, motion given, force measured: joint 1 between a base that moves and a mass
+    that does not. line: its stiffness, N/m, and damping, N s/m, by least squares. unit: of the force. noise: and a comment."""
+    # a line through loops of friction: neither number is known
+    adjustable = "\n".join(
+        f'[[adjustable]]\nparameter = "{name}"\nminimum = 0.0\nmaximum = {5.0 * value:.3e}\ntolerance = 1.0\n'
+        for name, value in zip(("k1", "c1"), line, strict=True)
+        if value > 0.0
+    )
+    k, c = line
+    return _BENCH.format(
+        title=title, step=step_ns / 1e9, ratio=ratio, k=k, c=c, adjustable=adjustable, unit=unit, noise=noise
+    )
 
 
 def noise_above(y: Series, step: float, frequency: float) -> float:

@@ -15,7 +15,7 @@ import json
 from pathlib import Path
 
 import numpy as np
-from real_study import Figure, Made, Series, Stretch, noise_above, sloped
+from real_study import Figure, Made, Series, Stretch, bench, noise_above, sloped
 
 from fmucorrect import units
 
@@ -33,43 +33,6 @@ EVALUATION = {
 METRES = units.conversion("in", "m", "displacement")
 NEWTONS = units.conversion("kip", "N", "force")
 
-HEAD = """format = 1
-name = "Banded rotary friction device: motion given, force measured"
-
-[simulation]
-fmu = "oscillator.fmu"
-step_size = {step!r}      # {ratio} steps a sample
-parameters = {{ m1 = 1e15, k1 = {k:.6e}, c1 = {c:.6e} }}
-
-[[channels]]
-name = "force"
-simulation = "base.F"
-measurement = "force"
-measurement_sign = -1      # joint1.d = -base.d: what pulls the base back in the model is positive in the record
-quantity = "force"
-unit = "kN"
-noise = {noise:.4f}             # rms of the force above 300 Hz, taken as white
-
-[[joints]]
-name = "device"
-force = "joint1.f"
-displacement = "joint1.d"
-velocity = "joint1.v"
-nominal_force = "joint1.F"
-
-[[adjustable]]                # a line through loops of friction: neither number is known
-parameter = "k1"
-minimum = 0.0
-maximum = {k_max:.3e}
-tolerance = 1.0
-
-[[adjustable]]
-parameter = "c1"
-minimum = 0.0
-maximum = {c_max:.3e}
-tolerance = 1.0
-"""
-
 
 def make(data: Path) -> Made:
     """The study."""
@@ -78,14 +41,10 @@ def make(data: Path) -> Made:
     motion = np.concatenate([np.stack([runs[name][0], runs[name][1]], axis=1) for name in DEVELOPMENT])
     force = np.concatenate([runs[name][2] for name in DEVELOPMENT])
     k, c = np.linalg.lstsq(motion, force, rcond=None)[0]
-    head = HEAD.format(
-        step=STEP_NS / 1e9,
-        ratio=RATIO,
-        k=k,
-        c=c,
-        k_max=5.0 * k,
-        c_max=5.0 * c,
-        noise=1e-3 * noise_above(runs["1Hz_large"][2], STEP_NS * RATIO / 1e9, 300.0),
+    noise = 1e-3 * noise_above(runs["1Hz_large"][2], STEP_NS * RATIO / 1e9, 300.0)
+    title = "Banded rotary friction device: motion given, force measured"
+    head = bench(
+        title, STEP_NS, RATIO, (k, c), "kN", f"{noise:.4f}     # rms of the force above 300 Hz, taken as white"
     )
     stretches: list[Stretch] = []
     for name, (x, _, f) in runs.items():
