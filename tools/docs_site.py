@@ -7,6 +7,7 @@
 
 from __future__ import annotations
 
+import html
 import os
 import re
 from pathlib import Path, PurePosixPath
@@ -78,7 +79,9 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
     """Links as the site has them. Raises ValueError where a page names a commit: these belong into the history."""
     uri = page.file.src_uri
-    markdown = MATH.sub(lambda match: convert(" ".join(match[1].split()), display="block"), markdown)  # no script draws it
+    markdown = MATH.sub(
+        lambda match: convert(" ".join(match[1].split()), display="block"), markdown
+    )  # no script draws it
     parts = FENCE.split(markdown)
     parts[::2] = [LINK.sub(lambda match: link(uri, *match.groups()), part) for part in parts[::2]]
     if found := COMMIT.findall(re.sub(r"sha256[^\n]*", "", "".join(parts[::2]))):
@@ -137,9 +140,8 @@ def described(command: click.Command, name: str, level: int) -> list[str]:
         "",
         *paragraphs(command),
     ]
-    rows = [record for item in command.get_params(context) if (record := item.get_help_record(context))]
-    if rows:
-        text += ["| option | what it does |", "|---|---|", *(f"| `{cell(a)}` | {cell(b, True)} |" for a, b in rows), ""]
+    rows = [record for item in command.get_params(context) if (record := item.get_help_record(context)) and record[1]]
+    text += ["| option | what it does |", "|---|---|", *(f"| {code(a)} | {escaped(b)} |" for a, b in rows), ""]
     if isinstance(command, click.Group):
         for sub in sorted(command.commands):
             text += described(command.commands[sub], f"{name} {sub}", level + 1)
@@ -156,13 +158,13 @@ def paragraphs(command: click.Command) -> list[str]:
     return text
 
 
-def cell(text: str, prose: bool = False) -> str:
-    text = " ".join(text.split())
-    return escaped(text).replace("|", "\\|") if prose else text.replace("|", "\\|")
+def code(text: str) -> str:
+    """In a cell of a table, where a bar ends the cell."""
+    return f"<code>{html.escape(text).replace('|', '&#124;')}</code>"
 
 
 def escaped(text: str) -> str:
-    return re.sub(r"([<>*_\[\]])", r"\\\1", text)
+    return re.sub(r"([<>*_|\[\]])", r"\\\1", " ".join(text.split()))
 
 
 def public_names() -> str:
@@ -171,18 +173,12 @@ def public_names() -> str:
 
     where: dict[str, Any] = fmucorrect._WHERE
     text = ["# Python", "", "`import fmucorrect as fc`; each name is imported when it is first used.", ""]
-    text += ["| name | |", "|---|---|"]
-    text += [
-        f"| [`fc.{name}`](#{anchor(name, where)}) | {summary(name)} |" for name in fmucorrect.__all__ if name in where
-    ]
-    for name in fmucorrect.__all__:
-        if name in where:
-            text += ["", f"## fc.{name}", "", f"::: fmucorrect.{'.'.join(where[name])}"]
+    names = {name: f"fmucorrect.{'.'.join(where[name])}" for name in fmucorrect.__all__ if name in where}
+    text += ["| name | what it is |", "|---|---|"]
+    text += [f"| [`fc.{name}`](#{path}) | {summary(name)} |" for name, path in names.items()]
+    for name, path in names.items():
+        text += ["", f"::: {path}", "    options:", f"      heading: fc.{name}", f"      toc_label: fc.{name}"]
     return "\n".join(text) + "\n"
-
-
-def anchor(name: str, where: dict[str, Any]) -> str:
-    return f"fmucorrect.{'.'.join(where[name])}"
 
 
 def summary(name: str) -> str:
@@ -190,5 +186,4 @@ def summary(name: str) -> str:
     import fmucorrect
 
     words = " ".join((getattr(fmucorrect, name).__doc__ or "").split())
-    first = re.split(r"(?<=[.:;]) ", words)[0]
-    return escaped(first).replace("|", "\\|")
+    return escaped(re.split(r"(?<=\.) |[:;] ", words)[0].rstrip(".")) + "."

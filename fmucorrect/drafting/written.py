@@ -34,8 +34,10 @@ class DraftedRun:
 
 @dataclass(frozen=True)
 class Draft:
-    """units: of variables that the FMU leaves without one. unpaired: columns that show no output, in words. left_out:
-    what a log holds that is no column, in words. reading: what was told of the logs."""
+    """A drafted study: `text` writes it, each guess with its reason.
+
+    units: of variables that the FMU leaves without one. unpaired: columns that show no output, in words. left_out: what a log
+    holds that is no column, in words. reading: what was told of the logs."""
 
     model: FmuDescription
     step_ns: int
