@@ -3,7 +3,8 @@
 Each page has a temporary folder of its own beside copies of FILES. There, in order: a ```python
 block runs in an interpreter of its own; of a ```console block every line that begins with "$ " runs, which must be a program
 of this environment; a ```toml block that begins with "# at the end of NAME" is written there. All other blocks are shown
-only, and the page says so. Without arguments: README.md and all pages of docs. Stops at the first that fails.
+only, and the page says so. Without arguments: README.md, all pages of docs, and the READMEs of packages whose blocks no test
+runs. Stops at the first that fails.
 """
 
 from __future__ import annotations
@@ -36,12 +37,13 @@ FILES = {
     "test_drives.py": "docs/start/quarter_car/test_drives.py",
     "trained/corrector.onnx": "docs/start/quarter_car/corrector.onnx",
 }
+PACKAGES = (ROOT / "fmucorrect" / "README.md", ROOT / "fmucorrect" / "railway" / "README.md")
 BLOCK = re.compile(r"^```(python|console|toml)\n(.*?)^```", re.M | re.S)
 APPENDED = re.compile(r"# at the end of (\S+)\n")
 
 
 def main(paths: list[Path]) -> None:
-    pages = paths or [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+    pages = paths or [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")), *PACKAGES]
     begun = time.monotonic()
     count = sum(run(page) for page in pages)
     if not count:
