@@ -14,6 +14,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 import click
+import griffe
 from latex2mathml.converter import convert
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
@@ -175,15 +176,15 @@ def public_names() -> str:
     text = ["# Python", "", "`import fmucorrect as fc`; each name is imported when it is first used.", ""]
     names = {name: f"fmucorrect.{'.'.join(where[name])}" for name in fmucorrect.__all__ if name in where}
     text += ["| name | what it is |", "|---|---|"]
-    text += [f"| [`fc.{name}`](#{path}) | {summary(name)} |" for name, path in names.items()]
+    package = griffe.load("fmucorrect", search_paths=[ROOT])  # read, not imported: torch and others need not be there
+    for name, path in names.items():
+        said = package[path.removeprefix("fmucorrect.")].docstring
+        text.append(f"| [`fc.{name}`](#{path}) | {summary(said.value if said else '')} |")
     for name, path in names.items():
         text += ["", f"::: {path}", "    options:", f"      heading: fc.{name}", f"      toc_label: fc.{name}"]
     return "\n".join(text) + "\n"
 
 
-def summary(name: str) -> str:
-    """First sentence of the docstring."""
-    import fmucorrect
-
-    words = " ".join((getattr(fmucorrect, name).__doc__ or "").split())
-    return escaped(re.split(r"(?<=\.) |[:;] ", words)[0].rstrip(".")) + "."
+def summary(docstring: str) -> str:
+    """Its first sentence."""
+    return escaped(re.split(r"(?<=\.) |[:;] ", " ".join(docstring.split()))[0].rstrip(".")) + "."

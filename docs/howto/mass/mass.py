@@ -2,12 +2,12 @@
 
 import numpy as np
 
-STEP, ROWS, PARTS = 1e-3, 8000, 10  # s; samples; steps of the integration a sample
+STEP, ROWS, PARTS = 1e-3, 4000, 10  # s; samples; steps of the integration a sample
 rng = np.random.default_rng(0)
 time = np.arange(ROWS) * STEP
 
 for name, size in (("loud", 20.0), ("soft", 8.0), ("check", 14.0)):
-    push = size * np.sin(2 * np.pi * (1.0 + 0.5 * time) * time)  # N, 1 to 9 Hz
+    push = size * np.sin(2 * np.pi * (1.0 + time) * time)  # N, 1 to 9 Hz
     x = v = 0.0
     rows = []
     for force in push:
