@@ -56,6 +56,7 @@ SHOWN = {".svg", ".png", ".html", ".json", ".toml", ".csv"}
 LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)\s]+)\)")
 MATH = re.compile(r"^```math\n(.*?)^```", re.M | re.S)
 FENCE = re.compile(r"(^```.*?^```[^\n]*$)", re.M | re.S)
+BARRED = re.compile(r"`([^`\n]*\\\|[^`\n]*)`")  # code with a bar in a cell of a table: GitHub takes the backslash away
 COMMIT = re.compile(r"\b(?=[0-9a-f]*[0-9])(?=[0-9a-f]*[a-f])[0-9a-f]{7}\b(?!-)")
 
 
@@ -85,6 +86,7 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     )  # no script draws it
     parts = FENCE.split(markdown)
     parts[::2] = [LINK.sub(lambda match: link(uri, *match.groups()), part) for part in parts[::2]]
+    parts[::2] = [BARRED.sub(lambda match: code(match[1].replace("\\|", "|")), part) for part in parts[::2]]
     if found := COMMIT.findall(re.sub(r"sha256[^\n]*", "", "".join(parts[::2]))):
         raise ValueError(f"{PAGES.get(uri, uri)} names commits: {', '.join(found)}")
     return "".join(parts)
