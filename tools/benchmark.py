@@ -1,4 +1,4 @@
-"""Measures what README.md says of speed: python tools/benchmark.py [--quick] [--only PART] [--json FILE]
+"""Measures what tools/benchmark.md says of speed: python tools/benchmark.py [--quick] [--only PART] [--json FILE]
 
 Medians, and ratios of things measured in turn within this one run; one thread. Targets are those of the project's design.
 """

@@ -1,7 +1,10 @@
-"""Runs what a Markdown file shows: python tools/run_readme.py README.md
+"""Runs what Markdown pages show: python tools/run_readme.py README.md docs/start/index.md ...
 
-Every ```python block runs in one interpreter, in order, in a temporary folder beside copies of the files it names; every
-```console block has its lines that begin with "$ fmucorrect" run there too. Stops at the first that fails.
+Each page has a temporary folder of its own beside copies of FILES. There, in order: a ```python
+block runs in an interpreter of its own; of a ```console block every line that begins with "$ " runs, which must be a program
+of this environment; a ```toml block that begins with "# at the end of NAME" is written there. All other blocks are shown
+only, and the page says so. Without arguments: README.md, all pages of docs, and the READMEs of packages whose blocks no test
+runs. Stops at the first that fails.
 """
 
 from __future__ import annotations
@@ -13,43 +16,87 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-# what a user of the README has beside them: a study with its FMU and records, a corrector, and models with mapping files
+# what a reader has beside them: a study with its FMU and records, a corrector, models with mapping files, the tutorial's files
 FILES = {
     "roller_rig.fmu": "fmus/roller_rig/roller_rig.fmu",
     "A": "fmus/roller_rig/A",
     "corrector.onnx": "exported_models/roller_rig/corrector.onnx",
     **{
         f"{model}/{name}": f"fmus/{model}/{name}"
-        for model in ("full_vehicle", "roller_rig")
+        for model in ("cooperrider", "roller_rig")
         for name in ("assess.toml", f"{model}.fmu")
     },
+    "oscillator.fmu": "fmus/oscillator/oscillator.fmu",
+    "mass.py": "docs/howto/mass/mass.py",
+    "mass.toml": "docs/howto/mass/mass.toml",
+    "quarter_car.py": "docs/start/quarter_car/quarter_car.py",
+    "test_drives.py": "docs/start/quarter_car/test_drives.py",
+    "trained/corrector.onnx": "docs/start/quarter_car/corrector.onnx",
 }
+PACKAGES = (ROOT / "fmucorrect" / "README.md", ROOT / "fmucorrect" / "railway" / "README.md")
+BLOCK = re.compile(r"^```(python|console|toml)\n(.*?)^```", re.M | re.S)
+APPENDED = re.compile(r"# at the end of (\S+)\n")
 
 
-def main(path: Path) -> None:
-    blocks = re.findall(r"^```(python|console)\n(.*?)^```", path.read_text(encoding="utf-8"), re.M | re.S)
+def main(paths: list[Path]) -> None:
+    pages = paths or [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")), *PACKAGES]
+    begun = time.monotonic()
+    count = sum(run(page) for page in pages)
+    if not count:
+        sys.exit("there is no python or console block to run")
+    print(f"{count} blocks of {len(pages)} pages ran in {time.monotonic() - begun:.0f} s")
+
+
+def run(page: Path) -> int:
+    """How many blocks of a page ran."""
+    found = BLOCK.findall(page.read_text(encoding="utf-8"))
+    blocks = [(kind, text) for kind, text in found if kind != "toml" or APPENDED.match(text)]
     if not blocks:
-        sys.exit(f"{path}: there is no python or console block to run")
-    with tempfile.TemporaryDirectory() as folder:
-        for name, source in FILES.items():
-            copy = shutil.copytree if (ROOT / source).is_dir() else shutil.copyfile
-            (Path(folder) / name).parent.mkdir(exist_ok=True)
-            copy(ROOT / source, Path(folder) / name)
+        return 0
+    print(f"=== {page}", flush=True)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        for target, source in FILES.items():
+            (folder / target).parent.mkdir(exist_ok=True)
+            (shutil.copytree if (ROOT / source).is_dir() else shutil.copyfile)(ROOT / source, folder / target)
         for kind, text in blocks:
+            begun = time.monotonic()
             if kind == "python":
                 print(f"--- python\n{text}", flush=True)
                 subprocess.run([sys.executable, "-c", text], cwd=folder, check=True)
-                continue
-            for line in text.splitlines():
-                if line.startswith("$ fmucorrect "):
-                    print(f"--- {line}", flush=True)
-                    command = [str(Path(sys.executable).with_name("fmucorrect")), *shlex.split(line)[2:]]
-                    subprocess.run(command, cwd=folder, check=True, env={**os.environ, "CI": "true"})
-    print(f"{path}: {len(blocks)} blocks ran")
+            elif kind == "toml":
+                with (folder / text.split()[5]).open("a", encoding="utf-8") as stream:
+                    stream.write("\n" + text)
+            else:
+                for line in text.splitlines():
+                    if line.startswith("$ "):
+                        command(line, folder)
+            print(f"--- {time.monotonic() - begun:.1f} s", flush=True)
+    return len(blocks)
+
+
+def command(line: str, folder: Path) -> None:
+    """One line of a console block, by the program of this environment."""
+    print(f"--- {line}", flush=True)
+    program, *arguments = shlex.split(line.removeprefix("$ "))
+    path = Path(sys.executable).with_name(program)
+    if not path.is_file():
+        found = shutil.which(program)  # an environment that is laid over another one
+        if found is None:
+            sys.exit(f"{line}: there is no {program} in this environment")
+        path = Path(found)
+    words = [word for a in arguments for word in (matching(a, folder) if "*" in a else [a])]
+    subprocess.run([str(path), *words], cwd=folder, check=True, env={**os.environ, "CI": "true"})
+
+
+def matching(pattern: str, folder: Path) -> list[str]:
+    """As a shell would say it."""
+    return sorted(str(path.relative_to(folder)) for path in folder.glob(pattern))
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main([Path(argument) for argument in sys.argv[1:]])

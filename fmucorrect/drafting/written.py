@@ -38,9 +38,11 @@ class DraftedRun:
 
 @dataclass(frozen=True)
 class Draft:
-    """units: of variables that the FMU leaves without one. unpaired: columns that show no output, in words. left_out:
-    what a log holds that is no column, in words. reading: what was told of the logs. filled: why values between samples are
-    asked for, "" where they are not, or were by the user. starts: variables with start values that may be free."""
+    """A drafted study: `text` writes it, each guess with its reason.
+
+    units: of variables that the FMU leaves without one. unpaired: columns that show no output, in words. left_out: what a log
+    holds that is no column, in words. reading: what was told of the logs. filled: why values between samples are asked for,
+    "" where they are not, or were by the user. starts: variables with start values that may be free."""
 
     model: FmuDescription
     step_ns: int

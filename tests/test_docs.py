@@ -1,0 +1,74 @@
+"""What the documentation is made with: links of README files as pages, evidence from committed results, blocks that run."""
+
+from __future__ import annotations
+
+import importlib
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+def tool(name: str, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    monkeypatch.syspath_prepend(str(ROOT / "tools"))
+    return importlib.import_module(name)
+
+
+@pytest.mark.parametrize(
+    ("page", "link", "made"),
+    [
+        ("index.md", "[x](fmucorrect/README.md#training)", "[x](reference/study.md#training)"),
+        ("reference/records.md", "[x](../wrapping/README.md)", "[x](wrapping.md)"),
+        ("reference/training.md", "[window.py](window.py)", "`fmucorrect/training/window.py`"),
+        ("index.md", "[all](LICENSE)", "all (`LICENSE`)"),
+        ("index.md", "![p](exported_models/random_rigs.svg)", "![p](files/exported_models/random_rigs.svg)"),
+        ("start/index.md", "[x](../../CONTRIBUTING.md)", "[x](../project/contributing.md)"),
+        ("start/index.md", "[x](rig.md)", "[x](rig.md)"),
+        ("index.md", "[x](no/such/file.md)", "[x](no/such/file.md)"),
+        ("index.md", "[x](https://semver.org)", "[x](https://semver.org)"),
+    ],
+)
+def test_a_link_leads_where_it_led_in_the_project(page: str, link: str, made: str, monkeypatch: pytest.MonkeyPatch):
+    pytest.importorskip("mkdocs")
+    site = tool("docs_site", monkeypatch)
+    assert site.link(page, *site.LINK.fullmatch(link).groups()) == made
+
+
+def test_the_evidence_is_what_was_committed(monkeypatch: pytest.MonkeyPatch):
+    evidence = tool("evidence", monkeypatch)
+    for name, text in evidence.pages().items():
+        assert (ROOT / "docs" / "evidence" / name).read_text("utf-8") == text, "run: python tools/evidence.py"
+
+
+def test_no_case_seed_or_commit_on_the_pages(monkeypatch: pytest.MonkeyPatch):
+    pytest.importorskip("mkdocs")
+    site = tool("docs_site", monkeypatch)
+    for page in [*(ROOT / "docs").rglob("*.md"), *(ROOT / source for source in site.PAGES.values())]:
+        text = page.read_text(encoding="utf-8")
+        assert "osc_" not in text, page
+        lines = [line for line in text.splitlines() if "sha256" not in line]
+        assert not site.COMMIT.findall("\n".join(site.FENCE.split("\n".join(lines))[::2])), page
+
+
+@pytest.mark.parametrize(
+    ("text", "error"),
+    [
+        ("```python\nraise SystemExit(3)\n```\n", "non-zero exit status 3"),
+        ("```console\n$ fmucorrect inspect nothing.fmu\n```\n", "non-zero exit status 2"),
+        ("```console\n$ no-such-program\n```\n", "there is no no-such-program"),
+        ("```sh\nfalse\n```\n", "no python or console block"),
+        ("```toml\n# at the end of a.txt\nx = 1\n```\n```python\nassert 'x = 1' in open('a.txt').read()\n```\n", ""),
+    ],
+)
+def test_blocks_of_a_page_run(text: str, error: str, tmp_path: Path):
+    page = tmp_path / "page.md"
+    page.write_text(text, encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, str(ROOT / "tools/run_readme.py"), str(page)], capture_output=True, text=True
+    )
+    assert (done.returncode == 0) == (not error), done.stderr
+    assert error in done.stderr
