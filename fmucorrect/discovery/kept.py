@@ -82,7 +82,8 @@ class Kept:
         name = digest(parts)
         if not (self._folder / f"{name}.npz").exists():
             buffer = io.BytesIO()
-            np.savez_compressed(buffer, **{key: np.ascontiguousarray(part) for key, part in parts.items()})
+            whole: dict[str, Any] = {key: np.ascontiguousarray(part) for key, part in parts.items()}
+            np.savez_compressed(buffer, **whole)
             self._replace(f"{name}.npz", buffer.getvalue())
         return name
 

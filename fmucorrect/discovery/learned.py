@@ -277,4 +277,4 @@ def _spread(parts: Sequence[Float64[np.ndarray, "_ _"]], sizes: Sequence[float])
     precisions = [
         small.T @ small / size**2 + np.eye(small.shape[1]) / LEVEL**2 for small, size in zip(parts, sizes, strict=True)
     ]
-    return block_diag(*(np.linalg.inv(np.linalg.cholesky(precision)).T for precision in precisions))
+    return np.asarray(block_diag(*(np.linalg.inv(np.linalg.cholesky(precision)).T for precision in precisions)))

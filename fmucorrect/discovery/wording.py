@@ -49,7 +49,7 @@ def _verdict(report: dict[str, Any], checked: Sequence[Gap]) -> str:
     if report["verdict"] == "unexplained":
         left = _nearest(report["suspects"]) or f"{100 * report['unexplained']:.3g} % of the residual's energy stays"
         known = "nothing in the catalogue" if report.get("complete", True) else "nothing that was looked at"
-        return f"Simulation and measurement disagree, and {known} explains it: {left}."
+        return f"Simulation and measurement disagree, and {known} explains it: {left}.{_learned(report)}"
     held = [gap for gap in checked if gap.condition.role == "evaluation"] or list(checked)
     worst = max(held, key=lambda gap: gap.nrmse_before)
     error = (

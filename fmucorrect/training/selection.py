@@ -117,13 +117,13 @@ def _told(family: Family, epochs: int, found: Sequence[LeftOut]) -> str:
 def select(development: Sequence[Samples], training: Training, workshop: Workshop) -> Selection:
     """Each family at its best number of epochs; of these the simplest within one standard error of the best."""
     found: dict[Family, dict[int, list[LeftOut]]] = {family: {} for family in families(training)}
-    lengths_of = {family: candidates(family, development, training) for family in found}
+    lengths_of: dict[Family, tuple[int, ...]] = {family: candidates(family, development, training) for family in found}
     for rung in range(max(len(values) for values in lengths_of.values())):
         for family, values in lengths_of.items():
             if rung < len(values) and (rung == 0 or _goes_on(family, values[rung - 1], found)):
                 found[family][values[rung]] = leave_out(family, development, training, workshop, values[rung])
     best = {family: min(errors, key=lambda n: errors[n]) for family, errors in _all_errors(found).items()}
-    tried = {family: items[best[family]] for family, items in found.items()}
+    tried: dict[Family, list[LeftOut]] = {family: items[best[family]] for family, items in found.items()}
     scores: dict[Family, dict[str, float]] = {
         family: {item.name: item.nrmse for item in items} for family, items in tried.items()
     }
