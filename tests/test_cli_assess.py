@@ -93,7 +93,7 @@ def test_a_start_value_that_the_fmu_refuses_is_one_message(tmp_path: Path) -> No
 
 
 def test_all_three_run_on_the_shipped_full_vehicle(tmp_path: Path) -> None:
-    """Slowed down eight times as fast as shipped, its speeds in steps four times as large; README has the whole."""
+    """Slowed down eight times as fast as shipped, its speeds in steps four times as large; assessed.json has the whole."""
     mapping = VEHICLE.read_text("utf-8")
     for shipped, brief in (("rate = 0.5", "rate = 4.0"), ("step = 50.0", "step = 200.0")):
         assert mapping.count(shipped) == 1

@@ -20,16 +20,12 @@ import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-# what a reader has beside them: a study with its FMU and records, a corrector, models with mapping files, the tutorial's files
+# what a reader has beside them: the shipped rig as a clone has it, and the files of the tutorial and of the how-to pages
 FILES = {
+    "fmus/roller_rig": "fmus/roller_rig",
+    "exported_models/roller_rig/corrector.onnx": "exported_models/roller_rig/corrector.onnx",
+    "A": "fmus/roller_rig/A",  # fmucorrect/README.md: a study of the reader's own
     "roller_rig.fmu": "fmus/roller_rig/roller_rig.fmu",
-    "A": "fmus/roller_rig/A",
-    "corrector.onnx": "exported_models/roller_rig/corrector.onnx",
-    **{
-        f"{model}/{name}": f"fmus/{model}/{name}"
-        for model in ("cooperrider", "roller_rig")
-        for name in ("assess.toml", f"{model}.fmu")
-    },
     "oscillator.fmu": "fmus/oscillator/oscillator.fmu",
     "mass.py": "docs/howto/mass/mass.py",
     "mass.toml": "docs/howto/mass/mass.toml",
@@ -61,7 +57,7 @@ def run(page: Path) -> int:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for target, source in FILES.items():
-            (folder / target).parent.mkdir(exist_ok=True)
+            (folder / target).parent.mkdir(parents=True, exist_ok=True)
             (shutil.copytree if (ROOT / source).is_dir() else shutil.copyfile)(ROOT / source, folder / target)
         for kind, text in blocks:
             begun = time.monotonic()
