@@ -39,7 +39,7 @@ CHUNK = 4096
 """Windows that are copied and computed at once; larger chunks leave the cache."""
 
 OUTPUTS = ("corrected", "sigma", "in_envelope")
-_GOLDEN_TOLERANCE = 1e-5
+GOLDEN_TOLERANCE = 1e-5
 """Of the largest value: single precision loses a tenth of it in sums of a network."""
 _RESPONSES = ("corrected", "baseline", "sigma")
 """Outputs in the channels' units. A small sigma is a difference of large responses, and exact to what these are."""
@@ -338,11 +338,11 @@ def _replay(session: onnxruntime.InferenceSession, info: Info, golden: Mapping[s
                 alike = [golden[other] for other in _RESPONSES if other in golden] if name in _RESPONSES else [expected]
                 largest = max(float(np.abs(values).max()) for values in alike)
                 error = float(np.abs(got - expected[:count]).max()) / max(largest, 1e-9)
-                if not error <= _GOLDEN_TOLERANCE:
+                if not error <= GOLDEN_TOLERANCE:
                     raise BundleError(
                         f"the golden pair does not come out on this machine: {name!r}",
                         where=where,
-                        expected=f"within {_GOLDEN_TOLERANCE:g} of the largest value",
+                        expected=f"within {GOLDEN_TOLERANCE:g} of the largest value",
                         got=f"{error:.3g}",
                         remedy="Another ONNX Runtime may help; do not use this one with this file.",
                     )
