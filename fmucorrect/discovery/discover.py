@@ -40,6 +40,7 @@ from fmucorrect.discovery.pictures import free_picture, picture, units_at
 from fmucorrect.discovery.problem import Problem, load
 from fmucorrect.discovery.report import Report
 from fmucorrect.discovery.sets import Progress
+from fmucorrect.discovery.signs import wrong_signs
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, SignalTerm
 from fmucorrect.discovery.where import Residual, where
 from fmucorrect.discovery.wording import rest, sentence
@@ -255,7 +256,7 @@ def _report(
         "adjusted_from": {moved.name: moved.before for moved in adjusted},
         "adjusted_by": {moved.name: moved.tolerances for moved in adjusted},
         "sensors": sensed,
-        "cautions": cautions(problem, best, wider, rows, sensed),
+        "cautions": [*wrong_signs(problem), *cautions(problem, best, wider, rows, sensed)],
         "candidates": output.candidate_rows(problem, naming, decision),
         "learned": row,
         "where": shares_of | where(residuals, study.rotations, study.channels),

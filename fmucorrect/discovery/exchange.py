@@ -26,8 +26,8 @@ from fmucorrect.discovery.fitted import Fitted, Setting, tried
 from fmucorrect.discovery.form import FARTHEST, stepped
 from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.problem import Problem
-from fmucorrect.discovery.sets import LONG
-from fmucorrect.discovery.terms import OFFSET, SignalTerm, Term, proportional
+from fmucorrect.discovery.sets import LONG, merged
+from fmucorrect.discovery.terms import OFFSET, ForceTerm, SignalTerm, Term, proportional
 from fmucorrect.discovery.worth import names
 
 STAYS = 0.4
@@ -48,8 +48,8 @@ class _Column:
 def exchanged(
     problem: Problem, setting: Setting, best: Fitted, curves: Sequence[Curve], found: Sequence[Fitted]
 ) -> list[Fitted]:
-    """The set with one of its members given up for another effect of one number that does about the same, each fitted. found:
-    sets that were fitted already."""
+    """The set with one of its members given up for another effect that does about the same, each fitted: of one number
+    anywhere, of several at the same place. found: sets that were fitted already."""
     if not best.model.terms:
         return []
     columns = list(_columns(problem, best, curves))
@@ -67,7 +67,7 @@ def exchanged(
         beside = np.delete(best.slopes, range(ends[t], ends[t + 1]), axis=1)
         models = list(_alike(problem, setting, best, others, does, beside, columns))
         models = [model for model in models if frozenset(term.key for term in model.terms) not in have]
-        for start in tried(problem, around, best, models)[:FITTED]:
+        for start in merged(tried(problem, around, best, models))[:FITTED]:
             fitted = fit(problem, around, start.model, LONG, start.at, rival=best.surprise)
             fits += [] if fitted is None else [fitted]
     return fits
@@ -110,23 +110,29 @@ def _alike(
 
 
 def _columns(problem: Problem, best: Fitted, curves: Sequence[Curve]) -> Iterator[_Column]:
-    """Candidates of one number that are not in the set, forces if they are proportional to it. From both sides where there are
-    two: what is curved in a one-sided change is more than the noise. A tolerated parameter's is that of the base."""
+    """Candidates that are not in the set. Of one number and proportional to it: by a little, from both sides where there are
+    two, as what is curved in a one-sided change is more than the noise; a tolerated parameter's is that of the base. Other
+    laws where the set has one: at their first size."""
     have, own = names(best), {" and ".join(a.parameters): i for i, a in enumerate(problem.tolerated)}
-    free = [curve for curve in curves if curve.numbers == 1 and curve.key not in have]
+    at = {term.where for term in best.model.terms if isinstance(term, ForceTerm)}
+    free = [curve for curve in curves if curve.key not in have and (curve.numbers == 1 or curve.where in at)]
     sides: list[tuple[int, float, Model]] = []
     for i, curve in enumerate(free):
         if curve.effect == OFFSET and curve.where in own:
             yield _Column(curve, best.base[:, own[curve.where]] * curve.size * (1.0 if curve.form == UP else -1.0))
             continue
-        for side in (1.0, -1.0) if curve.signed else (1.0,):
-            term = curve.term(side * PROBE * curve.size)
-            if term is not None and (isinstance(term, SignalTerm) or proportional(term)):
+        first = curve.term(curve.size)
+        straight = curve.numbers == 1 and first is not None and (isinstance(first, SignalTerm) or proportional(first))
+        if not (straight or curve.where in at):
+            continue
+        for side in (PROBE, -PROBE) if straight and curve.signed else (PROBE if straight else 1.0,):
+            term = curve.term(side * curve.size)
+            if term is not None:
                 sides.append((i, side, replace(best.model, terms=(*best.model.terms, term))))
     changes: dict[int, list[np.ndarray]] = {}
     for (i, side, _), y in zip(sides, problem.many([model for _, _, model in sides]), strict=True):
         if y is not None:
-            changes.setdefault(i, []).append(side * (y - best.at) / PROBE)
+            changes.setdefault(i, []).append((y - best.at) / side)
     for i, each in list(changes.items()):
         other = next((k for k in changes if k != i and free[i].effect == OFFSET and free[k].key == free[i].key), None)
         mirrored = [] if other is None else [-x * free[i].size / free[other].size for x in changes[other][:1]]

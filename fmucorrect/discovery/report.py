@@ -15,7 +15,8 @@ class Report(dict[str, Any]):
         lines = [f"{'' if self.complete else 'so far '}{self['verdict']}: {self['sentence']}"]
         for effect, joint, share, equation, values in self._effects():
             lines.append(f"  {effect} at {joint} ({share}): {equation}; {values}")
-        lines += [f"  hangs on {doubt}" for doubt in self.get("cautions", [])]
+        how = "look at" if self["verdict"] == "unexplained" else "hangs on"
+        lines += [f"  {how} {doubt}" for doubt in self.get("cautions", [])]
         for condition, role, before, after, noise in self._gaps():
             held = ", held out" if role == "evaluation" else ""
             lines.append(f"  {condition}{held}: {before} -> {after} % (noise {noise} %)")
@@ -44,7 +45,7 @@ class Report(dict[str, Any]):
             (
                 row["effect"],
                 row["joint"],
-                f"{100 * row['probability']:.0f} %" + _of_class(row),
+                f"{100 * row['probability']:.0f} %{'' if self.complete else ' of what was looked at'}" + _of_class(row),
                 row["equation"],
                 ", ".join(
                     f"{name} = {entry['value']:.4g} +- {entry['std']:.2g} {entry['unit']}"

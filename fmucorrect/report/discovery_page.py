@@ -80,7 +80,7 @@ def build(report: Mapping[str, Any]) -> DiscoveryPage:
             "command without --time-limit goes on where it was; what the evaluation conditions show here has no part in that."
         )
     for doubt in texts(report.get("cautions")):
-        page.caution(f"The verdict hangs on {doubt}.")
+        page.caution(f"{'Look at' if report.get('verdict') == 'unexplained' else 'The verdict hangs on'} {doubt}.")
     _tiles(page, report)
     where(page, report)
     effects_section(page, report)

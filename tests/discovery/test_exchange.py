@@ -1,15 +1,20 @@
 """What is alike at the sensors stands in one class, whatever the search came by first. The truth is integrated by scipy."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 pytest.importorskip("ziglang")
 pytest.importorskip("sympy")
 
-from one_mass import HEAD, JOINT, MASS, NOISE, STEP, SWEEP, T, sweep
+from one_mass import HEAD, JOINT, MASS, NOISE, STEP, SWEEP, T, begun, sweep, term_at
 from scipy.integrate import solve_ivp
 
 from fmucorrect.discovery.decide import decide
+from fmucorrect.discovery.deepening import around
+from fmucorrect.discovery.exchange import exchanged
+from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.naming import name
 from fmucorrect.discovery.problem import load
 from fmucorrect.study import load_study
@@ -37,12 +42,17 @@ def table(path, **columns):
     )
 
 
-def decided(folder, library, text, x, **inputs):
-    """What is decided where the sensor shows x, m."""
+def measured(folder, library, text, x, **inputs):
+    """The study, its sensor showing x, m."""
     table(folder / "force.csv", **inputs)
     table(folder / "measured.csv", **{"x1 [mm]": 1e3 * x + NOISE * np.random.default_rng(4).normal(size=len(T))})
     (folder / "study.toml").write_text(text, encoding="utf-8")
-    with load(load_study(folder / "study.toml"), library, 2) as problem:
+    return load(load_study(folder / "study.toml"), library, 2)
+
+
+def decided(folder, library, text, x, **inputs):
+    """What is decided where the sensor shows x, m."""
+    with measured(folder, library, text, x, **inputs) as problem:
         return problem, decide(name(problem))
 
 
@@ -101,3 +111,19 @@ def test_masses_on_a_stiff_link_are_one_class(library, tmp_path):
     _, found = decided(tmp_path, library, text, integrated(rate, 4)[0], **{"mass2.f [N]": sweep(0.5)})
     assert classes(found) == [{"m1", "m2"}]
     assert found.probability[0] < 0.8
+
+
+def test_the_law_that_acts_is_tried_in_the_place_of_one_of_its_kin(library, tmp_path):
+    """A spring in series with a damper, taken for a damper of a broken order."""
+    arm, tau = 300.0, 0.03  # N/m, s
+    x = integrated(lambda t, y: [y[1], (force(t) - K * y[0] - C * y[1] - y[2]) / M, arm * y[1] - y[2] / tau], 3)[0]
+    with measured(tmp_path, library, MASS + JOINT + SWEEP, x, **{"mass1.f [N]": sweep(0.5)}) as problem:
+        setting, base = begun(problem)
+        start = term_at(problem.study, "fractional_damping", "joint 1", stiffness=100.0, fractional_order=0.6)
+        taken = fit(problem, setting, replace(problem.nominal, terms=(start,)), 20)
+        fits = exchanged(problem, setting, taken, around(problem, base).curves(base), [taken])
+    best = min(fits, key=lambda fitted: fitted.surprise)
+    (term,) = best.model.terms
+    assert term.effect == "series_stiffness"
+    assert best.surprise < taken.surprise
+    assert term.values["stiffness"] == pytest.approx(arm, rel=0.1)

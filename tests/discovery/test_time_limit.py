@@ -10,11 +10,14 @@ pytest.importorskip("ziglang")
 pytest.importorskip("sympy")
 
 from click.testing import CliRunner
+from one_mass import T
 from test_discover import cubic, friction, write_study
+from test_naming import problem_of
 from test_resuming import without_times
 
 from fmucorrect.cli import main
-from fmucorrect.discovery import cost, discover
+from fmucorrect.discovery import cost, discover, naming
+from fmucorrect.discovery.decide import decide
 from fmucorrect.discovery.ledger import AHEAD
 from fmucorrect.report.discovery_page import lead
 
@@ -118,3 +121,28 @@ def test_ctrl_c_says_that_the_same_command_goes_on(found, tmp_path, monkeypatch)
     run = CliRunner().invoke(main, ["discover", str(folder / "study.toml"), "-o", str(tmp_path / "o")])
     assert run.exit_code == 130
     assert "the same command goes on" in run.output
+
+
+@pytest.mark.parametrize(("begun", "conditions"), [("fits", 2), ("all conditions", 5)])
+def test_a_verdict_stands_on_all_conditions_once_the_likeliest_set_was_fitted_to_them(
+    library, tmp_path, monkeypatch, over_at, begun, conditions
+):
+    monkeypatch.setattr(naming, "QUICK", 2 * len(T))
+    monkeypatch.setattr(naming, "PLACES", 1)
+    with problem_of(tmp_path, library) as problem:
+        problem.spent.until = 1e9
+        over, seen = over_at("behind it", 0), []
+
+        def progress(name, done, total):
+            seen.append(name)
+            if seen.count(begun) > 3 or (seen.count("all conditions") and name != begun):
+                over("behind it", 0, 1)
+
+        found = naming.name(problem, progress)
+        with found.stopped.problem as stands:
+            assert len(stands.trials) == conditions
+            assert len(found.setting.measured) == len(stands.measured)
+        assert "conditions" in found.stopped.ahead
+        assert ("sets" in found.stopped.ahead) == (conditions == 2)
+        assert {term.key for term in decide(found).best.model.terms} == {("cubic_stiffness", "joint 1")}
+        assert problem.spent.until == float("inf")
