@@ -388,3 +388,20 @@ def test_it_reads_well_in_a_browser(tmp_path: Path) -> None:
         assert said["tiles"] == said["wide"] == 0, shown
         assert said["share"] == 0, shown  # no button that uploads the data
         assert said["chosen"] == [False, True, False, False, False], shown
+
+
+def test_a_verdict_before_the_end_doubts_and_the_force_that_acted_are_told() -> None:
+    report = example.report("named")
+    effect = report["effects"][0] | {"acting": {"rms": 310.0, "peak": 512.0, "unit": "N"}, "class_probability": 0.99}
+    report |= {"effects": [effect], "cautions": ["kpx, which moved by 5.6 of its tolerances"]}
+    text = words(report | {"complete": False, "not_looked_at": ["each effect by itself"]}).replace("\u00a0", " ")
+    for said in (
+        "So far, of a search that is not complete: found: Coulomb friction",
+        "Not looked at yet: each effect by itself. The same command without --time-limit goes on",
+        "The verdict hangs on kpx, which moved by 5.6 of its tolerances.",
+        "acted with 310 N rms, 512 N at most",
+        "99 % with what cannot be told from it",
+    ):
+        assert said in text, said
+    assert "Not looked at yet" not in words(report | {"complete": True})
+    assert "Look at kpx" in words(report | {"verdict": "unexplained"})
