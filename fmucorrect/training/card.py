@@ -182,7 +182,7 @@ def _one(found: Distilled, deployed: bool) -> str:
     if deployed:
         return (
             f"- Deployed is one network, distilled from the {len(found.ensemble.members)} members: what it says otherwise than "
-            f"they do between and beyond the development conditions makes an error as large as the band {worse} larger."
+            f"they do at conditions that it was not taught makes an error as large as the band {worse} larger."
         )
     return (
         f"- Deployed is the ensemble. One network in its place would make an error as large as the band {worse} larger, more "

@@ -2,16 +2,17 @@
 
 The ensemble can be asked anything at no cost, so the student learns from far more motions than were measured (knowledge
 distillation: Hinton et al., Distilling the knowledge in a neural network, 2015): windows of the development conditions, the
-same between and beyond two of them, at any speed within the envelope, and near them (nearby.py). It starts as the two members
-that come nearest to the mean; one alone cannot follow the others. All errors count in units of the ensemble's band. Where the
-student would add more than WORSE to the error at conditions that were left out of its lesson, the ensemble itself is deployed.
+same between and beyond two of them, at any speed within the envelope, and near them (nearby.py). It starts as two members,
+those of either hypothesis that come nearest to the mean; one alone cannot follow the others. All errors count in units of the
+ensemble's band. Its band is widened by as much as it is narrower at conditions that were left out of its lesson. Where it would
+add more than WORSE to the error there, the ensemble itself is deployed.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -47,6 +48,8 @@ BEYOND = 0.5
 """Of the way between two conditions, how far motions go beyond either: the envelope's inner corners (sealing.corners)."""
 SCALE = 0.1
 """Share by which an asked motion is larger or smaller."""
+NEAR = 0.2
+"""Share of the asked motions that lie near what was measured, where such motions are taught (nearby.py)."""
 GROUP = 250
 """Windows that one draw of conditions, weight and speed holds for."""
 RIDGE = 1e-8
@@ -57,21 +60,31 @@ LEAST = 1e-6
 
 @dataclass(frozen=True)
 class Distilled:
-    """A student and the ensemble that it stands for. see: its features. band: the ensemble's, of what the student says of the
-    members' deviations. away: rms of what it says otherwise at each condition that it, or one taught as it was, had not been
-    taught, in units of the band."""
+    """A student and the ensemble that it stands for. see: its features. band: of what the student says of the members'
+    deviations. away: rms of what it says otherwise at each condition that it, or one taught as it was, had not been
+    taught, in units of the band. widths: (J,) of each, its mean band as a share of the ensemble's, before it was widened."""
 
     network: Student
     ensemble: Ensemble
     see: Inputs
     band: Band
     away: tuple[float, ...]
+    widths: tuple[tuple[float, ...], ...]
 
     @property
     def worse(self) -> float:
         """Share by which the student's own errors, independent of the ensemble's, make the whole larger: the ensemble's at
         conditions that were left out is as large as its band."""
         return math.sqrt(1.0 + float(np.mean(np.square(self.away)))) - 1.0 if self.away else 0.0
+
+    def judged(self, others: Sequence[Distilled]) -> Distilled:
+        """With the figures of others, each taught as this one was but for what they were asked; and a band as wide as theirs
+        should have been."""
+        widths = tuple(width for other in others for width in other.widths)
+        wider = np.maximum(1.0, 1.0 / np.mean(widths, axis=0))
+        parts = (self.band.floor, self.band.size, self.band.deviation)
+        band = Band(*(tuple((np.array(part) * wider).tolist()) for part in parts))
+        return replace(self, band=band, away=tuple(value for other in others for value in other.away), widths=widths)
 
     @property
     def parameters(self) -> int:
@@ -146,8 +159,9 @@ def distil(
     _teach(run, student, lesson, shares, training)
     _last_layers(student, lesson)
     tested = [_of_condition(ensemble, item, settings.stride) for item in held]
-    away = tuple(_away(student, _lesson(see, asked, *_ask(ensemble, asked), band)) for asked in tested)
-    return Distilled(student, ensemble, see, band, away), run.curves
+    judged = [_judged(student, _lesson(see, asked, *_ask(ensemble, asked), band), band, see) for asked in tested]
+    away, widths = tuple(a for a, _ in judged), tuple(w for _, w in judged)
+    return Distilled(student, ensemble, see, band, away, widths), run.curves
 
 
 def _of_condition(ensemble: Ensemble, item: Samples, stride: int) -> _Asked:
@@ -158,28 +172,28 @@ def _of_condition(ensemble: Ensemble, item: Samples, stride: int) -> _Asked:
 
 def _draw(ensemble: Ensemble, development: Sequence[Samples], count: int, rng: np.random.Generator) -> _Asked:
     """Motions on the line through two conditions at the same time since the excitation began, up to BEYOND past either, at the
-    speed in between; a sixth of them as they were measured, a quarter at any speed within the envelope, and a third of all
+    speed in between; a sixth of them as they were measured, a quarter at any speed within the envelope, and NEAR of all
     near what was measured, where such motions are taught."""
     known = [_of_condition(ensemble, item, 1) for item in development]
     near = [_of_condition(ensemble, item, 1) for item in nearby(development, 0)]
-    # of the scaled speed, which goes from -1/2 to 1/2 over the conditions
-    reach = 0.5 + BEYOND if len({item.speed for item in development}) > 1 else 0.0
+    speeds = np.array([float(asked.beside[0, 0]) for asked in known])
+    beyond = BEYOND * float(np.ptp(speeds))
+    ends = float(speeds.min()) - beyond, float(speeds.max()) + beyond
     windows: list[np.ndarray] = []
     beside: list[Tensor] = []
     for _ in range(-(-count // GROUP)):
-        if near and rng.random() < 1.0 / 3.0:
+        if near and rng.random() < NEAR:
             one = near[int(rng.integers(len(near)))]
             rows = rng.integers(len(one.windows), size=GROUP)
             windows.append(one.windows[rows])
             beside.append(one.beside[rows])
             continue
-        i = int(rng.integers(len(known)))
-        j = (i + int(rng.integers(1, max(len(known), 2)))) % len(known)
+        i, j, share = _between(speeds, ends, rng)
         rows = rng.integers(len(known[i].windows), size=GROUP)
         at = np.searchsorted(development[j].seconds, development[i].seconds[rows])
         others = np.minimum(at, len(known[j].windows) - 1)
-        kind, share = rng.random(), rng.uniform(-BEYOND, 1.0 + BEYOND)
-        size, speed = rng.uniform(1.0 - SCALE, 1.0 + SCALE, size=(GROUP, 1)), rng.uniform(-reach, reach)
+        kind = rng.random()
+        size, speed = rng.uniform(1.0 - SCALE, 1.0 + SCALE, size=(GROUP, 1)), rng.uniform(*ends)
         seen = known[i].beside[rows].clone()
         if kind < 1.0 / 6.0:
             share, size = 0.0, np.ones((GROUP, 1))
@@ -191,6 +205,22 @@ def _draw(ensemble: Ensemble, development: Sequence[Samples], count: int, rng: n
         beside.append(seen)
     order = rng.permutation(GROUP * len(windows))[:count]
     return _Asked(np.concatenate(windows)[order], torch.cat(beside)[torch.from_numpy(order)])
+
+
+def _between(speeds: np.ndarray, ends: tuple[float, float], rng: np.random.Generator) -> tuple[int, int, float]:
+    """Two conditions and how far from the one to the other, so that speeds lie evenly over the envelope, near its ends, too;
+    where all have the same, any two."""
+    every = [(i, j) for i in range(len(speeds)) for j in range(len(speeds)) if speeds[i] != speeds[j]]
+    if not every:
+        i = int(rng.integers(len(speeds)))
+        return i, (i + int(rng.integers(1, max(len(speeds), 2)))) % len(speeds), rng.uniform(-BEYOND, 1.0 + BEYOND)
+    speed = rng.uniform(*ends)
+    shares = [(speed - speeds[i]) / (speeds[j] - speeds[i]) for i, j in every]
+    near = [
+        k for k, share in enumerate(shares) if abs(share - 0.5) <= 0.5 + BEYOND + 1e-6
+    ]  # the outermost two reach all
+    k = near[int(rng.integers(len(near)))]
+    return *every[k], shares[k]
 
 
 def _ask(ensemble: Ensemble, asked: _Asked) -> tuple[Float[Tensor, "N J"], Float[Tensor, "K N J"]]:
@@ -234,9 +264,10 @@ def _parts(band: Band, see: Inputs, members: int) -> Float[Tensor, "M J"]:
 
 
 def _nearest(ensemble: Ensemble, said: Float[Tensor, "K N J"], lesson: _Lesson) -> list[Member]:
-    """The BESIDE members that are nearest to the mean."""
-    away = [float((((one - lesson.mean) / lesson.sigma) ** 2).mean()) for one in said]
-    return [ensemble.members[i] for i in np.argsort(away, kind="stable")[:BESIDE]]
+    """The BESIDE members that are nearest to the mean, one of each hypothesis (nearby.py)."""
+    away = np.array([float((((one - lesson.mean) / lesson.sigma) ** 2).mean()) for one in said])
+    kinds = [range(k, len(away), BESIDE) for k in range(min(BESIDE, len(away)))]
+    return [ensemble.members[min(kind, key=lambda i: away[i])] for kind in kinds]
 
 
 def _teach(run: Run, student: Student, lesson: _Lesson, shares: Float[Tensor, "M J"], training: Training) -> None:
@@ -282,7 +313,11 @@ def _last_layers(student: Student, lesson: _Lesson) -> None:
             ).float()
 
 
-def _away(student: Student, lesson: _Lesson) -> float:
-    """Rms of what the student says otherwise, in units of the ensemble's band."""
+def _judged(student: Student, lesson: _Lesson, band: Band, see: Inputs) -> tuple[float, tuple[float, ...]]:
+    """Rms of what the student says otherwise, in units of the ensemble's band; (J,) its mean band as a share of that."""
+    response = torch.tensor(see.scales.response)
     with torch.no_grad():
-        return math.sqrt(float((((student(lesson.u)[0] - lesson.mean) / lesson.sigma) ** 2).mean()))
+        said, _, wide = student(lesson.u)
+        away = math.sqrt(float((((said - lesson.mean) / lesson.sigma) ** 2).mean()))
+        sigma = (torch.tensor(band.floor) + wide.abs().double() @ _shares(band, see, student)) / response
+    return away, tuple((sigma.clamp(min=LEAST) / lesson.sigma).mean(0).tolist())

@@ -155,7 +155,7 @@ def distil(
         left = [development[i] for i in held]
         tasks.append(task(f"one network, {', '.join(item.name for item in left)} left out", rest, left))
     (found, curves), *others = workshop.run(tasks)
-    return replace(found, away=tuple(away for other, _ in others for away in other.away)), tuple(curves)
+    return found.judged([other for other, _ in others]), tuple(curves)
 
 
 def guard(fitted: Fitted, development: Sequence[Samples]) -> Guard:
