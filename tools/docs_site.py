@@ -41,6 +41,7 @@ PAGES = {
         for rig, folder in (("A", "roller_rig"), ("B", "roller_rig_B"), ("C", "roller_rig_C"))
         for page, file in (("card", "card.md"), ("found", "discovery/README.md"))
     },
+    "evidence/gallery.md": "exported_models/gallery.md",
     "evidence/virtual_rigs.md": "tools/virtual_rig/README.md",
     "evidence/suite.md": "tools/hidden_effects/README.md",
     "evidence/real_data.md": "tools/real_data/README.md",
