@@ -216,6 +216,9 @@ class Law:
             expected = "; ".join(f"{what}: {', '.join(names)}" for what, names in lists.items())
             raise WrapError("; ".join(wrong), where=f"law {self.label!r}", expected=expected)
 
+    def __hash__(self) -> int:
+        return hash(self.label)  # of all fields it would take longer than a law's force
+
     @property
     def label(self) -> str:
         """Name and form, a C identifier."""

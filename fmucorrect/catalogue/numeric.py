@@ -79,7 +79,7 @@ def _rows(function: Callable[..., Any], law: Law, given: Given, states: States) 
 
 
 def _shape(states: States, arguments: list[Any]) -> tuple[int, ...]:
-    return np.broadcast_shapes(states.shape[:-1], *(np.shape(argument) for argument in arguments))
+    return np.broadcast_shapes(states.shape[:-1], *{argument.shape for argument in arguments})  # most are ()
 
 
 def _given(law: Law, inputs: Values, parameters: Values) -> Given:
