@@ -24,6 +24,7 @@ from fmucorrect.catalogue import learned as law_of
 from fmucorrect.discovery.candidates import may_act
 from fmucorrect.discovery.evidence import Nuisances, independent
 from fmucorrect.discovery.fitted import Setting
+from fmucorrect.discovery.form import FARTHEST
 from fmucorrect.discovery.located import Located, bare
 from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.motion import along
@@ -210,8 +211,10 @@ def _further(problem: Problem, setting: Setting, state: _Linear) -> tuple[Model 
     where no step does."""
     now = state.numbers
     cost = state.cost(setting, state.at, now)
+    low, high = np.clip(problem.reach, -FARTHEST, FARTHEST).T  # a parameter's own bounds hold here, too
     for share in (1.0, 0.5, 0.25, 0.1):
         numbers = now + share * (state.target - now)
+        numbers[len(state.spread) :] = np.clip(numbers[len(state.spread) :], low, high)
         model = state.moved(numbers)
         at = _at(problem, model)
         if at is not None and (gained := cost - state.cost(setting, at, numbers)) > 0.0:
