@@ -12,8 +12,10 @@ from jaxtyping import Float64
 
 from fmucorrect import experiment, metrics
 from fmucorrect.discovery.cost import Spent
+from fmucorrect.discovery.fitted import Setting
 from fmucorrect.discovery.model import Model, runner, simulate, start_value
 from fmucorrect.discovery.nuisances import GAIN, LAG
+from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.starts import fitted
 from fmucorrect.discovery.trials import lead_in, sensor_noise
 from fmucorrect.errors import SignalError
@@ -140,6 +142,13 @@ def _gap(
         now.mean_r2,
         starts,
     )
+
+
+def sensors_told(problem: Problem, setting: Setting, residual: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, "J 2"]:
+    """`sensor_errors` as the residual of a model tells them. residual: (n,) of the development conditions."""
+    told = setting.sensors.believe(residual, setting.share).fitted
+    free = sum(len(trial.condition.free) for trial in problem.trials) if problem.fmu else 0
+    return sensor_errors(told, len(problem.study.channels), len(problem.trials), free)
 
 
 def sensor_errors(

@@ -19,7 +19,7 @@ from threadpoolctl import threadpool_limits
 from fmucorrect import experiment, outputs
 from fmucorrect.discovery import output
 from fmucorrect.discovery.augmented import Found, found_of, write_model
-from fmucorrect.discovery.confirm import Gap, carries_over, gaps, sensor_errors
+from fmucorrect.discovery.confirm import Gap, carries_over, gaps, sensors_told
 from fmucorrect.discovery.constancy import TOO_MUCH, varying
 from fmucorrect.discovery.decide import CLOSE, Decision, decide
 from fmucorrect.discovery.doubt import cautions
@@ -200,9 +200,7 @@ def _report(
 ) -> tuple[dict[str, Any], Found | None]:
     """The report, and what an FMU can be given of what was found."""
     best = decision.best
-    told = naming.setting.sensors.believe(best.residual, naming.setting.share).fitted
-    free = sum(len(trial.condition.free) for trial in problem.trials)
-    sensors = sensor_errors(told, len(study.channels), len(problem.trials), free if problem.fmu else 0)
+    sensors = sensors_told(problem, naming.setting, best.residual)
     progress("confirm", 0, len(study.conditions))
     checked = gaps(
         study,

@@ -22,7 +22,7 @@ from scipy.linalg import block_diag
 from fmucorrect.catalogue import Law, find
 from fmucorrect.catalogue import learned as law_of
 from fmucorrect.discovery.candidates import may_act
-from fmucorrect.discovery.evidence import Nuisances, independent
+from fmucorrect.discovery.evidence import Belief, Nuisances, independent
 from fmucorrect.discovery.fitted import Setting
 from fmucorrect.discovery.form import FARTHEST
 from fmucorrect.discovery.located import Located, bare
@@ -68,9 +68,7 @@ class Learned:
 
     @property
     def term(self) -> ForceTerm:
-        term = self.model.terms[-1]
-        assert isinstance(term, ForceTerm)
-        return term
+        return _law_in(self.model)
 
 
 def learn(problem: Problem, setting: Setting, model: Model, found: Sequence[Located]) -> Learned | None:
@@ -91,10 +89,11 @@ def learn(problem: Problem, setting: Setting, model: Model, found: Sequence[Loca
     if remembering.surprise < chosen.surprise - PAYS:
         chosen = remembering
     for _ in range(STEPS):
-        following, gained = _further(problem, setting, chosen)
+        following = _further(problem, setting, chosen)
         if following is None:
             break
-        chosen = _linear(problem, setting, following, independent(problem.split(chosen.left)))
+        model, at, gained = following
+        chosen = _linear(problem, setting, model, at, independent(problem.split(chosen.left)))
         if gained < GAINED:
             break
     values = chosen.term.values
@@ -110,7 +109,8 @@ class _Linear:
     """What the responses are around a model with the law as its last term, and what that makes of the evidence. at: (n,) of the
     model. slopes: (n, p) to the values. base: (n, A) to the base parameters. spread: (p, p), the values of the prior are its
     product with p standard normal numbers. surprise: -2 log p of the measurement. target: values and base parameters that it
-    takes for the likeliest. covariance: (p, p) of the values."""
+    takes for the likeliest. covariance: (p, p) of the values. left: (n,) of the measurement, by then. share: of independent
+    rows."""
 
     model: Model
     at: Float64[np.ndarray, " n"]
@@ -125,14 +125,7 @@ class _Linear:
 
     @property
     def term(self) -> ForceTerm:
-        term = self.model.terms[-1]
-        assert isinstance(term, ForceTerm)
-        return term
-
-    @property
-    def numbers(self) -> Float64[np.ndarray, " q"]:
-        """Values and base parameters of the model."""
-        return np.array([*(self.term.values[name] for name in law_of.values(self.term.law)), *self.model.base])
+        return _law_in(self.model)
 
     def moved(self, numbers: Float64[np.ndarray, " q"]) -> Model:
         """The model with other values and base parameters."""
@@ -147,6 +140,18 @@ class _Linear:
         drawn = np.linalg.solve(self.spread, numbers[:count])
         belief = setting.sensors.believe(setting.measured - at, self.share, setting.floor)
         return belief.surprise + float(drawn @ drawn) + float(np.sum(numbers[count:] ** 2))
+
+
+def _law_in(model: Model) -> ForceTerm:
+    term = model.terms[-1]
+    assert isinstance(term, ForceTerm)
+    return term
+
+
+def _numbers(model: Model) -> Float64[np.ndarray, " q"]:
+    """Values of the law, and base parameters."""
+    term = _law_in(model)
+    return np.array([*(term.values[name] for name in law_of.values(term.law)), *model.base])
 
 
 def _forms(problem: Problem, setting: Setting, model: Model, item: Located, share: float | None) -> Iterator[_Linear]:
@@ -168,7 +173,11 @@ def _forms(problem: Problem, setting: Setting, model: Model, item: Located, shar
         term = ForceTerm(law, joint.name, (joint,), law.complete({**given, **more}))
         return replace(model, terms=(*model.terms, term))
 
-    first = _linear(problem, setting, begun(plain, {}), share)
+    unloaded = begun(plain, {})
+    at = _at(problem, unloaded)
+    if at is None:
+        raise FmuError("its solver gives up", where=str(problem.study.fmu))
+    first = _linear(problem, setting, unloaded, at, setting.share if share is None else share)
     if share is None:
         share = independent(problem.split(first.left))
         first = _believed(setting, first.model, first.at, first.slopes, first.base, share)
@@ -180,16 +189,10 @@ def _forms(problem: Problem, setting: Setting, model: Model, item: Located, shar
         yield _believed(setting, other, first.at, np.hstack([first.slopes, more]), first.base, share)
 
 
-def _linear(problem: Problem, setting: Setting, model: Model, share: float | None) -> _Linear:
-    """Around a model that the solver went through. share: of independent rows, None as the setting has it."""
-    at = _at(problem, model)
-    if at is None:
-        raise FmuError("its solver gives up with the learned law", where=str(problem.study.fmu))
-    term = model.terms[-1]
-    assert isinstance(term, ForceTerm)
-    slopes = _slopes(problem, model, at, law_of.values(term.law))
-    base = sensitivities(problem, model, at)
-    return _believed(setting, model, at, slopes, base, setting.share if share is None else share)
+def _linear(problem: Problem, setting: Setting, model: Model, at: Float64[np.ndarray, " n"], share: float) -> _Linear:
+    """Around a model whose evidence is `at`. share: of independent rows."""
+    slopes = _slopes(problem, model, at, law_of.values(_law_in(model).law))
+    return _believed(setting, model, at, slopes, sensitivities(problem, model, at), share)
 
 
 def _at(problem: Problem, model: Model) -> Float64[np.ndarray, " n"] | None:
@@ -206,10 +209,12 @@ def _slopes(
     return np.stack([np.zeros_like(at) if y is None else (y - at) / MOVE for y in found], axis=1)
 
 
-def _further(problem: Problem, setting: Setting, state: _Linear) -> tuple[Model | None, float]:
-    """As far to where the linear responses point as that makes the measurement likelier, and by how much -2 log p falls; None
-    where no step does."""
-    now = state.numbers
+def _further(
+    problem: Problem, setting: Setting, state: _Linear
+) -> tuple[Model, Float64[np.ndarray, " n"], float] | None:
+    """As far to where the linear responses point as that makes the measurement likelier: the model, its evidence, and by how
+    much -2 log p falls; None where no step does."""
+    now = _numbers(state.model)
     cost = state.cost(setting, state.at, now)
     low, high = np.clip(problem.reach, -FARTHEST, FARTHEST).T  # a parameter's own bounds hold here, too
     for share in (1.0, 0.5, 0.25, 0.1):
@@ -218,8 +223,8 @@ def _further(problem: Problem, setting: Setting, state: _Linear) -> tuple[Model 
         model = state.moved(numbers)
         at = _at(problem, model)
         if at is not None and (gained := cost - state.cost(setting, at, numbers)) > 0.0:
-            return model, gained
-    return None, 0.0
+            return model, at, gained
+    return None
 
 
 def _believed(
@@ -231,31 +236,28 @@ def _believed(
     share: float,
 ) -> _Linear:
     """With the sizes of bends that make the measurement likeliest. share: of independent rows."""
-    term = model.terms[-1]
-    assert isinstance(term, ForceTerm)
-    count, parts = slopes.shape[1], _parts(bool(term.law.states))
-    known = np.array([*(term.values[name] for name in law_of.values(term.law)), *model.base])
-    linear = setting.measured - at + np.hstack([slopes, base]) @ known
+    count, parts = slopes.shape[1], _parts(bool(_law_in(model).law.states))
+    linear = setting.measured - at + np.hstack([slopes, base]) @ _numbers(model)
 
-    def believe(sizes: Sequence[float]) -> _Linear:
+    def believe(sizes: Sequence[float]) -> tuple[Belief, np.ndarray, np.ndarray]:
         spread = _spread(parts, sizes)
         columns = np.hstack([slopes @ spread, base, setting.sensors.columns])
-        belief = Nuisances(columns).believe(linear, share, setting.floor)
-        drawn = belief.fitted[: count + base.shape[1]]
-        target = np.concatenate([spread @ drawn[:count], drawn[count:]])
-        precision = columns.T @ columns * share / belief.s2 + np.eye(columns.shape[1])
-        covariance = spread @ np.linalg.inv(precision)[:count, :count] @ spread.T
-        left = linear - columns @ belief.fitted
-        return _Linear(model, at, slopes, base, spread, belief.surprise, target, covariance, left, share)
+        return Nuisances(columns).believe(linear, share, setting.floor), spread, columns
 
     sizes = [BENDS[len(BENDS) // 2]] * len(parts)
     best = believe(sizes)
     for _ in range(2):
         for k, size in product(range(len(parts)), BENDS):
             tried = [*sizes[:k], size, *sizes[k + 1 :]]
-            if (found := believe(tried)).surprise < best.surprise:
+            if (found := believe(tried))[0].surprise < best[0].surprise:
                 best, sizes = found, tried
-    return best
+    belief, spread, columns = best
+    drawn = belief.fitted[: count + base.shape[1]]
+    target = np.concatenate([spread @ drawn[:count], drawn[count:]])
+    precision = columns.T @ columns * share / belief.s2 + np.eye(columns.shape[1])
+    covariance = spread @ np.linalg.inv(precision)[:count, :count] @ spread.T
+    left = linear - columns @ belief.fitted
+    return _Linear(model, at, slopes, base, spread, belief.surprise, target, covariance, left, share)
 
 
 def _parts(remembers: bool) -> list[Float64[np.ndarray, "_ _"]]:

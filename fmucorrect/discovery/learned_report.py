@@ -12,7 +12,7 @@ from jaxtyping import Float64
 from fmucorrect.catalogue import learned as law_of
 from fmucorrect.catalogue.numeric import force
 from fmucorrect.discovery import output
-from fmucorrect.discovery.confirm import Gap, gaps, sensor_errors
+from fmucorrect.discovery.confirm import Gap, gaps, sensors_told
 from fmucorrect.discovery.fitted import Setting
 from fmucorrect.discovery.learned import Learned
 from fmucorrect.discovery.motion import acting
@@ -30,9 +30,7 @@ def learned_row(problem: Problem, setting: Setting, learned: Learned, condition:
     """`learned` of the report. condition: the number of the one whose picture is drawn. None where the solver gives up with the
     law at a condition that was held out."""
     study, term = problem.study, learned.term
-    told = setting.sensors.believe(learned.residual, setting.share).fitted
-    free = sum(len(trial.condition.free) for trial in problem.trials)
-    sensors = sensor_errors(told, len(study.channels), len(problem.trials), free)
+    sensors = sensors_told(problem, setting, learned.residual)
     with suppress(FmuError):
         checked = gaps(
             study,
