@@ -131,7 +131,7 @@ class Corrector:
     widths: Annotated[tuple[Count, ...], MinLen(2)] = (32, 32)
     members: Count = 4
     phase: bool = False
-    epochs: Widths = (100, 200, 400)
+    epochs: Widths = (100, 400)
     learning_rate: Positive = 2e-2
     weight_decay: Weight = 1e-4
     batch: Count = 1024

@@ -28,9 +28,13 @@ SHARE = 8
 """One row of this many that are trained on is taken of each of the four motions: half as many again in all."""
 
 
+HYPOTHESES = ((0.0, -2.0), (2.0, 2.0))
+"""a and b, of one member after the other."""
+
+
 def hypothesis(member: int) -> tuple[float, float]:
     """a and b"""
-    return ((0.0, -2.0), (2.0, 2.0))[member % 2]
+    return HYPOTHESES[member % len(HYPOTHESES)]
 
 
 def nearby(development: Sequence[Samples], member: int) -> list[Samples]:

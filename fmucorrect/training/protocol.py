@@ -19,7 +19,7 @@ from fmucorrect.training.data import samples, sizes
 from fmucorrect.training.deployed import Corrector
 from fmucorrect.training.distilled import WORSE, Distilled
 from fmucorrect.training.export import to_bundle
-from fmucorrect.training.families import NETWORKS, Fitted, count, distil, guard, lengths, refit
+from fmucorrect.training.families import NETWORKS, Fitted, count, count_left_out, distil, guard, lengths, refit
 from fmucorrect.training.loop import Curve
 from fmucorrect.training.novelty import Guard
 from fmucorrect.training.recurrent import Recurrent
@@ -120,7 +120,7 @@ def total_epochs(study: Study, training: Training) -> int:
         if family not in families(training):
             continue
         candidates = lengths(family, conditions - conditions // folds, training)
-        total += folds * count(family, training) * sum(candidates)
+        total += folds * count_left_out(family, training) * sum(candidates)
         longest = max(longest, count(family, training) * max(lengths(family, conditions, training)))
     settings = training.corrector
     return settings.trials * min(settings.epochs) * folds + total + longest

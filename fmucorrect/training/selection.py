@@ -15,7 +15,7 @@ from fmucorrect.training.band import LeftOut, calibrate, left_out, share_inside
 from fmucorrect.training.choice import as_good
 from fmucorrect.training.data import Samples
 from fmucorrect.training.deployed import Band
-from fmucorrect.training.families import NETWORKS, by_speed, count, fit_filter, fold, lengths
+from fmucorrect.training.families import NETWORKS, by_speed, count_left_out, fit_filter, fold, lengths
 from fmucorrect.training.tasks import Task, Workshop
 from fmucorrect.training.window import needed
 
@@ -89,7 +89,7 @@ def leave_out(
                 f"{family}, {', '.join(item.name for item in held)} left out, {epochs} epochs",
                 fold,
                 (family, rest, held, needed(training), epochs),
-                epochs * count(family, training),
+                epochs * count_left_out(family, training),
             )
             for rest, held in parts
         ]

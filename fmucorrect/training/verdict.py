@@ -91,8 +91,9 @@ def guard_words(guard: Guard) -> str:
     """What the guard does, and how often it errs."""
     return (
         "The corrector looks at the motion, too: farther from the motions of development than conditions were that had been "
-        f"left out (threshold {guard.threshold:.3g}, so that {100 * FALSE_ALARMS:.1f} % of their rows in motion are flagged), "
-        f"it fades to the bare simulation. False alarms: {100 * guard.false_alarms:.1f} % of the rows in motion of conditions "
-        f"that were left out. Misses: {100 * guard.misses:.0f} % of the rows in motion of simulated motions made of those of "
+        f"left out (threshold {guard.threshold:.3g}, so that at most {100 * FALSE_ALARMS:.1f} % of any one's rows in motion "
+        "are flagged), it fades to the bare simulation. "
+        f"False alarms: {100 * guard.false_alarms:.1f} % of the rows in motion of conditions that were left out. "
+        f"Misses: {100 * guard.misses:.0f} % of the rows in motion of simulated motions made of those of "
         "development (half the size, slower, faster, random): the fewer it flags of these, the less of them is new."
     )
