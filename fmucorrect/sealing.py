@@ -45,8 +45,6 @@ _READ = {"window", "condition", "time", "state"}
 _GOLDEN = 8
 """Rows of the golden pair."""
 Corners = dict[str, tuple[float, float, float, float]]
-ROOM = {"speed": 0.05, "amplitude": 0.05, "frequency": 0.02}
-"""Share of a condition's largest value by which another may differ and be corrected whole (`corners`)."""
 
 
 def seal(model: str | Path | onnx.ModelProto, study: Study, path: str | Path) -> Bundle:
@@ -102,9 +100,8 @@ def about(study: Study, pairs: Sequence[Pair]) -> Info:
 
 
 def corners(channels: Sequence[Channel], pairs: Sequence[Pair]) -> Corners:
-    """Where a correction may be used: half the span of speed beyond its ends, fading over as much again; 5 % of amplitude, 2 %
-    of frequency, fading until 10 %; 1.25 times the largest response, fading until 1.5 times. Nothing of what the conditions do
-    not say. Frequency has the least room: at a resonance of 5 % damping, 2 % of it turn the phase by 0.4 rad."""
+    """Where a correction may be used: half the span of speed beyond its ends, 5 % of amplitude and frequency, 1.25 times the
+    largest response; fading over as much again (responses until 1.5 times). Nothing of what the conditions do not say."""
     found: Corners = {}
     extent = np.max([np.abs(_simulated(item)).max(0) for item in pairs], axis=0)
     for channel, limit in zip(channels, extent.tolist(), strict=True):
@@ -114,10 +111,8 @@ def corners(channels: Sequence[Channel], pairs: Sequence[Pair]) -> Corners:
         values = [float(item.condition.features[k]) for item in pairs]
         low, high = min(values), max(values)
         if low > 0.0:
-            inner, outer = (
-                ((high - low) / 2.0, high - low) if k == 0 and high > low else (ROOM[name] * high, 0.1 * high)
-            )
-            found[name] = (low - outer, low - inner, high + inner, high + outer)
+            margin = (high - low) / 2.0 if k == 0 and high > low else 0.05 * high
+            found[name] = (low - 2.0 * margin, low - margin, high + margin, high + 2.0 * margin)
     return found
 
 

@@ -126,7 +126,7 @@ class Corrector:
 
     families: Annotated[tuple[Family, ...], MinLen(1)] = FAMILIES
     baseline_width: Count = 16
-    baseline_epochs: Count = 100
+    baseline_epochs: Count = 30
     history: Count = 12
     widths: Annotated[tuple[Count, ...], MinLen(2)] = (32, 32)
     members: Count = 4

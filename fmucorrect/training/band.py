@@ -41,72 +41,65 @@ def left_out(responses: Float[np.ndarray, "K N J"], item: Samples) -> LeftOut:
     )
 
 
-LEAST = 0.1
-"""Share of a part of the band that is kept where the other part alone would hold 90 % of its rows."""
-PASSES = 4
-"""Over motion and rest in turn, each scaled with the other's part as it is; on rigs and cars nothing changes after three."""
+SPREAD = 1.25
+"""sigma is never less than the members' standard deviation: of a normal distribution it is sqrt(pi / 2) times the mean absolute
+deviation (deep ensembles: Lakshminarayanan et al., Simple and scalable predictive uncertainty estimation, NeurIPS 2017). What
+was left out says too little of it: there the members agree, and elsewhere they differ by as much as they err."""
 
 
 def calibrate(folds: Sequence[LeftOut]) -> Band:
     """A band that holds 90 % of the errors on conditions that were left out, in motion and at rest (split conformal prediction
     with a local scale; Lei et al., Distribution-free predictive inference for regression, JASA 2018).
 
-    The local scale grows with the size of the response and with the members' disagreement: reweighted non-negative least
-    squares of the absolute error on 1, the mean |response| of all channels, and the deviation, for each channel. What grows
-    with the motion is then multiplied so that 90 % of the left-out errors in motion, every condition counting alike, lie
-    within 1.645 sigma, and the floor so that 90 % of those at rest do, where there is rest: records of which half is rest would
-    else hold 90 % in the whole and 80 % of what matters. Errors of neighbouring samples are alike, and the folds are few: the
-    band is a measured one, no guarantee.
+    The floor is what 90 % of the errors at rest want, every condition counting alike; then come the members' standard
+    deviation, and as much of the mean |response| of all channels as 90 % of the errors in motion want beside these. In records
+    without rest, floor and share of the response are in the ratio of a least-squares fit of the absolute errors. Errors of
+    neighbouring samples are alike, and the folds are few: the band is a measured one, no guarantee.
     """
+    channels = folds[0].error.shape[1]
+    floor, size = np.zeros(channels), np.zeros(channels)
+    levels = [np.maximum(np.abs(f.mean).mean(axis=1), np.finfo(float).tiny) for f in folds]
+    for j in range(channels):
+        errors = [np.abs(f.error[:, j]) / BAND_90 for f in folds]
+        least = LEAST * float(np.mean([e.mean() for e in errors]))
+        if least == 0.0:  # a perfect simulation, or a channel that does not move
+            continue
+        left = [e - SPREAD * f.deviation[:, j] for e, f in zip(errors, folds, strict=True)]
+        if any((~f.moving).any() for f in folds):
+            still = [e[~f.moving] for e, f in zip(errors, folds, strict=True) if not f.moving.all()]
+            floor[j] = max(quantile(still, 0.9), least)
+            more = [(e - floor[j])[f.moving] / v[f.moving] for e, f, v in zip(left, folds, levels, strict=True)]
+            size[j] = max(quantile(more, 0.9), 0.0)
+        else:
+            shape = _shape(np.concatenate(left), np.concatenate(levels), [len(e) for e in left], least)
+            more = [e / (shape[0] + shape[1] * v) for e, v in zip(left, levels, strict=True)]
+            floor[j], size[j] = shape * max(quantile(more, 0.9), LEAST)
+    return Band(tuple(floor.tolist()), tuple(size.tolist()), (SPREAD,) * channels)
+
+
+LEAST = 1e-3
+"""Of the mean error, the smallest floor; and of floor and size that a fit gives, what is kept where the members' deviations
+alone are wide enough."""
+
+
+def _shape(
+    left: Float64[np.ndarray, " N"], level: Float64[np.ndarray, " N"], counts: Sequence[int], least: float
+) -> Float64[np.ndarray, "2"]:
+    """Floor and share of the level: reweighted non-negative least squares. counts: rows of each condition."""
     from scipy.optimize import nnls
 
-    channels = folds[0].error.shape[1]
-    found = np.zeros((3, channels))
-    weight = np.concatenate([np.full(len(f.error), 1.0 / len(f.error)) for f in folds])
-    level = np.concatenate([np.abs(f.mean).mean(axis=1) for f in folds])
-    for j in range(channels):
-        error = np.abs(np.concatenate([f.error[:, j] for f in folds]))
-        if not error.any():  # a perfect simulation, or a channel that does not move
-            continue
-        spread = np.concatenate([f.deviation[:, j] for f in folds])
-        design = np.stack([np.ones_like(level), level, spread], axis=1)
-        least = 1e-3 * float(np.average(error, weights=weight))
-        local, shape = np.ones_like(error), np.zeros(3)
-        for _ in range(5):  # each sample counts relative to the scale that it is found to have
-            root = np.sqrt(weight) / local
-            shape, _ = nnls(design * root[:, None], error * root)
-            local = np.maximum(design @ shape, least)
-        shape[0] = max(shape[0], least)
-        shape *= _needed(error / (design @ shape), folds)
-        found[:, j] = _apart(error, design, shape, folds)
-    return Band(*(tuple(row.tolist()) for row in found))
-
-
-def _apart(
-    error: Float64[np.ndarray, " N"],
-    design: Float64[np.ndarray, "N 3"],
-    shape: Float64[np.ndarray, "3"],
-    folds: Sequence[LeftOut],
-) -> Float64[np.ndarray, "3"]:
-    """The shape with what grows with the motion, and the floor, each as large as its own rows want it."""
-    moving = np.concatenate([f.moving for f in folds])
-    for _ in range(PASSES):
-        for rows, grows in ((moving, np.array([0.0, 1.0, 1.0])), (~moving, np.array([1.0, 0.0, 0.0]))):
-            own = design[rows] @ (grows * shape)
-            if len(own) and own.all():
-                left = error[rows] / BAND_90 - design[rows] @ ((1.0 - grows) * shape)
-                factor = _needed(BAND_90 * left / own, folds, rows)
-                shape = np.where(grows > 0.0, max(factor, LEAST) * shape, shape)
-    return shape
-
-
-def _needed(
-    ratio: Float64[np.ndarray, " R"], folds: Sequence[LeftOut], rows: Bool[np.ndarray, " N"] | None = None
-) -> float:
-    """What a scale is multiplied with so that 90 % lie within. ratio: of error to scale, in `rows` of the folds."""
-    ends = np.cumsum([len(f.error) for f in folds])[:-1]
-    counts = ends if rows is None else np.cumsum([part.sum() for part in np.split(rows, ends)])[:-1]
-    return quantile([part for part in np.split(ratio, counts) if len(part)], 0.9) / BAND_90
+    error = np.maximum(left, 0.0)
+    weight = np.repeat(1.0 / np.array(counts), counts)
+    least = (
+        LEAST * float(np.average(error, weights=weight)) or 1.0
+    )  # a perfect simulation, or a channel that does not move
+    design = np.stack([np.ones_like(level), level], axis=1)
+    local, shape = np.ones_like(error), np.zeros(2)
+    for _ in range(5):  # each sample counts relative to the scale that it is found to have
+        root = np.sqrt(weight) / local
+        shape, _ = nnls(design * root[:, None], error * root)
+        local = np.maximum(design @ shape, least)
+    return np.maximum(shape, [least, 0.0])
 
 
 def share_inside(band: Band, item: LeftOut) -> float:
