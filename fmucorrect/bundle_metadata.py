@@ -43,6 +43,15 @@ FEATURES: Mapping[str, str] = {"speed": "km/h", "amplitude": "deg", "frequency":
 
 
 @dataclass(frozen=True)
+class Trained:
+    """A start value in training. low, high: between which another one counts as the same. words: what it was."""
+
+    low: float
+    high: float
+    words: str
+
+
+@dataclass(frozen=True)
 class Info:
     """What a bundle says of itself.
 
@@ -93,23 +102,32 @@ class Info:
         defaults: those that hold otherwise, as far as they are known. One that took several values in training may lie
         beyond them by as much as they lie apart, where the correction for another speed ends, too; a constant one may not
         differ. A bundle that knows of no start values says nothing."""
-        trained = [{**self.parameters, **condition.get("parameters", {})} for condition in self.conditions]
-        known = {name for values in trained for name in values}
+        known = self.start_values_known
         found: list[str] = []
         for name in sorted(known | (set(given) if known else set())):
-            value = given.get(name, defaults.get(name))
-            values = [one for one in (t.get(name, defaults.get(name)) for t in trained) if one is not None]
-            if value is None or (not values and name in known):
+            value, trained = given.get(name, defaults.get(name)), self.trained(name, defaults)
+            if value is None or (trained is None and name in known):
                 continue
-            if not values:
+            if trained is None:
                 found.append(f"{name} is set to {value:g}, which nothing in training was")
-                continue
-            low, high = min(values), max(values)
-            margin = high - low + SAME * max(abs(low), abs(high))
-            if not low - margin <= value <= high + margin:
-                span = f"{low:g}" if low == high else f"{low:g} to {high:g}"
-                found.append(f"{name} is {value:g}, trained with {span}")
+            elif not trained.low <= value <= trained.high:
+                found.append(f"{name} is {value:g}, trained with {trained.words}")
         return found
+
+    @property
+    def start_values_known(self) -> set[str]:
+        """Names of the start values that training set."""
+        return set(self.parameters).union(*(condition.get("parameters", {}) for condition in self.conditions))
+
+    def trained(self, name: str, defaults: Mapping[str, float]) -> Trained | None:
+        """What `unlike` allows a start value to be; None where it is not known what it was. defaults: as there."""
+        rows = [{**self.parameters, **condition.get("parameters", {})} for condition in self.conditions]
+        values = [one for one in (row.get(name, defaults.get(name)) for row in rows) if one is not None]
+        if not values:
+            return None
+        low, high = min(values), max(values)
+        margin = high - low + SAME * max(abs(low), abs(high))
+        return Trained(low - margin, high + margin, f"{low:g}" if low == high else f"{low:g} to {high:g}")
 
     def to_json(self) -> dict[str, Any]:
         data = {"format": 2 if self.state else 1, **asdict(self)}

@@ -11,7 +11,13 @@ from fmucorrect.wrapping import ctext
 from fmucorrect.wrapping.conversion import KINDS, Wired
 from fmucorrect.wrapping.wiring import CONDITIONS, Source, Wiring
 
-_NOTHING = {"Wired": "{0}", "ArraySize": "{0}", "Start": "{{0}, 0}", "Place": "{{{0}}, {0}, 0, 0}"}
+_NOTHING = {
+    "Wired": "{0}",
+    "ArraySize": "{0}",
+    "Start": "{{0}, 0}",
+    "Trained": "{{0}, 0, 0, 0, 0}",
+    "Place": "{{{0}}, {0}, 0, 0}",
+}
 
 
 @dataclass(frozen=True)
@@ -64,6 +70,7 @@ def header(facts: Facts) -> str:
         "CORRECTOR_STATE": info.state if info else 0,
         "STEP_NS": f"INT64_C({facts.step_ns})",
         "STARTS": len(facts.wiring.parameters),
+        "TRAINED_COUNT": len(facts.wiring.trained),
         "ARRAY_COUNT": len(_arrays(facts)),
         "WIRED_COUNT": len(facts.wired),
         "WIRED_LARGEST": max([1, *(row.size for row in facts.wired), *(size for _, size in _arrays(facts))]),
@@ -98,6 +105,11 @@ def tables(facts: Facts) -> str:
         f"{{{_variable(facts, v)}, {ctext.number(value, f'the start value of {v.name!r}')}}}"
         for v, value in wiring.parameters.items()
     ]
+    trained = [
+        f"{{{_variable(facts, v)}, {ctext.number(found.low, v.name)}, {ctext.number(found.high, v.name)}, "
+        f"{ctext.literal(v.name, 'a parameter')}, {ctext.literal(found.words, 'what it was')}}}"
+        for v, found in wiring.trained.items()
+    ]
     places = [
         f"{{{{{', '.join(_source(facts, port) for port in place.ports)}}}, "
         f"{{{', '.join(_factors(place.ports))}}}, "
@@ -113,6 +125,7 @@ def tables(facts: Facts) -> str:
         _array("double", "UNCORRECTED", "CHANNELS + 1", uncorrected),
         _array("double", "TUNABLES", "CONDITIONS", tunables),
         _array("Start", "START_VALUES", "STARTS + 1", start_values),
+        _array("Trained", "TRAINED", "TRAINED_COUNT + 1", trained),
         _array("ArraySize", "ARRAYS", "ARRAY_COUNT + 1", (f"{{{ref}u, {size}}}" for ref, size in _arrays(facts))),
         _array("Wired", "WIRED", "WIRED_COUNT + 1", map(_row, facts.wired)),
         _array("Wired", "FORCE_INPUTS", "FORCES + 1", (_variable(facts, force) for force in forces)),

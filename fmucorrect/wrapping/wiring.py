@@ -17,12 +17,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from fmucorrect.bundle import Info
-from fmucorrect.bundle_metadata import FEATURES
+from fmucorrect.bundle_metadata import FEATURES, Trained
 from fmucorrect.errors import FmuError, SignalError, WrapError
 from fmucorrect.fmu import FmuDescription, Variable
 from fmucorrect.fmu.startvalues import start_values
@@ -47,12 +47,14 @@ class Source:
 @dataclass(frozen=True)
 class Wiring:
     """channels: J sources. conditions: the keys of CONDITIONS that the solver itself knows. tunables: start values of the
-    others that the corrector has. parameters: start values that the solver gets, in its own units."""
+    others that the corrector has. parameters: start values that the solver gets, in its own units. trained: what the solver's
+    parameters were in training, where that is known."""
 
     channels: tuple[Source, ...]
     conditions: Mapping[str, Source]
     tunables: Mapping[str, float]
     parameters: Mapping[Variable, float]
+    trained: Mapping[Variable, Trained] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -120,7 +122,7 @@ def wire(fmu: FmuDescription, info: Info, mapping: MappingFile) -> Wiring:
     for variable, channel in zip(found, info.channels, strict=True):
         channels.append(Source(variable, _factor(fmu, variable, channel.unit, f"channel {channel.name!r}")))
     conditions, tunables = _conditions(fmu, info, mapping)
-    return Wiring(tuple(channels), conditions, tunables, _parameters(fmu, info, mapping))
+    return Wiring(tuple(channels), conditions, tunables, _parameters(fmu, info, mapping), _trained(fmu, info, mapping))
 
 
 def _conditions(fmu: FmuDescription, info: Info, mapping: MappingFile) -> tuple[dict[str, Source], dict[str, float]]:
@@ -167,6 +169,19 @@ def known_by_solver(
         if all(math.isclose(factor * row[name], value, rel_tol=1e-6) for row, value in zip(rows, values, strict=True)):
             found.append(Source(variable, factor))
     return found[0] if len(found) == 1 else None
+
+
+def _trained(fmu: FmuDescription, info: Info, mapping: MappingFile) -> dict[Variable, Trained]:
+    """Of the parameters of the solver, which a host may set; {} for a corrector that knows of none. Start values that a
+    mapping file gives are those of this solver for what the corrector was trained with."""
+    if not info.start_values_known:
+        return {}
+    told = info if mapping.parameters is None else replace(info, parameters=mapping.parameters)
+    every = [
+        v for v in fmu.of("parameter") if v.number and v.settable and (v.start or v.name in told.start_values_known)
+    ]
+    defaults = {v.name: v.begins for v in every if v.start}
+    return {v: found for v in every if (found := told.trained(v.name, defaults)) is not None}
 
 
 def _parameters(fmu: FmuDescription, info: Info, mapping: MappingFile) -> Mapping[Variable, float]:

@@ -158,8 +158,8 @@ Status sampling_correction(Wrapper *self)
             memcpy(s->next_memory, next, sizeof next);
             s->carried = true;
         }
-        s->status = !s->enabled ? OFF : !sound ? INVALID : inside >= 1.0f ? CORRECTED : OUTSIDE;
-        if (!sound || !s->enabled) { /* finite, but too large for the network's arithmetic */
+        s->status = !s->enabled ? OFF : !sound ? INVALID : inside >= 1.0f && !s->unlike ? CORRECTED : OUTSIDE;
+        if (!sound || !s->enabled || s->unlike) { /* not sound: finite, but too large for the network's arithmetic */
             memset(s->delta, 0, sizeof s->delta);
             memcpy(s->sigma, UNCORRECTED, sizeof s->sigma);
         }

@@ -139,6 +139,21 @@ Status wrapper_reset(Wrapper *self)
     return again > status ? again : status;
 }
 
+/* Whether the solver's parameters are those of training, each one that is not by name. What it does not let be read is not known. */
+static void compare_with_training(Wrapper *self)
+{
+    self->state.unlike = false;
+    for (size_t i = 0; i != TRAINED_COUNT; i++) {
+        const Trained *trained = &TRAINED[i];
+        double value;
+        if (inner_numbers(self, &trained->variable, 1, &value) > STATUS_WARNING || (trained->low <= value && value <= trained->high))
+            continue;
+        self->state.unlike = true;
+        wrapper_log(self, STATUS_WARNING, "nothing is corrected, and the status is outside: %s is %g, the corrector was trained with %s",
+                    trained->name, value, trained->was);
+    }
+}
+
 /* Initialisation has ended at `time`: here is the first sample, which is read before inputs are set for the first step. */
 Status wrapper_started(Wrapper *self, double time)
 {
@@ -148,5 +163,6 @@ Status wrapper_started(Wrapper *self, double time)
     s->started = s->on_grid = s->row_stale = s->row_due = s->stale = true;
     s->now = s->host = time;
     s->now_ns = s->sample_ns = llround(time * 1e9);
+    compare_with_training(self);
     return s->enabled && !CHANNELS_FED ? sampling_sample(self) : STATUS_OK;
 }

@@ -67,6 +67,13 @@ typedef struct {
     double value;
 } Start;
 
+/* A parameter of the solver as the corrector was trained with it: from low to high it counts as the same. */
+typedef struct {
+    Wired variable;
+    double low, high;
+    const char *name, *was;
+} Trained;
+
 typedef struct {
     uint32_t reference, size;
 } ArraySize;
@@ -88,6 +95,7 @@ extern const char *const CHANNEL_NAMES[CHANNELS + 1];
 extern const double UNCORRECTED[CHANNELS + 1];
 extern const double TUNABLES[CONDITIONS];
 extern const Start START_VALUES[STARTS + 1];
+extern const Trained TRAINED[TRAINED_COUNT + 1];
 extern const ArraySize ARRAYS[ARRAY_COUNT + 1];
 extern const Wired WIRED[WIRED_COUNT + 1]; /* by the host's value reference, where the versions differ */
 extern const Wired FORCE_INPUTS[FORCES + 1];
@@ -112,6 +120,7 @@ typedef struct {
     bool divided;     /* the solver has been given other steps than the host's */
     bool stale;       /* the correction does not follow yet from window and conditions */
     bool ill;         /* the last sample was not finite, and that was said */
+    bool unlike;      /* the solver has started with other parameters than in training, and that was said: nothing is corrected */
     bool carried;     /* next_memory follows from the newest sample */
     int64_t now_ns;   /* time that has been reached, on the solver's clock */
     int64_t sample_ns; /* time of the newest sample */
