@@ -123,12 +123,19 @@ class _Normal:
         return float(np.mean(100.0 * np.sqrt(np.maximum(square, 0.0) / self.count) / self.extent))
 
 
-def fit_filter(development: Sequence[Samples], folds: Sequence[Sequence[int]], sizes: Sizes, stride: int) -> Filter:
+def fit_filter(
+    development: Sequence[Samples],
+    folds: Sequence[Sequence[int]],
+    sizes: Sizes,
+    stride: int,
+    lengths: Sequence[int] | None = None,
+) -> Filter:
     """Length, penalty and whether the taps follow the speed: those with the smallest mean NRMSE on what is left out. folds:
-    indices of the conditions that are left out together; without any the longest filter is taken, at the middle penalty."""
+    indices of the conditions that are left out together; without any the longest filter is taken, at the middle penalty.
+    lengths: rows to choose from, the fewest first; unless given LENGTHS and the whole window."""
     found = [_normal(item, sizes, stride) for item in development]
     window, channels = development[0].window, len(sizes.response)
-    lengths = sorted({length for length in (*LENGTHS, window) if length <= window})
+    lengths = lengths or sorted({length for length in (*LENGTHS, window) if length <= window})
     speeds = len({item.speed for item in development}) > 2
     best: tuple[float, int, bool, float] = (np.inf, lengths[-1], False, PENALTIES[len(PENALTIES) // 2])
     for length, sloped, penalty in product(lengths, (False, True)[: 1 + speeds], PENALTIES):
