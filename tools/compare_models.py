@@ -16,6 +16,7 @@ import argparse
 import json
 import sys
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -75,7 +76,7 @@ def studies(rig: dict, study: Path, found: Path, out: Path) -> list[Study]:
     """The bare model and the augmented one, of the rig's measurements at all speeds. rig: its .toml. study: the bare model's.
     found: a discovery's folder."""
     out.mkdir(parents=True, exist_ok=True)
-    further = measured(rig, study.parent, out)
+    further = measured(rig, at_further_speeds(rig), out)
     own = found / "study.toml"
     text = own.read_text(encoding="utf-8") if own.is_file() else augmented_study(load_study(study), found, {})
     loaded: list[Study] = []
@@ -90,25 +91,23 @@ def studies(rig: dict, study: Path, found: Path, out: Path) -> list[Study]:
     return loaded
 
 
-def measured(rig: dict, place: Path, out: Path) -> list[dict[str, Any]]:
-    """The rig's measurements at FURTHER, written to `out`, as conditions to be held out. place: of the study's own files."""
+def at_further_speeds(rig: dict) -> dict[int, generate.Run]:
+    """The rig's tone at FURTHER, to be held out, by the number that the noise is drawn with."""
     tone = generate.tone(generate.AMPLITUDE, rig["surge"])
     like = next(run for run in generate.runs(rig) if run.role == "evaluation")
-    runs = [generate.Run(f"{v:.0f}", v, tone, like.inputs, like.role, like.extra) for v in FURTHER]
+    return {round(v): generate.Run(f"{v:.0f}", v, tone, like.inputs, like.role, like.extra) for v in FURTHER}
+
+
+def measured(rig: dict, runs: Mapping[int, generate.Run], out: Path) -> list[dict[str, Any]]:
+    """The rig's measurements in further runs and what commanded them, written to `out`; their conditions in a study. runs: by
+    the number that the noise is drawn with."""
     plant = Plant("roller_rig")
-    for run in runs:
-        rng = np.random.default_rng([rig["seed"], round(run.speed)])
+    for number, run in runs.items():
+        generate.write_command(out / run.inputs, run.command)
         with writer(out / f"measured_{run.name}.mcap") as file:
-            file.write("/measured", generate.measure(rig, plant, run, rng))
-    rows = tomllib.loads(generate.study(rig, runs))["conditions"]
-    return [
-        {
-            **row,
-            "inputs": str(place.resolve() / row["inputs"]),
-            "measurement": str((out / row["measurement"]).resolve()),
-        }
-        for row in rows
-    ]
+            file.write("/measured", generate.measure(rig, plant, run, np.random.default_rng([rig["seed"], number])))
+    document = tomllib.loads(generate.study(rig, list(runs.values())))
+    return absolute(document, out.resolve())["conditions"]
 
 
 def absolute(document: dict[str, Any], folder: Path) -> dict[str, Any]:

@@ -124,15 +124,21 @@ class _Normal:
         return float(np.mean(100.0 * np.sqrt(np.maximum(square, 0.0) / self.count) / self.extent))
 
 
-def fit_filter(development: Sequence[Samples], folds: Sequence[Sequence[int]], sizes: Sizes, stride: int) -> Filter:
+def fit_filter(
+    development: Sequence[Samples],
+    folds: Sequence[Sequence[int]],
+    sizes: Sizes,
+    stride: int,
+    lengths: Sequence[int] | None = None,
+) -> Filter:
     """Length, penalty and whether the taps follow the speed: of those within one standard error of the smallest NRMSE on what
     is left out the filter whose weights are smallest. Neighbouring samples are nearly equal, so that weights of hundreds that
     almost cancel one another are often no worse there, and then make much of what another solver or step does to the last
     digits. folds: indices of the conditions that are left out together; without any the longest filter is taken, at the middle
-    penalty."""
+    penalty. lengths: rows to choose from, the fewest first; unless given LENGTHS and the whole window."""
     found = [_normal(item, sizes, stride) for item in development]
     window, channels = development[0].window, len(sizes.response)
-    lengths = sorted({length for length in (*LENGTHS, window) if length <= window})
+    lengths = lengths or sorted({length for length in (*LENGTHS, window) if length <= window})
     speeds = len({item.speed for item in development}) > 2
     every = list(product(lengths, (False, True)[: 1 + speeds], PENALTIES))
 

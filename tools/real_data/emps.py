@@ -36,9 +36,11 @@ def make(data: Path) -> Made:
     parts.append(("pulses", "evaluation", *other, 0, len(other[1])))
     stretches: list[Stretch] = []
     for name, role, position, force, begin, end in parts:
-        d, slope = sloped(position[begin * RATIO : (end - 1) * RATIO + 1], 1, step)
-        slope[-1] = slope[-2]  # behind the last sample nothing is known
-        inputs = {"base.d": d, "base.v": slope, "joint1.f": -m * np.gradient(slope, step)}
+        d, slope = sloped(position, 1, step)
+        slope[-1] = slope[-2]  # the filter that smoothed has no record beyond its end to lean on
+        given = {"base.d": d, "base.v": slope, "joint1.f": -m * np.gradient(slope, step)}
+        steps = slice(begin * RATIO, (end - 1) * RATIO + 1)
+        inputs = {key: series[steps] for key, series in given.items()}
         stretches.append(Stretch(name, role, inputs, force[begin:end]))
     noise = f"{noise_above(f, RATIO * step, 30.0):.3f}     # rms of the force above 30 Hz, taken as white"
     title = "Electro-mechanical positioning system: motion given, force measured"

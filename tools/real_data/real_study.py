@@ -119,10 +119,11 @@ def smooth_slope(samples: Series, row: int, step: float, reach: int = 8) -> tupl
 
 
 def sloped(samples: Series, ratio: int, step: float) -> tuple[Series, Series]:
-    """`samples` at each 1 / ratio of their interval (cubic between them), and the mean slope over the step that follows."""
-    times = np.arange((len(samples) - 1) * ratio + 1) / ratio
+    """`samples` at each 1 / ratio of their interval (cubic between them), and the mean slope over the step that follows. Behind
+    the last sample the cubic goes on: a halt there would be a blow that the record does not have."""
+    times = np.arange((len(samples) - 1) * ratio + 2) / ratio
     fine = make_interp_spline(np.arange(len(samples)), samples, k=3)(times)
-    return fine, np.diff(fine, append=fine[-1]) / step
+    return fine[:-1], np.diff(fine) / step
 
 
 def bench(title: str, step_ns: int, ratio: int, line: tuple[float, float], unit: str, noise: str) -> str:

@@ -44,12 +44,12 @@ class Run:
     extra: str
 
 
-def tone(amplitude: float, surge: float) -> np.ndarray:
+def tone(amplitude: float, surge: float, frequency: float = FREQUENCY) -> np.ndarray:
     """The paper's excitation: 10 s of rest, 10 s of a sine, 10 s of rest; its first cycle is the platform's surge."""
     t = np.arange(round(END / STEP) + 1) * STEP
-    wave = amplitude * np.sin(2.0 * np.pi * FREQUENCY * (t - START))
+    wave = amplitude * np.sin(2.0 * np.pi * frequency * (t - START))
     wave[(t < START) | (t >= STOP)] = 0.0
-    wave[(t >= START) & (t < START + 1.0 / FREQUENCY)] *= surge
+    wave[(t >= START) & (t < START + 1.0 / frequency)] *= surge
     return wave
 
 

@@ -1,0 +1,204 @@
+"""The gallery's plants: what each is called, how its study is made, and what of it is known from elsewhere.
+
+Every study is made into a folder, from the virtual rig's own tool, a tool that draws or writes plants, or data that nobody
+here wrote.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import subprocess
+import sys
+import tomllib
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parent.parent
+TOOLS = ROOT / "tools"
+sys.path += [str(TOOLS), str(TOOLS / "virtual_rig"), str(TOOLS / "hidden_effects")]
+import compare_models  # noqa: E402
+import excitation  # noqa: E402
+import generate  # noqa: E402
+import making  # noqa: E402
+import quarter_car  # noqa: E402
+import random_rigs  # noqa: E402
+import specs  # noqa: E402
+import writing  # noqa: E402
+
+from fmucorrect.discovery.augmented import toml  # noqa: E402
+from fmucorrect.study import Study  # noqa: E402
+from fmucorrect.study_training import Training  # noqa: E402
+
+RIGS = {f"rig {letter}": letter for letter in "ABC"}
+RANDOM = {f"random rig {seed}": seed for seed in range(1000, 1012)}
+CARS = {f"quarter car, {kind}": kind for kind in quarter_car.KINDS}
+CHAIN = "two masses, hysteresis"
+MEASURED = {
+    "silverbox": "silverbox",
+    "bouc_wen": "bouc_wen",
+    "friction_damper_backlash": "rotary",
+    "mr_damper": "mr_damper",
+    "emps": "emps",
+}
+"""Data of others (bouc_wen is simulated, the rest measured), and what tools/real_data calls them."""
+PLANTS = (*RIGS, *CARS, CHAIN, *MEASURED, *RANDOM)
+
+ELSEWHERE = 340.0
+"""km/h at which rig C is excited otherwise: a trained speed, so that the excitation alone is new."""
+FREQUENCIES = (0.7, 1.5, 3.0)  # Hz; trained are 2 Hz and sweeps
+LOW, HIGH = 0.5, 4.0  # Hz, of the random excitation
+LEVELS = {
+    "sweep_low": ("sweep_high", 0.3, "development"),
+    "sweep_middle": ("sweep_high", 0.6, "development"),
+    "sweep_high": ("sweep_high", 1.0, "development"),
+    "random_low": ("random", 0.5, "development"),
+    "random": ("random", 1.0, "development"),
+    "sweep_between": ("sweep_high", 0.8, "evaluation"),
+    "random_between": ("random", 0.75, "evaluation"),
+}
+"""Of the chain: the bench's run that is repeated, factor on its push, role."""
+HYSTERESIS = specs.Spec(
+    *("two_masses_hysteresis", "two_soft", "single", 0.01, False),
+    effects=(specs.Wanted("bouc_wen_hysteresis", "joint 2", 0.3),),
+    recorded="command",
+)
+"""What is hidden in the chain moves its worse channel by 30 %; noise of 1 %."""
+
+
+def made_by(plant: str) -> str:
+    """A digest of the code that makes the plant's study and trains on it."""
+    training = ROOT / "fmucorrect"
+    files = [*(training / "training").glob("*.py"), *training.glob("study_training*.py"), Path(__file__)]
+    rig = [TOOLS / "compare_models.py", *(TOOLS / "virtual_rig").glob("*")]
+    if plant in RIGS:
+        files += [*rig, ROOT / "fmus" / "roller_rig" / RIGS[plant] / "study.toml"]
+    elif plant in RANDOM:
+        files += [*rig, TOOLS / "random_rigs.py"]
+    elif plant in CARS:
+        files += [TOOLS / "quarter_car.py"]
+    elif plant == CHAIN:
+        files += [*(TOOLS / "hidden_effects").glob("*.[cp]*")]
+    else:
+        files += [TOOLS / "real_data" / f"{name}.py" for name in ("make", "real_study", MEASURED[plant])]
+    digest = hashlib.sha256()
+    for path in sorted(path for path in files if path.is_file()):
+        digest.update(path.name.encode() + path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def study_of(plant: str, folder: Path) -> Path:
+    """The study's path in `folder`; it is made where it is not there."""
+    path = folder / "study.toml"
+    if path.is_file():
+        return path
+    folder.mkdir(parents=True, exist_ok=True)
+    if plant == "rig C":
+        return _excited_otherwise(RIGS[plant], folder)
+    if plant in RIGS:
+        return ROOT / "fmus" / "roller_rig" / RIGS[plant] / "study.toml"
+    if plant in RANDOM:
+        shaken = random_rigs.Plant()
+        random_rigs.write_study(random_rigs.draw(RANDOM[plant], shaken), folder, shaken)
+        return path
+    if plant in CARS:
+        return quarter_car.write(folder, CARS[plant])
+    if plant == CHAIN:
+        return _chain(folder)
+    make = [sys.executable, str(TOOLS / "real_data" / "make.py"), MEASURED[plant], "--out", str(folder)]
+    subprocess.run(make, check=True, stdout=subprocess.DEVNULL)
+    return path
+
+
+def training_of(plant: str, study: Study) -> Training:
+    """The study's own; random rigs are many, and trained as shortly as their own tool does it."""
+    if plant not in RANDOM:
+        return study.training
+    return replace(study.training, corrector=replace(study.training.corrector, epochs=(random_rigs.EPOCHS,)))
+
+
+def _excited_otherwise(letter: str, folder: Path) -> Path:
+    """A rig's study with further conditions to be held out, measured by the rig's own tool: at ELSEWHERE, random and tones."""
+    rig = tomllib.loads((TOOLS / "virtual_rig" / f"{letter}.toml").read_text(encoding="utf-8"))
+    study = ROOT / "fmus" / "roller_rig" / letter / "study.toml"
+    size, quiet = generate.AMPLITUDE, f"start = {generate.START}\nquiet = [0.0, 9.5]"
+    rng = excitation.np.random.default_rng(rig["seed"])
+    wave = size * excitation.multisine(generate.END, generate.START, LOW, HIGH, generate.STEP, rng)
+    runs = {
+        1: generate.Run("random", ELSEWHERE, wave, "random.csv", "evaluation", f"amplitude = {size}\n{quiet}"),
+    }
+    for number, f in enumerate(FREQUENCIES, start=2):
+        told = f"amplitude = {size}\nfrequency = {f}\n{quiet}"
+        tone = generate.tone(size, rig["surge"], f)
+        runs[number] = generate.Run(f"{f:g} Hz", ELSEWHERE, tone, f"tone_{f:g}_Hz.csv", "evaluation", told)
+    document = compare_models.absolute(tomllib.loads(study.read_text(encoding="utf-8")), study.parent)
+    document["conditions"] += compare_models.measured(rig, runs, folder)
+    (folder / "study.toml").write_text(toml(document), encoding="utf-8", newline="\n")
+    return folder / "study.toml"
+
+
+def _chain(folder: Path) -> Path:
+    """Two masses of the hidden-effect suite, pushed as LEVELS say, with HYSTERESIS that the model does not have."""
+    made = making.make(HYSTERESIS)
+    known = {run.name: run for run in made.bench.runs}
+    runs = tuple(
+        replace(
+            known[like],
+            name=name,
+            role=role,
+            inputs={key: factor * series for key, series in known[like].inputs.items()},
+        )
+        for name, (like, factor, role) in LEVELS.items()
+    )
+    bench = replace(made.bench, runs=runs)
+    rng = making.np.random.default_rng(making.seed_of(HYSTERESIS.name))
+    for run in runs:
+        writing.write_series(bench, run, folder / f"inputs_{run.name}.csv")
+        writing.write_record(
+            bench, HYSTERESIS, *making.measure(made, run, rng), folder / f"measured_{run.name}.parquet"
+        )
+    text = writing.study(bench, HYSTERESIS, made.noise)
+    fmu = ROOT / "fmus" / bench.fmu.removesuffix(".fmu") / bench.fmu
+    text = text.replace(json.dumps(f"../../fmus/{bench.fmu}"), json.dumps(str(fmu)))
+    (folder / "study.toml").write_text(text, encoding="utf-8", newline="\n")
+    return folder / "study.toml"
+
+
+def named(plant: str, held: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, float]]:
+    """What the model with named effects gave, and a corrector of it ("both"), NRMSE %, by condition that was held out: as it
+    stands in committed results, nothing where it does not. held: the gallery's own figures of these conditions."""
+    if plant in RIGS:
+        beside = ROOT / "exported_models" / ("roller_rig" if plant == "rig A" else f"roller_rig_{RIGS[plant]}")
+        told = (beside / "discovery" / "README.md").read_text(encoding="utf-8")
+        found: dict[str, dict[str, float]] = {}
+        if error := re.search(r"Error at (\d+) km/h, held out: [\d.]+ -> ([\d.]+) %", told):
+            found[error[1]] = {"named": float(error[2])}
+        if (beside / "models.json").is_file():
+            rows = json.loads((beside / "models.json").read_text(encoding="utf-8"))["rows"]
+            corrected = next(r for r in rows if r["model"] == "augmented" and r["kind"] == "corrector")
+            for name in found:
+                found[name]["both"] = corrected["conditions"][name]["nrmse"]
+        return found
+    if plant in MEASURED:
+        return _told(MEASURED[plant], held)
+    return {}
+
+
+def _told(name: str, held: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
+    """What tools/real_data/README.md says that discovery reached: in published units, and of the first figure of a condition
+    as NRMSE."""
+    text = (TOOLS / "real_data" / "README.md").read_text(encoding="utf-8")
+    reached = re.search(rf"^\| {name} \|[^|]*\|([^|]*\([^|]*)\|[^|]*\|$", text, re.M)
+    values = re.findall(r"([\d.]+(?:e-?\d+)?)[^(,]*\(([^)]*)\)", reached[1]) if reached else []
+    known = {words.replace(" ", ""): float(value) for value, words in values}
+    found: dict[str, dict[str, Any]] = {}
+    for condition, figures in held.items():
+        there = {key: known[key.replace(" ", "")] for key in figures["published"] if key.replace(" ", "") in known}
+        if there:
+            first = next(iter(there))
+            error = there[first] * figures["published"][first]["% of range a unit"]
+            found[condition] = {"named": float(f"{error:.4g}"), "published": there}
+    return found
