@@ -150,14 +150,15 @@ def distil(
     ensemble: Ensemble, development: Sequence[Samples], band: Band, workshop: Workshop
 ) -> tuple[Distilled, tuple[Curve, ...]]:
     """One network that says what the ensemble says; how far it is from that is asked of two others, which are taught alike but
-    for the first or the last speed, at that speed: between two that are known they are nearer to it."""
+    for the first speed or one in the middle, at that speed: as far from it as beyond what is known, and as between."""
 
     def task(name: str, taught: Sequence[Samples], held: Sequence[Samples]) -> Task:
         arguments = (ensemble.members, ensemble.see, list(taught), list(held), needed(ensemble.training), band)
         return Task(name, distilled.distil, arguments, 0)
 
     tasks = [task("one network", development, ())]
-    for held in by_speed(development)[:: len(by_speed(development)) - 1]:
+    groups = by_speed(development)
+    for held in (groups[0], groups[len(groups) // 2]):
         rest = [item for i, item in enumerate(development) if i not in held]
         left = [development[i] for i in held]
         tasks.append(task(f"one network, {', '.join(item.name for item in left)} left out", rest, left))

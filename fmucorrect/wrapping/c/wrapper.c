@@ -139,6 +139,7 @@ Status wrapper_reset(Wrapper *self)
     return again > status ? again : status;
 }
 
+#if TRAINED_COUNT
 /* Whether the solver's parameters are those of training, each one that is not by name. What it does not let be read is not known. */
 static void compare_with_training(Wrapper *self)
 {
@@ -153,6 +154,7 @@ static void compare_with_training(Wrapper *self)
                     trained->name, value, trained->was);
     }
 }
+#endif
 
 /* Initialisation has ended at `time`: here is the first sample, which is read before inputs are set for the first step. */
 Status wrapper_started(Wrapper *self, double time)
@@ -163,6 +165,8 @@ Status wrapper_started(Wrapper *self, double time)
     s->started = s->on_grid = s->row_stale = s->row_due = s->stale = true;
     s->now = s->host = time;
     s->now_ns = s->sample_ns = llround(time * 1e9);
+#if TRAINED_COUNT
     compare_with_training(self);
+#endif
     return s->enabled && !CHANNELS_FED ? sampling_sample(self) : STATUS_OK;
 }
