@@ -20,7 +20,6 @@ from fmucorrect.training.networks import Baseline, Member, Residual, WindowHead
 from fmucorrect.training.tasks import Context
 from fmucorrect.training.tdnn import window_and_speed
 
-
 TDNN_RATE = 0.2
 """Of the learning rate, for the TDNNs, which see whole windows of nearly equal samples: at all of it what they miss of a rig's
 simulation stays at 2 to 3 % of its power, so at 1 %."""
