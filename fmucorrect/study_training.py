@@ -160,7 +160,7 @@ class Recurrent:
 
 @dataclass(frozen=True)
 class Training:
-    """[training]. window: W, rows of history. decimation: the paper's cases are trained on every so-manieth sample, a uniform
+    """[training]. window: W, rows of history. decimation: the paper's cases are trained on every n-th sample, a uniform
     grid of that step, on which their differences are taken. seed: of everything that is drawn."""
 
     window: Count = 40

@@ -1,4 +1,4 @@
-"""A set's laws begun again, each as the catalogue guesses it: a fit may have ended in a hollow of its own.
+"""A set's laws begun again, each as the catalogue guesses it: a fit may have ended in a local minimum.
 
 Friction whose fall over the speed had become far too sharp, say, while another effect was not in the set yet: nothing leads
 back from there. Beside the others, which are about right by now, the guesses tell more than they did at first.

@@ -29,7 +29,7 @@ def falling(library, tmp_path_factory):
         yield problem, setting, candidates(problem, moves, start)
 
 
-def test_a_fit_in_a_hollow_of_its_own_is_left(falling):
+def test_a_fit_in_a_local_minimum_is_left(falling):
     problem, setting, curves = falling
     stuck = fit(problem, setting, Model((term_at(problem.study, "stribeck_friction", "joint 1", **SHARP),)), 20)
     assert stuck.s2 > 2.0
@@ -41,7 +41,7 @@ def test_a_fit_in_a_hollow_of_its_own_is_left(falling):
         assert term.values[name] == pytest.approx(TRUE[name], rel=0.05)
 
 
-def test_a_law_of_one_number_has_no_other_hollow(falling):
+def test_a_law_of_one_number_has_no_other_minimum(falling):
     problem, setting, curves = falling
     one = fit(problem, setting, Model((term_at(problem.study, "viscous_damping", "joint 1", damping=1.0),)), 20)
     assert begun_again(problem, setting, one, curves) == []
