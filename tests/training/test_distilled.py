@@ -20,6 +20,7 @@ from fmucorrect.training.band import left_out
 from fmucorrect.training.card import card
 from fmucorrect.training.compare_table import band_of
 from fmucorrect.training.data import Samples, samples
+from fmucorrect.training.deployed import Band
 from fmucorrect.training.distilled import WORSE, Distilled, distil
 from fmucorrect.training.networks import OneHead, WindowHead
 from fmucorrect.training.protocol import Trained, train
@@ -47,7 +48,7 @@ def student(of_four: Trained) -> Distilled:
 
 def test_one_network_is_deployed(study: Study, of_four: Trained, student: Distilled) -> None:
     assert isinstance(of_four.corrector.head, OneHead)
-    assert len(student.away) == len(study.development)  # judged at each speed by one that was not taught it
+    assert len(student.away) == 2  # judged at two speeds by one that was not taught either
     assert 0.0 < student.worse <= WORSE
 
 
@@ -73,11 +74,6 @@ def test_its_band_holds_as_often(name: str, study: Study, of_four: Trained, stud
     assert np.abs(said.within(BAND_90) - of_ensemble).max() < 0.05
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="0.4 spans beyond the last speed the members deviate by their hypotheses (nearby.py), and the student does not "
-    "follow: FB's band is a quarter narrower than the ensemble's; within 10 % it is at speeds left out of its lesson",
-)
 def test_its_band_is_as_wide_at_a_speed_that_was_not_measured(
     study: Study, of_four: Trained, student: Distilled
 ) -> None:
@@ -121,7 +117,7 @@ def test_one_that_cannot_follow_is_not_deployed(
 
 
 def test_an_interrupted_lesson_goes_on_as_if_nothing_had_been(
-    study: Study, student: Distilled, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    study: Study, of_four: Trained, student: Distilled, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(loop, "CHECKPOINT", 0.0)
 
@@ -135,16 +131,17 @@ def test_an_interrupted_lesson_goes_on_as_if_nothing_had_been(
 
     ticks: list[int] = []
     development = [samples(pair(study, c), FOUR.window) for c in study.development]
-    again = of(student, development, Context(None, lambda _: None))
+    band = of_four.selection.band
+    again = of(student, development, band, Context(None, lambda _: None))
     with pytest.raises(Killed):
-        of(student, development, Context(tmp_path / "x.checkpoint", dies))
-    resumed = of(student, development, Context(tmp_path / "x.checkpoint", lambda _: None))
+        of(student, development, band, Context(tmp_path / "x.checkpoint", dies))
+    resumed = of(student, development, band, Context(tmp_path / "x.checkpoint", lambda _: None))
     for made in (again, resumed):
         assert np.array_equal(made.predict(development[0]), student.predict(development[0]))
         assert (made.away, made.widths) == (again.away, again.widths)
 
 
-def of(student: Distilled, development: list[Samples], context: Context) -> Distilled:
+def of(student: Distilled, development: list[Samples], band: Band, context: Context) -> Distilled:
     ensemble = student.ensemble
     settings = ensemble.training
-    return distil(context, ensemble.members, ensemble.see, development, development[:1], settings, student.band)[0]
+    return distil(context, ensemble.members, ensemble.see, development, development[:1], settings, band)[0]
