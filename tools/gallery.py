@@ -166,8 +166,8 @@ def _range_a_unit(figure: dict[str, Any], item: Pair) -> float:
     return 100.0 * whole / (figure["factor"] * float(np.ptp(measured)))
 
 
-def write(rows: dict[str, Any], to: Path = FIGURES) -> None:
-    """JSON, table and picture."""
+def write(rows: dict[str, Any], to: Path) -> None:
+    """JSON at `to`, table and picture beside it."""
     rows = {plant: rows[plant] for plant in gallery_plants.PLANTS if plant in rows}
     for plant, found in rows.items():
         found["named"] = gallery_plants.named(plant, found["held out"])
@@ -176,14 +176,15 @@ def write(rows: dict[str, Any], to: Path = FIGURES) -> None:
     to.with_suffix(".svg").write_text(gallery_page.picture(rows), encoding="utf-8")
 
 
-def main(plants: Sequence[str], seeds: int) -> None:
-    """Raises SystemExit at the end where a plant failed; the others are done all the same."""
+def main(plants: Sequence[str], seeds: int, figures: Path = FIGURES, work: Path = WORK) -> None:
+    """figures: the JSON. work: folder of studies, models and what is unfinished. Raises SystemExit at the end where a plant
+    failed; the others are done all the same."""
     failed: dict[str, str] = {}
-    rows = json.loads(FIGURES.read_text(encoding="utf-8")) if FIGURES.is_file() else {}
+    rows = json.loads(figures.read_text(encoding="utf-8")) if figures.is_file() else {}
     for seed in range(seeds):  # all plants first: what is stopped has figures of each
         for plant in plants:
             try:
-                _one(rows, plant, seed)
+                _one(rows, plant, seed, figures, work)
             except FmucorrectError as problem:
                 failed[f"{plant}, seed {seed}"] = str(problem)
                 print(f"{plant}, seed {seed}: {problem}", file=sys.stderr)
@@ -191,20 +192,20 @@ def main(plants: Sequence[str], seeds: int) -> None:
         sys.exit("\n".join(["failed:", *(f"{what}: {why}" for what, why in failed.items())]))
 
 
-def _one(rows: dict[str, Any], plant: str, seed: int) -> None:
-    """A plant with a seed into `rows` and FIGURES, unless this code has done it already."""
+def _one(rows: dict[str, Any], plant: str, seed: int, figures: Path, work: Path) -> None:
+    """A plant with a seed into `rows` and `figures`, unless this code has done it already."""
     code = gallery_plants.made_by(plant)
     found: dict[str, Any] = rows.get(plant, {})
     if found.get("code") == code and str(seed) in found["seeds"]:
         return
-    folder = WORK / f"{plant.replace(',', '').replace(' ', '_')}_{code}"
+    folder = work / f"{plant.replace(',', '').replace(' ', '_')}_{code}"
     study = load_study(gallery_plants.study_of(plant, folder / "study"))
     training = replace(gallery_plants.training_of(plant, study), seed=seed)
     if found.get("code") != code:
         found = {"code": code, "held out": _kept(folder / "simple.json", simple, study, training), "seeds": {}}
     found["seeds"][str(seed)] = trained(study, training, folder, f"python tools/gallery.py {plant!r}")
     rows[plant] = found
-    write(rows)
+    write(rows, figures)
 
 
 if __name__ == "__main__":
@@ -216,6 +217,6 @@ if __name__ == "__main__":
     )
     options = parser.parse_args()
     if options.page:
-        write(json.loads(FIGURES.read_text(encoding="utf-8")))
+        write(json.loads(FIGURES.read_text(encoding="utf-8")), FIGURES)
     else:
         main(options.plants or gallery_plants.PLANTS, options.seeds)
