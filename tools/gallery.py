@@ -7,8 +7,8 @@ first (gallery_baselines.py), of the corrector on conditions that were held out 
 it flags; and what the named effects gave, where that stands in committed results.
 
 Minutes to half an hour a plant and seed on two cores. Killed, it goes on from the folder .gallery; figures that this code has
-made stay, others are made again, and those of plants that are not asked for stay as they are. --page writes table and picture
-of what is there.
+made stay, others are made again (--any-code: stay, too), and those of plants that are not asked for stay as they are. --page
+writes table and picture of what is there.
 """
 
 from __future__ import annotations
@@ -176,15 +176,15 @@ def write(rows: dict[str, Any], to: Path) -> None:
     to.with_suffix(".svg").write_text(gallery_page.picture(rows), encoding="utf-8")
 
 
-def main(plants: Sequence[str], seeds: int, figures: Path = FIGURES, work: Path = WORK) -> None:
-    """figures: the JSON. work: folder of studies, models and what is unfinished. Raises SystemExit at the end where a plant
-    failed; the others are done all the same."""
+def main(plants: Sequence[str], seeds: int, figures: Path = FIGURES, work: Path = WORK, any_code: bool = False) -> None:
+    """figures: the JSON. work: folder of studies, models and what is unfinished. any_code: figures of other code stay. Raises
+    SystemExit at the end where a plant failed; the others are done all the same."""
     failed: dict[str, str] = {}
     rows = json.loads(figures.read_text(encoding="utf-8")) if figures.is_file() else {}
     for seed in range(seeds):  # all plants first: what is stopped has figures of each
         for plant in plants:
             try:
-                _one(rows, plant, seed, figures, work)
+                _one(rows, plant, seed, figures, work, any_code)
             except FmucorrectError as problem:
                 failed[f"{plant}, seed {seed}"] = str(problem)
                 print(f"{plant}, seed {seed}: {problem}", file=sys.stderr)
@@ -192,16 +192,17 @@ def main(plants: Sequence[str], seeds: int, figures: Path = FIGURES, work: Path 
         sys.exit("\n".join(["failed:", *(f"{what}: {why}" for what, why in failed.items())]))
 
 
-def _one(rows: dict[str, Any], plant: str, seed: int, figures: Path, work: Path) -> None:
-    """A plant with a seed into `rows` and `figures`, unless this code has done it already."""
+def _one(rows: dict[str, Any], plant: str, seed: int, figures: Path, work: Path, any_code: bool) -> None:
+    """A plant with a seed into `rows` and `figures`, unless it is there already."""
     code = gallery_plants.made_by(plant)
     found: dict[str, Any] = rows.get(plant, {})
-    if found.get("code") == code and str(seed) in found["seeds"]:
+    kept = plant in rows and (any_code or found["code"] == code)
+    if kept and str(seed) in found["seeds"]:
         return
     folder = work / f"{plant.replace(',', '').replace(' ', '_')}_{code}"
     study = load_study(gallery_plants.study_of(plant, folder / "study"))
     training = replace(gallery_plants.training_of(plant, study), seed=seed)
-    if found.get("code") != code:
+    if not kept:
         found = {"code": code, "held out": _kept(folder / "simple.json", simple, study, training), "seeds": {}}
     found["seeds"][str(seed)] = trained(study, training, folder, f"python tools/gallery.py {plant!r}")
     rows[plant] = found
@@ -212,6 +213,7 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description="Train and score correctors of many plants.")
     parser.add_argument("plants", nargs="*", choices=[*gallery_plants.PLANTS, []], metavar="PLANT")
     parser.add_argument("--seeds", type=int, default=1, help="trainings of each plant, with seeds 0, 1, ...; default 1")
+    parser.add_argument("--any-code", action="store_true", help="keep figures that other code has made")
     parser.add_argument(
         "--page", action="store_true", help="train nothing: table and picture of the figures that are there"
     )
@@ -219,4 +221,4 @@ if __name__ == "__main__":
     if options.page:
         write(json.loads(FIGURES.read_text(encoding="utf-8")), FIGURES)
     else:
-        main(options.plants or gallery_plants.PLANTS, options.seeds)
+        main(options.plants or gallery_plants.PLANTS, options.seeds, any_code=options.any_code)
