@@ -27,6 +27,7 @@ from tqdm import tqdm
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.append(str(ROOT / "tools"))
 import gallery_baselines  # noqa: E402
+import gallery_named  # noqa: E402
 import gallery_page  # noqa: E402
 import gallery_plants  # noqa: E402
 
@@ -170,7 +171,7 @@ def write(rows: dict[str, Any], to: Path) -> None:
     """JSON at `to`, table and picture beside it."""
     rows = {plant: rows[plant] for plant in gallery_plants.PLANTS if plant in rows}
     for plant, found in rows.items():
-        found["named"] = gallery_plants.named(plant, found["held out"])
+        found["named"] = gallery_named.named(plant, found["held out"])
     to.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
     to.with_suffix(".md").write_text(gallery_page.page(rows), encoding="utf-8")
     to.with_suffix(".svg").write_text(gallery_page.picture(rows), encoding="utf-8")

@@ -29,6 +29,7 @@ def tool():
         import evidence
         import gallery
         import gallery_baselines
+        import gallery_named
         import gallery_page
         import gallery_plants
         import quarter_car
@@ -38,6 +39,7 @@ def tool():
         yield SimpleNamespace(
             gallery=gallery,
             baselines=gallery_baselines,
+            named=gallery_named.named,
             page=gallery_page,
             plants=gallery_plants,
             tables=evidence.tables,
@@ -154,8 +156,8 @@ def test_what_was_committed_is_what_table_and_picture_show(tool):
     rows = json.loads(path.read_text())
     assert path.with_suffix(".md").read_text() == tool.page.page(rows)
     assert path.with_suffix(".svg").read_text() == tool.page.picture(rows)
-    assert 0.0 < tool.plants.named("rig A", {"385": {}})["385"]["named"] < 0.5
+    assert 0.0 < tool.named("rig A", {"385": {}})["385"]["named"] < 0.5
     figures = {"multisine": {"% of range a unit": 0.2}}
-    named = tool.plants.named("silverbox", {"multisine_test": {"published": figures}})["multisine_test"]
+    named = tool.named("silverbox", {"multisine_test": {"published": figures}})["multisine_test"]
     assert 0.0 < named["published"]["multisine"] < 1.0  # mV, where a linear model has 7
     assert named["named"] == pytest.approx(0.2 * named["published"]["multisine"])
