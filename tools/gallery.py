@@ -7,8 +7,8 @@ first (gallery_baselines.py), of the corrector on conditions that were held out 
 it flags; and what the named effects gave, where that stands in committed results.
 
 Minutes to half an hour a plant and seed on two cores. Killed, it goes on from the folder .gallery; figures that this code has
-made stay, others are made again, and those of plants that are not asked for stay as they are. --page writes table and picture
-of what is there.
+made stay, others are made again (--any-code: stay, too), and those of plants that are not asked for stay as they are. --page
+writes table and picture of what is there.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from tqdm import tqdm
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.append(str(ROOT / "tools"))
 import gallery_baselines  # noqa: E402
+import gallery_named  # noqa: E402
 import gallery_page  # noqa: E402
 import gallery_plants  # noqa: E402
 
@@ -166,24 +167,25 @@ def _range_a_unit(figure: dict[str, Any], item: Pair) -> float:
     return 100.0 * whole / (figure["factor"] * float(np.ptp(measured)))
 
 
-def write(rows: dict[str, Any], to: Path = FIGURES) -> None:
-    """JSON, table and picture."""
+def write(rows: dict[str, Any], to: Path) -> None:
+    """JSON at `to`, table and picture beside it."""
     rows = {plant: rows[plant] for plant in gallery_plants.PLANTS if plant in rows}
     for plant, found in rows.items():
-        found["named"] = gallery_plants.named(plant, found["held out"])
+        found["named"] = gallery_named.named(plant, found["held out"])
     to.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
     to.with_suffix(".md").write_text(gallery_page.page(rows), encoding="utf-8")
     to.with_suffix(".svg").write_text(gallery_page.picture(rows), encoding="utf-8")
 
 
-def main(plants: Sequence[str], seeds: int) -> None:
-    """Raises SystemExit at the end where a plant failed; the others are done all the same."""
+def main(plants: Sequence[str], seeds: int, figures: Path = FIGURES, work: Path = WORK, any_code: bool = False) -> None:
+    """figures: the JSON. work: folder of studies, models and what is unfinished. any_code: figures of other code stay. Raises
+    SystemExit at the end where a plant failed; the others are done all the same."""
     failed: dict[str, str] = {}
-    rows = json.loads(FIGURES.read_text(encoding="utf-8")) if FIGURES.is_file() else {}
+    rows = json.loads(figures.read_text(encoding="utf-8")) if figures.is_file() else {}
     for seed in range(seeds):  # all plants first: what is stopped has figures of each
         for plant in plants:
             try:
-                _one(rows, plant, seed)
+                _one(rows, plant, seed, figures, work, any_code)
             except FmucorrectError as problem:
                 failed[f"{plant}, seed {seed}"] = str(problem)
                 print(f"{plant}, seed {seed}: {problem}", file=sys.stderr)
@@ -191,31 +193,33 @@ def main(plants: Sequence[str], seeds: int) -> None:
         sys.exit("\n".join(["failed:", *(f"{what}: {why}" for what, why in failed.items())]))
 
 
-def _one(rows: dict[str, Any], plant: str, seed: int) -> None:
-    """A plant with a seed into `rows` and FIGURES, unless this code has done it already."""
+def _one(rows: dict[str, Any], plant: str, seed: int, figures: Path, work: Path, any_code: bool) -> None:
+    """A plant with a seed into `rows` and `figures`, unless it is there already."""
     code = gallery_plants.made_by(plant)
     found: dict[str, Any] = rows.get(plant, {})
-    if found.get("code") == code and str(seed) in found["seeds"]:
+    kept = plant in rows and (any_code or found["code"] == code)
+    if kept and str(seed) in found["seeds"]:
         return
-    folder = WORK / f"{plant.replace(',', '').replace(' ', '_')}_{code}"
+    folder = work / f"{plant.replace(',', '').replace(' ', '_')}_{code}"
     study = load_study(gallery_plants.study_of(plant, folder / "study"))
     training = replace(gallery_plants.training_of(plant, study), seed=seed)
-    if found.get("code") != code:
+    if not kept:
         found = {"code": code, "held out": _kept(folder / "simple.json", simple, study, training), "seeds": {}}
     found["seeds"][str(seed)] = trained(study, training, folder, f"python tools/gallery.py {plant!r}")
     rows[plant] = found
-    write(rows)
+    write(rows, figures)
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description="Train and score correctors of many plants.")
     parser.add_argument("plants", nargs="*", choices=[*gallery_plants.PLANTS, []], metavar="PLANT")
     parser.add_argument("--seeds", type=int, default=1, help="trainings of each plant, with seeds 0, 1, ...; default 1")
+    parser.add_argument("--any-code", action="store_true", help="keep figures that other code has made")
     parser.add_argument(
         "--page", action="store_true", help="train nothing: table and picture of the figures that are there"
     )
     options = parser.parse_args()
     if options.page:
-        write(json.loads(FIGURES.read_text(encoding="utf-8")))
+        write(json.loads(FIGURES.read_text(encoding="utf-8")), FIGURES)
     else:
-        main(options.plants or gallery_plants.PLANTS, options.seeds)
+        main(options.plants or gallery_plants.PLANTS, options.seeds, any_code=options.any_code)

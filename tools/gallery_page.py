@@ -88,20 +88,18 @@ def _median(each: Sequence[Mapping[str, Any]], key: str) -> float | None:
 
 def page(rows: Rows) -> str:
     """gallery.md"""
-    return "\n".join(
-        [
-            INTRODUCTION,
-            "![NRMSE of each plant as simulated, by the best baseline and corrected](gallery.svg)\n",
-            table(rows),
-            _elsewhere(rows),
-            "## What was asked for\n",
-            _table(["what", "wanted", "got", ""], targets(rows)),
-            "",
-            _missed(rows),
-            _published(rows),
-            _families(rows),
-        ]
-    )
+    parts = [
+        INTRODUCTION,
+        "![NRMSE of each plant as simulated, by the best baseline and corrected](gallery.svg)\n",
+        table(rows),
+        _elsewhere(rows),
+        "## What was asked for\n",
+        _table(["what", "wanted", "got", ""], targets(rows)) + "\n",
+        _missed(rows),
+        _published(rows),
+        _families(rows),
+    ]
+    return "\n".join(part for part in parts if part)
 
 
 def table(rows: Rows) -> str:

@@ -1,4 +1,4 @@
-"""The gallery's plants: what each is called, how its study is made, and what of it is known from elsewhere.
+"""The gallery's plants: what each is called, how its study is made and trained on.
 
 Every study is made into a folder, from the virtual rig's own tool, a tool that draws or writes plants, or data that nobody
 here wrote.
@@ -8,14 +8,11 @@ from __future__ import annotations
 
 import hashlib
 import json
-import re
 import subprocess
 import sys
 import tomllib
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
 TOOLS = ROOT / "tools"
@@ -70,22 +67,28 @@ HYSTERESIS = specs.Spec(
 
 
 def made_by(plant: str) -> str:
-    """A digest of the code that makes the plant's study and trains on it."""
-    training = ROOT / "fmucorrect"
-    files = [*(training / "training").glob("*.py"), *training.glob("study_training*.py"), Path(__file__)]
-    rig = [TOOLS / "compare_models.py", *(TOOLS / "virtual_rig").glob("*")]
+    """A digest of what makes the plant's study and trains on it."""
+    package, rigs, chains = ROOT / "fmucorrect", ROOT / "fmus" / "roller_rig", ROOT / "fmus" / "oscillator"
+    files = [*(package / "training").glob("*.py"), *package.glob("study_training*.py"), Path(__file__)]
+    shaken = [path for path in (TOOLS / "virtual_rig").iterdir() if path.suffix in (".py", ".c", ".toml")]
+    shaken += [rigs / "roller_rig.fmu", TOOLS / "compare_models.py"]
     if plant in RIGS:
-        files += [*rig, ROOT / "fmus" / "roller_rig" / RIGS[plant] / "study.toml"]
+        files += [*shaken, rigs / RIGS[plant] / "study.toml"]
     elif plant in RANDOM:
-        files += [*rig, TOOLS / "random_rigs.py"]
+        files += [*shaken, TOOLS / "random_rigs.py"]
     elif plant in CARS:
         files += [TOOLS / "quarter_car.py"]
     elif plant == CHAIN:
-        files += [*(TOOLS / "hidden_effects").glob("*.[cp]*")]
+        files += [
+            *(TOOLS / "hidden_effects").glob("*.py"),
+            TOOLS / "hidden_effects" / "truth.c",
+            chains / "oscillator.fmu",
+        ]
     else:
         files += [TOOLS / "real_data" / f"{name}.py" for name in ("make", "real_study", MEASURED[plant])]
+        files += [chains / "oscillator.fmu"]
     digest = hashlib.sha256()
-    for path in sorted(path for path in files if path.is_file()):
+    for path in sorted(files):
         digest.update(path.name.encode() + path.read_bytes())
     return digest.hexdigest()[:16]
 
@@ -165,40 +168,3 @@ def _chain(folder: Path) -> Path:
     text = text.replace(json.dumps(f"../../fmus/{bench.fmu}"), json.dumps(str(fmu)))
     (folder / "study.toml").write_text(text, encoding="utf-8", newline="\n")
     return folder / "study.toml"
-
-
-def named(plant: str, held: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, float]]:
-    """What the model with named effects gave, and a corrector of it ("both"), NRMSE %, by condition that was held out: as it
-    stands in committed results, nothing where it does not. held: the gallery's own figures of these conditions."""
-    if plant in RIGS:
-        beside = ROOT / "exported_models" / ("roller_rig" if plant == "rig A" else f"roller_rig_{RIGS[plant]}")
-        told = (beside / "discovery" / "README.md").read_text(encoding="utf-8")
-        found: dict[str, dict[str, float]] = {}
-        if error := re.search(r"Error at (\d+) km/h, held out: [\d.]+ -> ([\d.]+) %", told):
-            found[error[1]] = {"named": float(error[2])}
-        if (beside / "models.json").is_file():
-            rows = json.loads((beside / "models.json").read_text(encoding="utf-8"))["rows"]
-            corrected = next(r for r in rows if r["model"] == "augmented" and r["kind"] == "corrector")
-            for name in found:
-                found[name]["both"] = corrected["conditions"][name]["nrmse"]
-        return found
-    if plant in MEASURED:
-        return _told(MEASURED[plant], held)
-    return {}
-
-
-def _told(name: str, held: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
-    """What tools/real_data/README.md says that discovery reached: in published units, and of the first figure of a condition
-    as NRMSE."""
-    text = (TOOLS / "real_data" / "README.md").read_text(encoding="utf-8")
-    reached = re.search(rf"^\| {name} \|[^|]*\|([^|]*\([^|]*)\|[^|]*\|$", text, re.M)
-    values = re.findall(r"([\d.]+(?:e-?\d+)?)[^(,]*\(([^)]*)\)", reached[1]) if reached else []
-    known = {words.replace(" ", ""): float(value) for value, words in values}
-    found: dict[str, dict[str, Any]] = {}
-    for condition, figures in held.items():
-        there = {key: known[key.replace(" ", "")] for key in figures["published"] if key.replace(" ", "") in known}
-        if there:
-            first = next(iter(there))
-            error = there[first] * figures["published"][first]["% of range a unit"]
-            found[condition] = {"named": float(f"{error:.4g}"), "published": there}
-    return found

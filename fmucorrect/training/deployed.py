@@ -113,7 +113,7 @@ class Corrector(nn.Module):
             self.register_buffer(name, tensor.detach().float().contiguous())
 
     def tensors(self) -> dict[str, Tensor]:
-        """Every weight by its name in the formulae, float32."""
+        """Every weight by its name in the formulae, float32; of a linear head float64."""
         return {name.removeprefix("head."): tensor for name, tensor in self.named_buffers()}
 
     def forward(

@@ -129,12 +129,14 @@ def _window(add: Add, x: str, head: WindowHead | OneHead) -> tuple[str, str]:
 
 
 def _linear(add: Add, x: str, head: LinearHead) -> tuple[str, str]:
-    """linear.LinearHead."""
+    """linear.LinearHead, in double."""
+    x = add("Cast", [x], "x_64", to=TensorProto.DOUBLE)
     responses = add("Gemm", [x, "L", "l"], "filtered")
     if head.sloped:
         more = add("Mul", [add("Gemm", [x, "c", "d"], "speed"), add("Gemm", [x, "M", "n"], "slope")], "sloped")
         responses = add("Add", [responses, more], "responses")
-    return responses, add("MatMul", [x, "E"], "baseline")
+    add("Cast", [add("MatMul", [x, "E"], "baseline_64")], "baseline", to=TensorProto.FLOAT)
+    return add("Cast", [responses], "filtered_32", to=TensorProto.FLOAT), "baseline"
 
 
 def _recurrent(add: Add, x: str) -> tuple[str, str]:

@@ -59,7 +59,8 @@ class Filter:
 
 
 class LinearHead(nn.Module):
-    """y = L' x + l + v (M' x + n), v = c' x + d: the scaled speed. sloped: whether it plays a part."""
+    """y = L' x + l + v (M' x + n), v = c' x + d: the scaled speed. sloped: whether it plays a part. In double: a filter of
+    smooth signals takes differences of large products, of which single precision keeps too few digits."""
 
     def __init__(self, found: Filter) -> None:
         super().__init__()
@@ -79,14 +80,14 @@ class LinearHead(nn.Module):
             "E": last,
         }
         for name, values in tensors.items():
-            self.register_buffer(name, torch.from_numpy(np.ascontiguousarray(values)).float())
+            self.register_buffer(name, torch.from_numpy(np.ascontiguousarray(values, np.float64)))
 
     def forward(self, x: Float[Tensor, "N X"], state: Float[Tensor, "N S"] | None = None) -> Said:
-        t = dict(self.named_buffers())
+        t, x = dict(self.named_buffers()), x.double()
         response = torch.addmm(t["l"], x, t["L"])
         if self.sloped:
             response = response + torch.addmm(t["d"], x, t["c"]) * torch.addmm(t["n"], x, t["M"])
-        return Said(response, x @ t["E"])
+        return Said(response.float(), (x @ t["E"]).float())
 
 
 def nothing(sizes: Sizes) -> Filter:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import road
+import torch
 
 from fmucorrect import bundle
 from fmucorrect.experiment import pair
@@ -15,6 +16,7 @@ from fmucorrect.sealing import evaluate
 from fmucorrect.stepper import Status
 from fmucorrect.study import Study, load_study
 from fmucorrect.study_training import Family
+from fmucorrect.training import linear
 from fmucorrect.training.data import samples
 from fmucorrect.training.protocol import Trained, train
 from fmucorrect.training.results import save
@@ -133,3 +135,16 @@ def test_the_simplest_within_a_standard_error_is_taken() -> None:
 def test_what_helps_in_one_condition_and_harms_in_others_is_not_taken() -> None:
     assert taken(window=(2.0, 7.0, 7.0)) == "nothing"
     assert taken(window=(1.0, 6.5, 5.6)) == "nothing"
+
+
+def test_a_filter_of_high_gain_keeps_its_digits():
+    """Differences of a smooth signal, as a ridge regression takes them: the products are 1e4 times their sum."""
+    rows, gain = 40, 300.0
+    weights = np.concatenate([[0.0], gain * (-1.0) ** np.arange(rows)])[:, None]
+    head = linear.LinearHead(linear.Filter(weights, np.zeros_like(weights), (0.0, 1.0)))
+    history = np.sin(np.linspace(0.0, 0.5, rows, dtype=np.float32))
+    x = torch.from_numpy(np.concatenate([history, np.zeros(3, np.float32)])[None])
+    said = head(x)
+    exact = float(history.astype(np.float64) @ weights[1:, 0]) + float(history[-1])
+    assert float(said.responses) == pytest.approx(exact, rel=2e-7)
+    assert float(said.bases) == float(history[-1])
