@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from jaxtyping import Float64
-from scipy.signal import fftconvolve
 
 from fmucorrect.experiment import Pair
 from fmucorrect.signals import NANOSECONDS
@@ -15,7 +14,6 @@ from fmucorrect.training import linear
 from fmucorrect.training.baselines import fit_quadratic, fit_straight
 from fmucorrect.training.data import samples, sizes
 from fmucorrect.training.families import by_speed
-from fmucorrect.training.linear import Filter
 from fmucorrect.training.loop import Run
 
 TAPS = 10
@@ -32,16 +30,15 @@ def responses(development: Sequence[Pair], held: Sequence[Pair], training: Train
     """
 
     def ridge(rows: int) -> list[Response]:
-        known = [samples(item, rows) for item in development]
         parts = by_speed(known) if len(known) > 1 else []
-        found = linear.fit_filter(known, parts, sizes(known), training.corrector.stride, (rows,))
-        return [_filtered(found, item) for item in held]
+        found = linear.fit_filter(known, parts, sizes(known), training.corrector.stride, (rows,), rows)
+        return [found.predict(item) for item in unseen]
 
     step = (development[0].t_ns[1] - development[0].t_ns[0]) / NANOSECONDS
     known, unseen = ([samples(item, 1) for item in pairs] for pairs in (development, held))
     factor = linear.amplitude(known, sizes(known))
     said = {
-        "amplitude factor": [_filtered(factor, item) for item in held],
+        "amplitude factor": [factor.predict(item) for item in unseen],
         f"ridge on {TAPS} taps": ridge(TAPS),
         f"ridge on {1e3 * MEMORY:g} ms": ridge(max(round(MEMORY / step), 1)),
     }
@@ -51,17 +48,3 @@ def responses(development: Sequence[Pair], held: Sequence[Pair], training: Train
             between = fit(known, training, Run(training.seed, {}))
             said[f"measurements, {kind} in the condition"] = [between.predict(item) for item in unseen]
     return said
-
-
-def _filtered(found: Filter, pair: Pair) -> Response:
-    """A filter along the whole simulation: its windows would take gigabytes of a long record."""
-    channels = pair.measured.shape[1]
-    simulated = pair.simulated.values[:, :channels]
-    at = found.weights + (pair.condition.speed - found.speed[0]) / found.speed[1] * found.sloped
-    taps = at[1:].reshape(found.rows, channels, channels)[::-1]  # newest first, from one channel to another
-    said = simulated + at[0]
-    for j in range(channels):
-        for i in range(channels):
-            said[:, j] += fftconvolve(simulated[:, i], taps[:, i, j])[: len(said)]
-    said[: found.rows - 1] = np.nan
-    return said[pair.rows]

@@ -161,14 +161,15 @@ def _envelope(ramps: Ramps, channels: int, history: int, inputs: int) -> dict[st
 
 def _guard(guard: Guard, history: int, inputs: int) -> dict[str, Tensor]:
     """Z, z0, near, level: with distances in units of d0 sqrt(FADE^2 - 1), what the guard leaves of a correction is
-    FADE^2 / (FADE^2 - 1) - min_k |z - c_k|^2: 1 at a novelty of 1, 0 at FADE."""
+    FADE^2 / (FADE^2 - 1) - min_k |z - c_k|^2: 1 at a novelty of 1, 0 at FADE. Of a long window it sees the newest rows."""
     unit = guard.threshold * math.sqrt(FADE**2 - 1.0)
     directions, shift, centres = (
         torch.from_numpy(values / unit) for values in (guard.known.directions, guard.known.shift, guard.known.centres)
     )
+    older = torch.zeros(max(history - len(directions), 0), directions.shape[1], dtype=torch.float64)
     blind = torch.zeros(inputs - history, directions.shape[1], dtype=torch.float64)
     return {
-        "Z": torch.cat([directions[:history], blind, directions[history:]]),
+        "Z": torch.cat([older, directions[:history], blind, directions[history:]]),
         "z0": shift,
         "near": 2.0 * centres.T,
         "level": FADE**2 / (FADE**2 - 1.0) - (centres**2).sum(1),

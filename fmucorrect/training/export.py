@@ -72,7 +72,7 @@ def graph(corrector: Corrector, rows: int, channels: int) -> bytes:
         responses, bases = _recurrent(add, x)
     else:
         assert isinstance(head, LinearHead)
-        responses, bases = _linear(add, x, head)
+        responses, bases = _linear(add, x, head, constants)
     if head.members:  # of one alone the mean is what it says
         add("MatMul", [bases, "S"], "baseline")
     outside = add("Relu", [add("Gemm", [x, "R", "r"], "ramps")], "outside")
@@ -128,14 +128,16 @@ def _window(add: Add, x: str, head: WindowHead | OneHead) -> tuple[str, str]:
     return add("Gemm", [hidden, "D", bases], "responses"), bases
 
 
-def _linear(add: Add, x: str, head: LinearHead) -> tuple[str, str]:
+def _linear(add: Add, x: str, head: LinearHead, constants: dict[str, np.ndarray]) -> tuple[str, str]:
     """linear.LinearHead, in double."""
     x = add("Cast", [x], "x_64", to=TensorProto.DOUBLE)
     responses = add("Gemm", [x, "L", "l"], "filtered")
     if head.sloped:
-        more = add("Mul", [add("Gemm", [x, "c", "d"], "speed"), add("Gemm", [x, "M", "n"], "slope")], "sloped")
+        condition = add("Cast", ["condition"], "condition_64", to=TensorProto.DOUBLE)
+        more = add("Mul", [add("Gemm", [condition, "c", "d"], "speed"), add("Gemm", [x, "M", "n"], "slope")], "sloped")
         responses = add("Add", [responses, more], "responses")
-    add("Cast", [add("MatMul", [x, "E"], "baseline_64")], "baseline", to=TensorProto.FLOAT)
+    constants["newest"] = np.array(-1, np.int64)
+    add("Gather", ["window", "newest"], "baseline", axis=1)
     return add("Cast", [responses], "filtered_32", to=TensorProto.FLOAT), "baseline"
 
 

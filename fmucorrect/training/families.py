@@ -170,9 +170,11 @@ def guard(fitted: Fitted, development: Sequence[Samples]) -> Guard:
     """Of the corrector that was fitted to them. What a recurrent one remembers by is of all conditions, also where one is left
     out."""
 
+    rows = min(fitted.rows, development[0].window)  # of a longer memory the guard looks at the newest
+
     def look(item: Samples, stride: int) -> Float64[np.ndarray, "N S"]:
-        windows = item.windows[::stride, item.window - fitted.rows :]
+        windows = item.windows[::stride, item.window - rows :]
         flat = windows.reshape(len(windows), -1).astype(np.float64)
         return np.concatenate([flat, fitted.past(item)[::stride]], axis=1) if isinstance(fitted, Recurrent) else flat
 
-    return novelty.learn(look, fitted.rows, development, by_speed(development))
+    return novelty.learn(look, rows, development, by_speed(development))

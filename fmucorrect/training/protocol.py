@@ -28,6 +28,9 @@ from fmucorrect.training.selection import Selection, families, select
 from fmucorrect.training.tasks import Workshop
 from fmucorrect.training.window import Ensemble
 
+GOLDEN = 8
+"""Rows of the golden pair, over the first record."""
+
 
 @dataclass(frozen=True)
 class Trained:
@@ -88,8 +91,9 @@ def train(study: Study, training: Training | None = None, workshop: Workshop | N
         },
     )
     first = development[0]
-    rows = np.linspace(0, len(first.seconds) - 1, 8).astype(int)
-    windows = first.windows[rows, training.window - fitted.rows :]
+    full = max(fitted.rows - 1 - len(first.whole) + len(first.seconds), 0)
+    rows = np.linspace(full, len(first.seconds) - 1, GOLDEN).astype(int)
+    windows = first.ending(rows, fitted.rows)
     past = fitted.past(first)[np.maximum(rows - 1, 0)] if isinstance(fitted, Recurrent) else None
     content = to_bundle(corrector, info, windows, first.condition, first.seconds[rows], past)
     return Trained(

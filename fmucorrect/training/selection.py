@@ -1,6 +1,8 @@
 """Which corrector: every family on the conditions that were left out of it, and the simplest of those that are best.
 
-One speed is left out at a time. The simplest family that is as good as the best wins (choice.py).
+One speed is left out at a time. The simplest family within one standard error of the best wins (Breiman et al.,
+Classification and Regression Trees, 1984, section 3.4.3): the error of the difference, condition by condition, since a hard
+condition is hard for all of them.
 """
 
 from __future__ import annotations
@@ -12,7 +14,6 @@ import numpy as np
 
 from fmucorrect.study_training import FAMILIES, Family, Training
 from fmucorrect.training.band import LeftOut, calibrate, left_out, share_inside
-from fmucorrect.training.choice import as_good
 from fmucorrect.training.data import Samples
 from fmucorrect.training.deployed import Band
 from fmucorrect.training.families import NETWORKS, by_speed, count_left_out, fit_filter, fold, lengths
@@ -153,4 +154,10 @@ def _goes_on(family: Family, last: int, found: Mapping[Family, Mapping[int, Sequ
 
 def simplest(tried: Mapping[Family, Mapping[str, float]]) -> Family:
     """The first family whose error is within one standard error of the smallest mean."""
-    return as_good({family: list(scores.values()) for family, scores in tried.items()})[0]
+    errors: dict[Family, np.ndarray] = {family: np.array(list(scores.values())) for family, scores in tried.items()}
+    best = min(errors, key=lambda family: errors[family].mean())
+    for family, values in errors.items():
+        more = values - errors[best]
+        if more.mean() <= more.std(ddof=1) / np.sqrt(len(more)):
+            return family
+    return best
