@@ -48,7 +48,8 @@ def motion(road: np.ndarray, friction: float = 0.0) -> np.ndarray:
 
 
 def make(folder: Path, what: str, unit: str = "mm", count: int = 4, noise: float = NOISE) -> Path:
-    """what: "friction", "filtered" (a sensor with a low pass and another gain) or "nothing". The last record is held out."""
+    """what: "friction", "filtered" (a sensor with a low pass and another gain), "creep"
+    (what yields over fifty samples) or "nothing". The last record is held out."""
     rng = np.random.default_rng(3)
     text = HEAD.replace('unit = "mm"', f'unit = "{unit}"')
     factor = {"mm": 1.0, "m": 1e-3}[unit]
@@ -59,6 +60,8 @@ def make(folder: Path, what: str, unit: str = "mm", count: int = 4, noise: float
             real = motion(rough, 300.0)
         elif what == "filtered":
             real = np.asarray(lfilter([0.3 * 0.9], [1.0, -0.7], simulated))
+        elif what == "creep":
+            real = simulated + np.asarray(lfilter([0.02], [1.0, -0.98], simulated))
         else:
             real = simulated
         real = real + noise * rng.normal(size=len(real))

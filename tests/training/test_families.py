@@ -22,6 +22,7 @@ from fmucorrect.training.protocol import Trained, train
 from fmucorrect.training.results import save
 from fmucorrect.training.selection import simplest
 from fmucorrect.training.verdict import verdict
+from fmucorrect.wrapping.package import wrap
 
 Case = tuple[Study, Trained]
 
@@ -65,6 +66,22 @@ def test_a_filter_is_found_as_one(filtered: Case, tmp_path: Path) -> None:
     assert made.selection.family == "linear"
     before, after = held_out(filtered, tmp_path)
     assert after < 0.2 * before
+
+
+def test_a_filter_remembers_as_long_as_the_plant(tmp_path: Path) -> None:
+    """Longer than the networks' window: in torch and ONNX, sample by sample, and wrapped in C."""
+    study = load_study(road.make(tmp_path, "creep"))
+    made = train(study, replace(road.QUICK, corrector=replace(road.QUICK.corrector, families=("linear",))))
+    assert made.selection.family == "linear"
+    assert made.fitted.rows > 2 * road.QUICK.window
+    model = bundle.load(save(made, tmp_path))
+    result = evaluate(pair(study, study.evaluation[0]), model)
+    assert result.after.mean_nrmse < 0.15 * result.before.mean_nrmse
+    data = samples(pair(study, study.evaluation[0]), made.fitted.rows)
+    said = result.corrected[-len(data.simulated) :][result.status[-len(data.simulated) :] == Status.OK]
+    assert len(said) > 0.97 * len(data.simulated)
+    wrapped = wrap(None, model.path, tmp_path / "alone.fmu", platforms=["linux64"])
+    assert wrapped.proof.inside > 100
 
 
 def test_where_nothing_is_missing_nothing_is_changed(nothing: Case, tmp_path: Path) -> None:
