@@ -156,8 +156,8 @@ def test_what_was_committed_is_what_table_and_picture_show(tool):
     rows = json.loads(path.read_text())
     assert path.with_suffix(".md").read_text() == tool.page.page(rows)
     assert path.with_suffix(".svg").read_text() == tool.page.picture(rows)
-    assert 0.0 < tool.named("rig A", {"385": {}})["385"]["named"] < 0.5
+    assert 0.0 < tool.named("rig A", {})["385"]["named"] < 0.5
     figures = {"multisine": {"% of range a unit": 0.2}}
-    named = tool.named("silverbox", {"multisine_test": {"published": figures}})["multisine_test"]
+    named = tool.named("silverbox", {"held out": {"multisine_test": {"published": figures}}})["multisine_test"]
     assert 0.0 < named["published"]["multisine"] < 1.0  # mV, where a linear model has 7
     assert named["named"] == pytest.approx(0.2 * named["published"]["multisine"])
