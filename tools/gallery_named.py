@@ -39,23 +39,29 @@ def discovered(study: Path, folder: Path, minutes: int) -> dict[str, Any]:
 def named(plant: str, row: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     """What the model with named effects gave, and a corrector of it ("both"), NRMSE %, by condition that was held out; nothing
     where nobody looked or nothing was found. row: the gallery's own figures of the plant."""
-    if "discovered" in row:
-        return row["discovered"]["held out"]
+    found: dict[str, dict[str, Any]] = {}
     if plant in RIGS:
-        beside = ROOT / "exported_models" / ("roller_rig" if plant == "rig A" else f"roller_rig_{RIGS[plant]}")
-        told = (beside / "discovery" / "README.md").read_text(encoding="utf-8")
-        found: dict[str, dict[str, float]] = {}
-        if error := re.search(r"Error at (\d+) km/h, held out: [\d.]+ -> ([\d.]+) %", told):
-            found[error[1]] = {"named": float(error[2])}
-        if (beside / "models.json").is_file():
-            rows = json.loads((beside / "models.json").read_text(encoding="utf-8"))["rows"]
-            corrected = next(r for r in rows if r["model"] == "augmented" and r["kind"] == "corrector")
-            for name in found:
-                found[name]["both"] = corrected["conditions"][name]["nrmse"]
-        return found
-    if plant in MEASURED:
-        return _told(MEASURED[plant], row["held out"])
-    return {}
+        found = _committed(
+            ROOT / "exported_models" / ("roller_rig" if plant == "rig A" else f"roller_rig_{RIGS[plant]}")
+        )
+    elif plant in MEASURED:
+        found = _told(MEASURED[plant], row["held out"])
+    for name, errors in row.get("discovered", {}).get("held out", {}).items():
+        found[name] = found.get(name, {}) | errors
+    return found
+
+
+def _committed(rig: Path) -> dict[str, dict[str, Any]]:
+    """Of a rig's model, from what lies beside it."""
+    told = (rig / "discovery" / "README.md").read_text(encoding="utf-8")
+    error = re.search(r"Error at (\d+) km/h, held out: [\d.]+ -> ([\d.]+) %", told)
+    found: dict[str, dict[str, Any]] = {error[1]: {"named": float(error[2])}} if error else {}
+    if (rig / "models.json").is_file():
+        rows = json.loads((rig / "models.json").read_text(encoding="utf-8"))["rows"]
+        corrected = next(r for r in rows if r["model"] == "augmented" and r["kind"] == "corrector")
+        for name, errors in found.items():
+            errors["both"] = corrected["conditions"][name]["nrmse"]
+    return found
 
 
 def _told(name: str, held: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
