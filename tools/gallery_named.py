@@ -23,7 +23,9 @@ def discovered(study: Path, folder: Path, minutes: int) -> dict[str, Any]:
     """What `fmucorrect discover` says within so many minutes, and NRMSE (%) of its model, where there is one, at the conditions
     that are held out."""
     command = [sys.executable, "-m", "fmucorrect", "discover", str(study), "-o", str(folder)]
-    subprocess.run([*command, "--time-limit", f"{minutes}min"], check=True, stdout=subprocess.DEVNULL)
+    done = subprocess.run([*command, "--time-limit", f"{minutes}min"], stdout=subprocess.DEVNULL)  # stderr says why not
+    if done.returncode:
+        return {"verdict": "ended in an error", "effects": [], "held out": {}}
     report = json.loads((folder / "report.json").read_text(encoding="utf-8"))
     effects = [f"{effect['effect']} at {effect['joint']}" for effect in report["effects"]]
     found: dict[str, Any] = {"verdict": report["verdict"], "effects": effects, "held out": {}}
