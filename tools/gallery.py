@@ -7,8 +7,9 @@ first (gallery_baselines.py), of the corrector on conditions that were held out 
 it flags; and what the named effects gave, where that stands in committed results.
 
 Minutes to half an hour a plant and seed on two cores. Killed, it goes on from the folder .gallery; figures that this code has
-made stay, others are made again (--any-code: stay, too), and those of plants that are not asked for stay as they are. --page
-writes table and picture of what is there.
+made stay, others are made again (--any-code: stay, too), and those of plants that are not asked for stay as they are.
+--discover names what the models of plants lack that are trained already, and trains on that; --page writes table and picture
+of what is there.
 """
 
 from __future__ import annotations
@@ -171,10 +172,35 @@ def write(rows: dict[str, Any], to: Path) -> None:
     """JSON at `to`, table and picture beside it."""
     rows = {plant: rows[plant] for plant in gallery_plants.PLANTS if plant in rows}
     for plant, found in rows.items():
-        found["named"] = gallery_named.named(plant, found["held out"])
+        found["named"] = gallery_named.named(plant, found)
     to.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
     to.with_suffix(".md").write_text(gallery_page.page(rows), encoding="utf-8")
     to.with_suffix(".svg").write_text(gallery_page.picture(rows), encoding="utf-8")
+
+
+def discover(plants: Sequence[str], minutes: int, figures: Path = FIGURES, work: Path = WORK) -> None:
+    """Name what the plants' models lack, and train on what was named (seed 0), of plants that are in `figures` already."""
+    rows = json.loads(figures.read_text(encoding="utf-8"))
+    for plant in plants:
+        if plant not in rows:
+            continue
+        folder = _folder(plant, work)
+        beside = gallery_plants.study_of(plant, folder / "study")
+        model = beside.with_name("study_fmu.toml")  # of plants that are trained on from records
+        found = gallery_named.discovered(model if model.is_file() else beside, folder / "found", minutes)
+        if found["held out"]:
+            augmented = load_study(folder / "found" / "study.toml")
+            both = trained(
+                augmented, augmented.training, folder / "both", f"python tools/gallery.py --discover {plant!r}"
+            )
+            for name, scores in found["held out"].items():
+                scores["both"] = both["held out"][name]["corrected"]
+        rows[plant]["discovered"] = found
+        write(rows, figures)
+
+
+def _folder(plant: str, work: Path) -> Path:
+    return work / f"{plant.replace(',', '').replace(' ', '_')}_{gallery_plants.made_by(plant)}"
 
 
 def main(plants: Sequence[str], seeds: int, figures: Path = FIGURES, work: Path = WORK, any_code: bool = False) -> None:
@@ -200,7 +226,7 @@ def _one(rows: dict[str, Any], plant: str, seed: int, figures: Path, work: Path,
     kept = plant in rows and (any_code or found["code"] == code)
     if kept and str(seed) in found["seeds"]:
         return
-    folder = work / f"{plant.replace(',', '').replace(' ', '_')}_{code}"
+    folder = _folder(plant, work)
     study = load_study(gallery_plants.study_of(plant, folder / "study"))
     training = replace(gallery_plants.training_of(plant, study), seed=seed)
     if not kept:
@@ -218,8 +244,16 @@ if __name__ == "__main__":
     parser.add_argument(
         "--page", action="store_true", help="train nothing: table and picture of the figures that are there"
     )
+    parser.add_argument(
+        "--discover",
+        type=int,
+        metavar="MINUTES",
+        help="name what the trained plants' models lack, at most so long each",
+    )
     options = parser.parse_args()
-    if options.page:
+    if options.discover:
+        discover(options.plants or gallery_plants.QUICK_TO_NAME, options.discover)
+    elif options.page:
         write(json.loads(FIGURES.read_text(encoding="utf-8")), FIGURES)
     else:
         main(options.plants or gallery_plants.PLANTS, options.seeds, any_code=options.any_code)

@@ -43,6 +43,8 @@ MEASURED = {
 }
 """Data of others (bouc_wen is simulated, the rest measured), and what tools/real_data calls them."""
 PLANTS = (*RIGS, *CARS, CHAIN, *MEASURED, *RANDOM)
+QUICK_TO_NAME = (*CARS, CHAIN, *MEASURED)
+"""Plants of which a discovery takes minutes."""
 
 ELSEWHERE = 340.0
 """km/h at which rig C is excited otherwise: a trained speed, so that the excitation alone is new."""

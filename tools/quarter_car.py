@@ -1,4 +1,6 @@
-"""A quarter car over random roads, simulated and measured, as a study of records: python tools/quarter_car.py KIND --out DIR
+"""A quarter car over random roads, simulated and measured: python tools/quarter_car.py KIND --out DIR
+
+DIR gets study.toml, of records, and study_fmu.toml, of the same measurements and the oscillator FMU, for `fmucorrect discover`.
 
 KIND is what the model lacks: friction (70 N, rubbed at the damper), stop (a rubber stop, 60 kN/m beyond 12 mm either way) or
 nothing. 16 s a drive at 500 Hz; roads of ISO 8608, class B, between 10 and 20 m/s to develop on, at 17 and 25 m/s to evaluate.
@@ -7,6 +9,8 @@ nothing. 16 s a drive at 500 Hz; roads of ISO 8608, class B, between 10 and 20 m
 from __future__ import annotations
 
 import argparse
+import json
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +36,15 @@ DRIVES = (
     (25.0, "evaluation"),
 )
 CHANNELS = ("body", "wheel", "travel")
+FMU = Path(__file__).resolve().parent.parent / "fmus" / "oscillator" / "oscillator.fmu"
+OUTPUTS = ("mass2.x", "mass1.x", "joint2.d")
+"""The channels in the FMU: a chain of wheel and body on a base that is the road."""
+PARAMETERS = f"{{ m1 = {UNSPRUNG}, k1 = {TYRE}, c1 = 0.0, masses = 2.0, m2 = {SPRUNG}, k2 = {SPRING}, c2 = {DAMPER} }}"
+JOINTS = "".join(
+    f'[[joints]]\nname = "{name}"\nforce = "joint{i}.f"\ndisplacement = "joint{i}.d"\nvelocity = "joint{i}.v"\n'
+    f'nominal_force = "joint{i}.F"\nacceleration = "mass{i}.a"\n\n'
+    for i, name in ((1, "tyre"), (2, "suspension"))
+)
 
 
 def road(speed: float, rng: np.random.Generator) -> Float64[np.ndarray, " T"]:
@@ -66,14 +79,10 @@ def motion(height: Float64[np.ndarray, " T"], kind: str) -> Float64[np.ndarray, 
 
 
 def write(folder: Path, kind: str, seed: int = 0) -> Path:
-    """The study and its records; the path of the study."""
+    """The studies and their records; the path of the study of records."""
     folder.mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng(seed)
-    lines = ["format = 1", f'name = "Quarter car, missing: {kind}"', "", "[simulation]", f"step_size = {STEP}", ""]
-    for name in CHANNELS:
-        lines += ["[[channels]]", f'name = "{name}"', f'simulation = "{name}"', f'measurement = "lvdt_{name}"']
-        lines += ['quantity = "displacement"', 'unit = "mm"', ""]
-    lines += ["[records]", 'clock = "common"', ""]
+    lines = ["[records]", 'clock = "common"', ""]
     t_ns = np.arange(ROWS, dtype=np.int64) * round(STEP * 1e9)
     for speed, role in DRIVES:
         height = road(speed, rng)
@@ -85,11 +94,33 @@ def write(folder: Path, kind: str, seed: int = 0) -> Path:
         ):
             with writer(folder / f"{label}_{speed:g}.mcap") as out:
                 out.write(topic, Record(t_ns, values, tuple(Channel(prefix + name, unit="mm") for name in CHANNELS)))
+        held = (height + np.append(height[1:], height[-1])) / 2.0  # over a step, as the FMU holds its input
+        with writer(folder / f"road_{speed:g}.mcap") as out:
+            out.write("/road", Record(t_ns, held[:, None], (Channel("base.d", unit="m"),)))
         lines += ["[[conditions]]", f'name = "{speed:g} m/s"', f'role = "{role}"', f"speed = {3.6 * speed}"]
         lines += [f'measurement = "measured_{speed:g}.mcap"', f'simulated = "simulated_{speed:g}.mcap"', ""]
-    path = folder / "study.toml"
-    path.write_text("\n".join(lines), encoding="utf-8")
-    return path
+    text = "\n".join(lines)
+    (folder / "study.toml").write_text(_head(kind, CHANNELS) + text, encoding="utf-8")
+    head = _head(kind, OUTPUTS, f"fmu = {json.dumps(str(FMU))}\nparameters = {PARAMETERS}\n")
+    driven = text.replace("simulated = ", "inputs = ").replace('"simulated_', '"road_')
+    (folder / "study_fmu.toml").write_text(head + JOINTS + driven, encoding="utf-8")
+    return folder / "study.toml"
+
+
+def _head(kind: str, simulated: Sequence[str], model: str = "") -> str:
+    """A study's, up to its channels. simulated: their names in the simulation."""
+    lines = [
+        "format = 1",
+        f'name = "Quarter car, missing: {kind}"',
+        "",
+        "[simulation]",
+        f"{model}step_size = {STEP}",
+        "",
+    ]
+    for name, variable in zip(CHANNELS, simulated, strict=True):
+        lines += ["[[channels]]", f'name = "{name}"', f'simulation = "{variable}"', f'measurement = "lvdt_{name}"']
+        lines += ['quantity = "displacement"', 'unit = "mm"', ""]
+    return "\n".join(lines) + "\n"
 
 
 if __name__ == "__main__":

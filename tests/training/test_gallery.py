@@ -146,8 +146,46 @@ def test_what_was_committed_is_what_table_and_picture_show(tool):
     rows = json.loads(path.read_text())
     assert path.with_suffix(".md").read_text() == tool.page.page(rows)
     assert path.with_suffix(".svg").read_text() == tool.page.picture(rows)
-    assert 0.0 < tool.named("rig A", {"385": {}})["385"]["named"] < 0.5
+    assert 0.0 < tool.named("rig A", {})["385"]["named"] < 0.5
     figures = {"multisine": {"% of range a unit": 0.2}}
-    named = tool.named("silverbox", {"multisine_test": {"published": figures}})["multisine_test"]
+    named = tool.named("silverbox", {"held out": {"multisine_test": {"published": figures}}})["multisine_test"]
     assert 0.0 < named["published"]["multisine"] < 1.0  # mV, where a linear model has 7
     assert named["named"] == pytest.approx(0.2 * named["published"]["multisine"])
+
+
+def test_rig_c_is_excited_otherwise_only_where_it_is_held_out(tool, tmp_path):
+    study = load_study(tool.plants.study_of("rig C", tmp_path / "study"))
+    committed = load_study(ROOT / "fmus" / "roller_rig" / "C" / "study.toml")
+    assert [c.name for c in study.development] == [c.name for c in committed.development]
+    told = {c.name: (c.speed, c.amplitude, c.frequency) for c in study.evaluation}
+    assert told == {
+        "385": (385.0, 0.03, 2.0),
+        "random": (340.0, 0.03, 0.0),
+        "0.7 Hz": (340.0, 0.03, 0.7),
+        "1.5 Hz": (340.0, 0.03, 1.5),
+        "3 Hz": (340.0, 0.03, 3.0),
+    }
+    slow = pair(study, study.condition("0.7 Hz"))
+    moving = slow.measured[slow.steady, 0] - slow.measured[slow.steady, 0].mean()
+    peak = np.argmax(np.abs(np.fft.rfft(moving))) * 1e3 / len(moving)  # Hz, at 1 kHz
+    assert peak == pytest.approx(0.7, abs=1e3 / len(moving))
+
+
+def test_the_chain_lacks_hysteresis_at_every_level(tool, tmp_path):
+    study = load_study(tool.plants.study_of(tool.plants.CHAIN, tmp_path / "study"))
+    assert {c.name: c.role for c in study.conditions} == {n: role for n, (_, _, role) in tool.plants.LEVELS.items()}
+    assert "bouc" not in study.path.read_text().lower()  # it says nothing of what is hidden
+    for condition in (study.development[0], study.evaluation[0]):
+        item = pair(study, condition)
+        lacking = np.sqrt(((item.measured - item.response) ** 2).mean(axis=0))
+        assert (lacking > 5.0 * np.array([channel.noise for channel in study.channels])).any()
+
+
+def test_a_quarter_car_as_fmu_and_as_records_is_the_same_car(tool, tmp_path):
+    path = tool.plants.study_of(CAR, tmp_path / "study")
+    recorded, model = load_study(path), load_study(path.with_name("study_fmu.toml"))
+    for condition in recorded.evaluation:
+        one, other = pair(recorded, condition), pair(model, model.condition(condition.name))
+        assert np.array_equal(one.measured, other.measured)
+        apart = np.sqrt(((one.response - other.response) ** 2).mean(axis=0))
+        assert (apart < 0.1 * np.sqrt(((one.response - one.measured) ** 2).mean(axis=0))).all()
