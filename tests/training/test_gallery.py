@@ -72,7 +72,7 @@ def test_a_row_of_a_tiny_plant_says_in_table_and_json_the_same(quick, tmp_path, 
         assert said["best baseline"] == f"{best[0]:.3g} ({best[1]})"
         assert float(said["corrector"].strip("*")) == pytest.approx(ours["corrected"], rel=5e-3)
         assert (said["family"], said["seeds"]) == ("linear", "2")
-        assert ours["corrected"] < simple["bare"] == pytest.approx(ours["bare"], rel=0.02)
+        assert ours["corrected"] < simple["bare"] == pytest.approx(ours["bare"], rel=0.05)
         assert set(simple) >= {"bare", "amplitude factor", "ridge on 10 taps", "ridge on 60 ms"}
     dots = figures.with_suffix(".svg").read_text().count("<circle")
     assert dots == 3 + 3 * len(names)  # the legend, and each condition as simulated, by the best baseline, corrected
