@@ -16,21 +16,24 @@ from fmucorrect.experiment import pair
 from fmucorrect.study import Study
 from fmucorrect.study_training import Family, Training
 from fmucorrect.training.ablation import VARIANTS, ablation_table, budget, fit_variants
-from fmucorrect.training.cases import CASES, Case, Fitted, chosen_epochs, fit_case, needed, resolved
+from fmucorrect.training.cases import CASES, Case, Fitted, chosen_epochs, fit_case, needed
 from fmucorrect.training.compare_table import (
     PAPER,
     PAPER_ORACLE,
     band_of,
     curve_of,
     hour_later,
+    is_papers,
     ranking,
     row_of,
     run_of,
     scores_of,
+    without_time,
 )
-from fmucorrect.training.data import Samples, samples
+from fmucorrect.training.data import Samples, samples, sizes
 from fmucorrect.training.families import refit
 from fmucorrect.training.protocol import screened, total_epochs
+from fmucorrect.training.resolved import resolved
 from fmucorrect.training.selection import folds, select
 from fmucorrect.training.tasks import Task, Workshop
 
@@ -56,8 +59,9 @@ def compare_study(study: Study, training: Training, seeds: Sequence[int], ablate
     """All of it. Raises what `protocol.train` raises."""
     checked = screened(study)
     pairs = list(checked.pairs)
-    training = resolved(study, training, pairs)
+    training, told = resolved(study, training, pairs)
     development = [samples(item, training.window) for item in pairs]
+    response = sizes(development).response
     by_case = _fit(development, needed(training), seeds, workshop)
     selection = select(development, training, workshop)
     family, epochs = selection.family, selection.epochs
@@ -71,14 +75,16 @@ def compare_study(study: Study, training: Training, seeds: Sequence[int], ablate
         histories[f"measured/{item.name}"] = item.measured
         histories[f"uncorrected/{item.name}"] = item.simulated
     rows = [row_of("uncorrected", "Uncorrected simulation", "paper", "", 0, {}, None)]
-    rows[0]["runs"] = [run_of(None, 0.0, {item.name: scores_of(item, item.simulated) for item in held})]
+    rows[0]["runs"] = [run_of(None, 0.0, {item.name: scores_of(item, item.simulated, response) for item in held})]
     for case in CASES:
         fits = by_case[case.key]
         trained = fits.fitted[0].model.parameters
         row = row_of(case.key, case.label, case.family, case.inputs, trained, fits.epochs, fits.held_out)
         for seed, fit in zip(seeds, fits.fitted, strict=False):
             said = {item.name: fit.model.predict(item) for item in held}
-            scores = {i.name: scores_of(i, said[i.name]) | hour_later(fit.model, i, said[i.name]) for i in held}
+            scores = {
+                i.name: scores_of(i, said[i.name], response) | hour_later(fit.model, i, said[i.name]) for i in held
+            }
             row["runs"].append(run_of(seed, fit.seconds, scores))
             if fit is fits.fitted[0]:
                 histories |= {f"{case.key}/{name}": values for name, values in said.items()}
@@ -97,7 +103,7 @@ def compare_study(study: Study, training: Training, seeds: Sequence[int], ablate
     for seed, (fitted, curves) in zip(seeds, ours, strict=True):
         said = {item.name: fitted.responses(item) for item in held}
         scores = {
-            i.name: scores_of(i, said[i.name].mean(0), band_of(selection.band, said[i.name]))
+            i.name: scores_of(i, said[i.name].mean(0), response, band_of(selection.band, said[i.name]))
             | hour_later(fitted, i, said[i.name].mean(0))
             for i in held
         }
@@ -116,12 +122,14 @@ def compare_study(study: Study, training: Training, seeds: Sequence[int], ablate
         "evaluation": [condition.name for condition in study.evaluation],
         "settings": asdict(training),
         "warnings": checked.told(),
+        "left_open": list(told),
         "cases": rows,
-        "paper": list(PAPER),
-        "paper_oracle_r2": PAPER_ORACLE,
+        "paper": list(PAPER) if is_papers(study) else [],
+        "paper_oracle_r2": PAPER_ORACLE if is_papers(study) else None,
         "ablation": None if ablation is None else ablation_table(ablation, seeds, held),
     }
-    table["ranking"] = ranking(table, seeds)
+    table["without_time"] = without_time(table)
+    table["ranking"] = ranking(table, seeds) if table["paper"] else None
     return Result(table, histories)
 
 
