@@ -30,8 +30,8 @@ class Comparison:
     status: (N,) a stepper.Status a row. excitation: (N,) the simulation's, None without one. offset: how the times were
     registered, at `rate` (ppm); clock: the same in words, also where no excitation told it. steady: rows of the steady forced
     segment, None without one. scales: (J,) displacement scales s_q by which the oracle weighs the channels, those of the
-    development conditions; None where these are not at hand: the measurement's own. Scores cover all rows but those of warm-up, in which nothing can be corrected yet; where the
-    condition says score = "steady", those of them that are steady.
+    development conditions; None where these are not at hand: the measurement's own. Scores cover all rows but those of
+    warm-up, in which nothing can be corrected yet; where the condition says score = "steady", those of them that are steady.
     """
 
     condition: Condition
