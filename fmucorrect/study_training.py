@@ -125,7 +125,8 @@ class Corrector:
     corrector needs no clock. epochs: candidates for the length of training, of which leave-one-speed-out chooses.
     learning_rate, weight_decay: of AdamW, the rate on a one-cycle schedule. batch: windows a step. stride: every how many
     samples a window is trained on; neighbours at 1 kHz say the same. trials: of optuna's search over learning rate, weight
-    decay, widths and window features, judged by leave-one-speed-out; 0: none, the numbers above hold.
+    decay, widths and window features, judged by leave-one-speed-out, and as many for each of the paper's cases in `compare`; 0:
+    none, the numbers of the study hold.
     """
 
     families: Annotated[tuple[Family, ...], MinLen(1)] = FAMILIES

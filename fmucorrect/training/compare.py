@@ -34,6 +34,8 @@ from fmucorrect.training.data import Samples, samples, sizes
 from fmucorrect.training.families import refit
 from fmucorrect.training.protocol import screened, total_epochs
 from fmucorrect.training.resolved import resolved
+from fmucorrect.training.search import search
+from fmucorrect.training.search_cases import CaseTrial, most_epochs, search_cases
 from fmucorrect.training.selection import folds, select
 from fmucorrect.training.tasks import Task, Workshop
 
@@ -62,11 +64,13 @@ def compare_study(study: Study, training: Training, seeds: Sequence[int], ablate
     training, told = resolved(study, training, pairs)
     development = [samples(item, training.window) for item in pairs]
     response = sizes(development).response
+    training, case_trials = search_cases(development, training, workshop)
     by_case = _fit(development, needed(training), seeds, workshop)
+    ablation = fit_variants(development, needed(training), seeds, workshop) if ablate else None
+    training, trials = search(development, training, workshop)
     selection = select(development, training, workshop)
     family, epochs = selection.family, selection.epochs
     ours = [refit(family, development, replace(training, seed=s), epochs, workshop) for s in seeds]
-    ablation = fit_variants(development, needed(training), seeds, workshop) if ablate else None
     # everything is fitted; from here on the evaluation conditions may be seen
     held = [samples(pair(study, condition), training.window) for condition in study.evaluation]
     histories: dict[str, np.ndarray] = {}
@@ -122,7 +126,8 @@ def compare_study(study: Study, training: Training, seeds: Sequence[int], ablate
         "evaluation": [condition.name for condition in study.evaluation],
         "settings": asdict(training),
         "warnings": checked.told(),
-        "left_open": list(told),
+        "left_open": [*told, *_searched(case_trials, training)],
+        "trials": {"cases": [asdict(trial) for trial in case_trials], "corrector": [asdict(trial) for trial in trials]},
         "cases": rows,
         "paper": list(PAPER) if is_papers(study) else [],
         "paper_oracle_r2": PAPER_ORACLE if is_papers(study) else None,
@@ -138,10 +143,23 @@ def total(study: Study, training: Training, seeds: int, ablate: bool) -> int:
     speeds = len({condition.speed for condition in study.development})
     parts = speeds if speeds > 1 else len(study.development)
     count = sum((parts + (seeds if case.epochs(training) else 1)) * _length(case, training) for case in CASES)
-    count += total_epochs(study, training) * (
-        2 if seeds > 1 else 1
-    )  # the refits of further seeds are fewer than its folds
+    # the refits of further seeds are fewer than its folds
+    count += total_epochs(study, training) * (2 if seeds > 1 else 1) + most_epochs(training, parts)
     return count + ablate * len(VARIANTS) * seeds * sum(budget(training.proposed))
+
+
+def _searched(trials: Sequence[CaseTrial], training: Training) -> list[str]:
+    """A sentence on the search for each case that was searched for."""
+    told: list[str] = []
+    for key in dict.fromkeys(trial.case for trial in trials):
+        errors = [trial.held_out for trial in trials if trial.case == key]
+        settings = getattr(training, key)
+        told.append(
+            f"Hyper-parameters of {key}: {len(errors)} trials; left out {errors[0]:.2f} % as asked, {min(errors):.2f} % "
+            f"with what is taken: learning rate {settings.learning_rate:.2g}, weight decay {settings.weight_decay:.2g}, widths "
+            f"{', '.join(map(str, settings.widths))}."
+        )
+    return told
 
 
 def _length(case: Case, training: Training) -> int:
