@@ -26,10 +26,19 @@ CASES = {
     "fir": "#7b61c4",
     "harmonics": "#d8527c",
     "gru": "#5b6675",
+    "nearest": "#9aa32b",
+    "straight": "#4f9dd1",
+    "quadratic": "#6b7fd7",
+    "pinn_phase": "#de8fd0",
 }
 CYCLE = ("#1668b0", "#d1642a", "#1b7f4b", "#b0459b", "#c79a00", "#17a2a2", "#7b61c4", "#8c6d46", "#d8527c", "#5b6675")
+CLOSE = 0.25
+"""Share of a record that is shown at first where six periods do not fit in: over a road the strongest wave may be as slow as
+the record is long."""
 CURVE_POINTS = 400
 """Most points of a loss curve that are drawn."""
+LEGEND_LINE = 19
+"""px."""
 OVERLAY_POINTS = 380_000
 """Most points that all overlaid histories of a page have together."""
 
@@ -184,6 +193,7 @@ def overlay(
     """All curves on common axes, a panel a channel; a click on a name shows or hides it in every panel. t: s. view: what
     is seen first. points: most points of a curve that are drawn."""
     figure = panels([f"<b>{escape(name)}</b>" for name in channels], 200)
+    style(figure, figure.layout.height + LEGEND_LINE * (len(curves) // 2))  # two names a line, at the least
     step = max(1, -(-len(t) // points))
     x = {"x0": float(t[0]), "dx": step * float(np.median(np.diff(t)))}
     for curve in curves:
@@ -233,7 +243,7 @@ def stretches(
     signal = values[:, 0] - values[:, 0].mean()
     power = np.abs(np.fft.rfft(signal * np.hanning(len(signal)))) ** 2
     peak = int(np.argmax(power[1:])) + 1
-    length = min(6.0 * (stop - start) / peak, stop - start)
+    length = (6.0 / peak if peak >= 6 else CLOSE) * (stop - start)
     begin = min(start + 0.5 * (stop - start), stop - length)
     found = [("a few waves", (round(begin, 3), round(begin + length, 3)))]
     onset = float(t[int(np.argmax(np.abs(signal) > 0.3 * np.abs(signal).max()))])
@@ -361,8 +371,9 @@ def envelope_map(
             )
         figure.update_xaxes(range=[low - margin, high + margin], row=row, col=1)
         for x0, x1, opacity in ((a, d, 0.10), (b, c, 0.16)):  # behind curves, without which plotly draws none
+            place: dict[str, Any] = {"row": row, "col": 1}
             look: dict[str, Any] = {"fillcolor": CORRECTED, "opacity": opacity, "line_width": 0, "layer": "below"}
-            figure.add_vrect(x0=x0, x1=x1, **look | {"row": row, "col": 1})
+            figure.add_vrect(x0=x0, x1=x1, **look, **place)
     figure.update_yaxes(visible=False, range=[-1, 1], fixedrange=True)
     return figure
 

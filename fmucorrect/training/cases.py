@@ -120,7 +120,7 @@ CASES = (
     ),
     Case(
         "proposed_history",
-        "The same, history in the place of time",
+        "Proposed correction, history in the place of time",
         "ours",
         "window features, speed, phase, aligned TDNN",
         _fit_history,
