@@ -157,18 +157,23 @@ def lead(comparisons: Sequence[Comparison]) -> str:
 def _tried(page: Page, tried: Tried) -> None:
     page.section(
         "Against doing nothing, and the simplest ways",
-        "Error (NRMSE, %) at conditions that were held out: of development, each left out of the fit in turn, their mean, "
-        + ("then those that were opened when all was decided. " if tried.unseen else "and no others. ")
+        "Error (NRMSE, %) at conditions that were not fitted to: those of development, each left out of the fit in turn, "
+        + ("and those held out of everything, opened when all was decided. " if tried.unseen else "and no others. ")
         + "Taken is the simplest within one standard error of the best mean. Empty: not fitted to all of development.",
     )
-    header = ["", *(f"{name} left out" for name in tried.left_out), "mean", *(f"{n}, held out" for n in tried.unseen)]
+    header = [
+        "",
+        "left out, mean",
+        *(f"{n}, held out" for n in tried.unseen),
+        *(f"{n} left out" for n in tried.left_out),
+    ]
     rows: list[Row] = []
     for group, heading in GROUPS.items():
         ways = [way for way in tried.ways if way.group == group]
         rows += [Row([heading], "group")] * bool(ways)
         for way in ways:
-            cells = [*(f"{value:.2f}" for value in way.left_out), f"{np.mean(way.left_out):.2f}"]
-            cells += ["" if value is None else f"{value:.2f}" for value in way.unseen]
+            cells = [f"{np.mean(way.left_out):.2f}", *("" if v is None else f"{v:.2f}" for v in way.unseen)]
+            cells += [f"{value:.2f}" for value in way.left_out]
             name = f"{way.label} (taken)" if way.taken else way.label
             rows.append(Row([name[:1].upper() + name[1:], *cells], "strong" if way.taken else ""))
     page.table(header, rows)
