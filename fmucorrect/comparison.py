@@ -29,8 +29,9 @@ class Comparison:
     t_ns: simulation's time. simulated, corrected, measured, sigma (one standard deviation): (N, J), in the channels' units.
     status: (N,) a stepper.Status a row. excitation: (N,) the simulation's, None without one. offset: how the times were
     registered, at `rate` (ppm); clock: the same in words, also where no excitation told it. steady: rows of the steady forced
-    segment, None without one. Scores cover all rows but those of warm-up, in which nothing can be corrected yet; where the
-    condition says score = "steady", those of them that are steady.
+    segment, None without one. scales: (J,) displacement scales s_q by which the oracle weighs the channels, those of the
+    development conditions; None where these are not at hand: the measurement's own. Scores cover all rows but those of
+    warm-up, in which nothing can be corrected yet; where the condition says score = "steady", those of them that are steady.
     """
 
     condition: Condition
@@ -46,6 +47,7 @@ class Comparison:
     clock: str = ""
     excitation: Float64[np.ndarray, " N"] | None = field(default=None, repr=False)
     steady: slice | None = None
+    scales: Float64[np.ndarray, " J"] | None = field(default=None, repr=False)
 
     @property
     def scored(self) -> slice:
@@ -78,7 +80,8 @@ class Comparison:
     def oracle(self) -> OracleLag:
         """Of the corrected simulation, shifted by the one lag that suits the measurement best: a best case, no score."""
         measured = self.measured[self.scored]
-        return oracle_lag(self.corrected[self.scored], measured, measured.std(axis=0), ORACLE_LIMIT)
+        scales = measured.std(axis=0) if self.scales is None else self.scales
+        return oracle_lag(self.corrected[self.scored], measured, scales, ORACLE_LIMIT)
 
     @cached_property
     def excited(self) -> slice:

@@ -33,10 +33,12 @@ class Tdnn:
 class Pinn:
     """[training.pinn], case 1, from the experiment alone (eqs. experiment_only_loss, experiment_only_sdof).
 
-    smooth, sdof: weights of the two regularisations. natural_frequency: Hz, damping: where the trainable values begin.
-    damping_limits: between which the damping ratio stays.
+    inputs: "time", with speed and phase, as the paper, or "phase", the same without raw time. smooth, sdof: weights of the two
+    regularisations. natural_frequency: Hz, damping: where the trainable values begin. damping_limits: between which the
+    damping ratio stays.
     """
 
+    inputs: Literal["time", "phase"] = "time"
     widths: Widths = (96, 96, 64)
     activation: Activation = "tanh"
     epochs: Count = 4000
@@ -68,12 +70,14 @@ class Proposed:
 
     inputs: "time", as the paper, or "history", window features in its place, which also hold in a run of hours. widths: the
     shared layers; head_width: the layer behind the acceleration head. residual to parameters: loss weights, `parameters` that
-    of the L2 term on the discrepancy coefficients. band: Hz, of the coherent-band projection; bands: of single conditions by
-    name. acceleration_channels: those with an acceleration loss, at the head's outputs; None: those that `diagnose`
-    recommends from the development conditions. observation: H_q, J rows of p numbers; None: the identity. mass, damping,
-    stiffness: nominal M_s, C_s, K_s, p x p, for coordinates in the channels' unit and time in s; None: unit mass, and the
-    stiffness and 5 % damping of a 2 Hz resonance, where case 1 begins. harmonics: of the excitation in the force discrepancy.
-    tdnn, alignment: stages that can be left out; without its TDNN the simulated response itself is the baseline.
+    of the L2 term on the discrepancy coefficients. band: Hz, of the coherent-band projection; None: the one that `diagnose`
+    recommends from the development conditions. bands: of single conditions by name. acceleration_channels: those with an
+    acceleration loss, at the head's outputs; None: those that `diagnose` recommends. observation: H_q, J rows of p numbers;
+    None: the identity. mass, damping, stiffness: nominal M_s, C_s, K_s, p x p, for coordinates in the channels' unit and time
+    in s; where none is given, those of the FMU's slowest modes (training/nominal.py); where it has none, and of what is left
+    open beside a given one: unit mass, and the stiffness and 5 % damping of a 2 Hz resonance, where case 1 begins. harmonics:
+    of the excitation in the force discrepancy. tdnn, alignment: stages that can be left out; without its TDNN the simulated
+    response itself is the baseline.
     """
 
     inputs: Literal["time", "history"] = "time"
@@ -92,7 +96,7 @@ class Proposed:
     acceleration_consistency: Weight = 1e-5
     physics: Weight = 1e-4
     parameters: Weight = 1e-8
-    band: Band = (3.5, 4.5)
+    band: Band | None = None
     bands: Mapping[str, Band] = field(default_factory=dict[str, Band])
     acceleration_channels: tuple[str, ...] | None = None
     observation: Matrix | None = None
@@ -121,7 +125,8 @@ class Corrector:
     corrector needs no clock. epochs: candidates for the length of training, of which leave-one-speed-out chooses.
     learning_rate, weight_decay: of AdamW, the rate on a one-cycle schedule. batch: windows a step. stride: every how many
     samples a window is trained on; neighbours at 1 kHz say the same. trials: of optuna's search over learning rate, weight
-    decay, widths and window features, judged by leave-one-speed-out; 0: none, the numbers above hold.
+    decay, widths and window features, judged by leave-one-speed-out, and as many for each of the paper's cases in `compare`; 0:
+    none, the numbers of the study hold.
     """
 
     families: Annotated[tuple[Family, ...], MinLen(1)] = FAMILIES

@@ -87,7 +87,7 @@ def _names(training: Training, document: Mapping[str, Any]) -> Iterator[tuple[Lo
         if name not in conditions:
             yield (*place, "bands"), f"there is no condition {name!r}{nearest(name, map(str, conditions))}"
     for key, band in (("band", proposed.band), *(("bands", band) for band in proposed.bands.values())):
-        if band[1] <= band[0]:
+        if band is not None and band[1] <= band[0]:
             yield (*place, key), f"must end above where it begins, in Hz, got {list(band)}"
     low, high = training.pinn.damping_limits
     if not low < training.pinn.damping < high:

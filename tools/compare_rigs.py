@@ -19,11 +19,12 @@ from fmucorrect.experiment import pair
 from fmucorrect.report import compare_page
 from fmucorrect.study import Study, load_study
 from fmucorrect.training.ablation import VARIANTS, ablation_table, budget, fit_variants
-from fmucorrect.training.cases import needed, resolved
+from fmucorrect.training.cases import needed
 from fmucorrect.training.compare import compare_study, total
 from fmucorrect.training.compare_table import lines
 from fmucorrect.training.data import samples
 from fmucorrect.training.protocol import screened
+from fmucorrect.training.resolved import resolved
 from fmucorrect.training.results import save_comparison
 from fmucorrect.training.tasks import CORES, Workshop
 
@@ -46,7 +47,9 @@ def compare(study: Study, place: Path, model: Path) -> None:
 def ablate(study: Study, place: Path, model: Path) -> None:
     """The ablation alone; evaluation conditions are opened when everything is fitted."""
     pairs = list(screened(study).pairs)
-    training = needed(resolved(study, study.training, pairs))
+    known, told = resolved(study, study.training, pairs)
+    training = needed(known)
+    print(*told, sep="\n")
     if len(pairs) > 4:
         training = replace(training, proposed=replace(training.proposed, epochs=150, tdnn_epochs=75))
     development = [samples(item, training.window) for item in pairs]

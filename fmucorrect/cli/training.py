@@ -23,7 +23,9 @@ from fmucorrect.cli.group import (
 )
 
 if TYPE_CHECKING:
+    from fmucorrect.report.training_page import Guarded
     from fmucorrect.study import Study
+    from fmucorrect.training.results import Results
 
 
 def _training_options(command: Callable[..., None]) -> Callable[..., None]:
@@ -84,22 +86,46 @@ def train(
     said = verdicts.verdict(selection, done.evaluations)
     training_page.write_page(
         page,
-        f"{the_study.name}: corrector",
+        f"{the_study.name}: {verdicts.headline(selection)}",
         done.evaluations,
         results.curves(done.trained),
         results.facts(done.trained),
         warnings=[finding.to_json() for finding in done.trained.warnings],
-        tried=training_page.Tried(said, verdicts.conditions(selection), verdicts.table(selection)),
-        guarded=guard
-        and training_page.Guarded(verdicts.guard_words(guard), verdicts.guarded(guard, selection, done.evaluations)),
+        tried=training_page.Tried(
+            said,
+            done.against.left_out,
+            done.against.unseen,
+            [training_page.Way(**vars(way)) for way in done.against.ways],
+        ),
+        guarded=guard and _where_it_ends(done),
     )
     if as_json:
-        say(json.dumps(results.figures(done.evaluations, done.trained), indent=1))
+        say(json.dumps(results.figures(done.evaluations, done.trained, done.against), indent=1))
     else:
         say(
             f"{said}\n\n{results.lines(done.evaluations)}\n\n"
             f"Read  {out / 'card.md'}\nopen  {page}\nuse   {out / 'corrector.onnx'}"
         )
+
+
+def _where_it_ends(done: Results) -> Guarded:
+    """The page's section on it. A guard is there."""
+    from fmucorrect.report.training_figures import Place
+    from fmucorrect.report.training_page import Guarded
+
+    (verdicts,) = _training("verdict")
+    guard, selection = done.trained.guard, done.trained.selection
+    places = [
+        Place(
+            item.condition.name,
+            item.condition.role == "evaluation",
+            dict(zip(("speed", "amplitude", "frequency"), item.condition.features, strict=True)),
+            verdicts.flagged_in_motion(guard, item),
+        )
+        for item in done.evaluations
+    ]
+    rows = verdicts.guarded(guard, selection, done.evaluations)
+    return Guarded(verdicts.guard_words(guard), rows, done.envelope, places)
 
 
 @click.command()

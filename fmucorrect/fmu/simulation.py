@@ -219,6 +219,22 @@ class Simulation:
             columns = [instance.directional(rows, variable.reference) for variable in knowns]
         return np.array(columns).T.reshape(len(unknowns), len(knowns))
 
+    def sensitivity(self, rows: slice, knowns: Sequence[Variable]) -> Float64[np.ndarray, "K N"]:
+        """Partial derivatives d channel / d known at this moment, of the watched channels `rows`, in their units; a channel
+        that is one of the knowns by itself depends on nothing else."""
+        factors = np.ones(len(self._channels)) if self._scaling is None else self._scaling.factors
+        result = np.zeros((len(self._channels[rows]), len(knowns)))
+        known = {variable.reference: column for column, variable in enumerate(knowns)}
+        others: list[int] = []
+        for row, variable in enumerate(self._outputs[rows]):
+            if variable.reference in known:
+                result[row, known[variable.reference]] = 1.0
+            else:
+                others.append(row)
+        if others:
+            result[others] = self.directional([self._outputs[rows][row] for row in others], knowns)
+        return result * factors[rows, None]
+
     def close(self) -> None:
         """Release everything. May be called twice."""
         loaded, self._loaded, self._instance = self._loaded, None, None

@@ -12,7 +12,7 @@ Three ways, the first that the FMU allows unless one is asked for:
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType, TracebackType
 from typing import Literal, final
@@ -42,7 +42,8 @@ class Linearisation:
     method: how it was found. names: the p states (or, for a ring-down, outputs) that the vectors speak of. eigenvalues:
     (n,) rad/s, the least stable first; a ring-down has only the modes that it could confirm. vectors: (p, n), column k
     the right eigenvector of eigenvalue k, its largest element 1, rows in the FMU's units. matrix: (p, p), A in 1/s; None
-    for a ring-down. operating_point: value of each of `names` there.
+    for a ring-down. operating_point: value of each of `names` there. shapes: (w, n), what the watched channels do in each
+    mode, in their units, on the scale of `vectors`; no rows where none is watched.
     """
 
     method: Method
@@ -51,6 +52,7 @@ class Linearisation:
     vectors: Complex128[np.ndarray, "p n"]
     matrix: Float64[np.ndarray, "p p"] | None
     operating_point: Float64[np.ndarray, " p"]
+    shapes: Complex128[np.ndarray, "w n"] = field(default_factory=lambda: np.zeros((0, 0), np.complex128))
 
     def modes(self, lowest: float = 0.1) -> tuple[Mode, ...]:
         """The modes that oscillate faster than `lowest` (Hz), the least stable first."""
@@ -69,7 +71,8 @@ class Lineariser:
     FMU whose start is no equilibrium. states: names of the states, needed for the step map of an FMU whose model structure
     names none. ring_down: what to disturb and watch, needed for an FMU without states. method: the first that the FMU
     allows where None. step_size: communication step in s, the FMU's own where None. perturbation: by how much a state is
-    moved for the step map, relative to its nominal or present size; an FMU with an adaptive solver wants more.
+    moved for the step map, relative to its nominal or present size; an FMU with an adaptive solver wants more. watch: channels
+    whose part in each mode is wanted (`shapes`), of a linearisation by states.
 
     Raises FmuError when no way is open (saying what is needed), or the asked one is not.
     """
@@ -85,6 +88,7 @@ class Lineariser:
         method: Method | None = None,
         step_size: float | None = None,
         perturbation: float = 1e-5,
+        watch: Sequence[Channel] = (),
     ) -> None:
         self._description = open_fmu(path)
         structure = read_structure(self._description)
@@ -102,7 +106,7 @@ class Lineariser:
         if self._method == "ring-down" and ring_down is not None:
             channels = ring_down.channels
         else:
-            channels = tuple(Channel(name, unit="") for name in self._names)
+            channels = (*(Channel(name, unit="") for name in self._names), *watch)
         nominal = dict(zip(listed, structure.nominal.tolist(), strict=True))
         self._nominal = np.array([nominal.get(name, 1.0) for name in self._names])
         self._simulation = Simulation(path, channels, step_size=step_size)
@@ -140,12 +144,14 @@ class Lineariser:
         self._simulation.start(values)
         if self._settle > 0.0:
             self._simulation.run(max(1, round(self._settle / self._simulation.step_size)))
-        point = self._simulation.read()
+        count = len(self._names)
+        point = self._simulation.read()[:count]
         if self._method == "directional derivatives":
             structure = self._simulation.structure
             matrix = self._simulation.directional(structure.derivatives, structure.states)
-            eigenvalues, vectors = np.linalg.eig(_finite(matrix, self._description))
-            return _sorted(Linearisation(self._method, self._names, *_complex(eigenvalues, vectors), matrix, point))
+            eigenvalues, vectors = _complex(*np.linalg.eig(_finite(matrix, self._description)))
+            shapes = self._simulation.sensitivity(slice(count, None), structure.states) @ vectors
+            return _sorted(Linearisation(self._method, self._names, eigenvalues, vectors, matrix, point, shapes))
         return self._step_map(values, point)
 
     def _step_map(self, values: Mapping[str, float], point: Float64[np.ndarray, " p"]) -> Linearisation:
@@ -161,14 +167,17 @@ class Lineariser:
                 start_at(self._simulation, values, self._names, moved, offsets)
                 ends.append(self._simulation.run(1)[0])
             columns.append((ends[0] - ends[1]) / (2.0 * size[i]))
-        phi = _finite(np.array(columns).T, self._description)
+        moved_by = _finite(np.array(columns).T, self._description)
+        phi, seen = moved_by[: len(point)], moved_by[len(point) :]
         multipliers, vectors = _complex(*np.linalg.eig(phi))
         alive = np.abs(multipliers) > _DIED
         step = self._simulation.step_size
         eigenvalues = np.log(multipliers[alive]) / step
         inverse = np.linalg.pinv(vectors[:, alive])
         matrix = (vectors[:, alive] @ np.diag(eigenvalues) @ inverse).real
-        return _sorted(Linearisation("step map", self._names, eigenvalues, vectors[:, alive], matrix, point))
+        # what is watched is read at the end of the step: there a mode has been multiplied once
+        shapes = seen @ vectors[:, alive] / multipliers[alive]
+        return _sorted(Linearisation("step map", self._names, eigenvalues, vectors[:, alive], matrix, point, shapes))
 
     def close(self) -> None:
         """Release the FMU. May be called twice."""
@@ -193,10 +202,11 @@ def _sorted(found: Linearisation) -> Linearisation:
     order = np.lexsort((np.imag(found.eigenvalues), -np.real(found.eigenvalues)))
     vectors = found.vectors[:, order]
     largest = vectors[np.argmax(np.abs(vectors), axis=0), np.arange(vectors.shape[1])]
-    return replace(found, eigenvalues=found.eigenvalues[order], vectors=vectors / largest)
+    shapes = found.shapes[:, order] / largest
+    return replace(found, eigenvalues=found.eigenvalues[order], vectors=vectors / largest, shapes=shapes)
 
 
-def _finite(matrix: Float64[np.ndarray, "p p"], description: FmuDescription) -> Float64[np.ndarray, "p p"]:
+def _finite(matrix: Float64[np.ndarray, "_ p"], description: FmuDescription) -> Float64[np.ndarray, "_ p"]:
     if not np.isfinite(matrix).all():
         raise FmuError("its derivatives are not finite at this operating point", where=str(description.path))
     return matrix

@@ -15,7 +15,12 @@ from fmucorrect.report.figures import MEASURED, POINTS
 from fmucorrect.report.html import Page, Row
 from fmucorrect.report.training_page import ablation_section, losses, spread, standard_error
 
-FAMILIES = {"paper": "The paper's cases", "baseline": "Baselines", "ours": "This project's"}
+FAMILIES = {
+    "bare": "Doing nothing",
+    "baseline": "What anyone would try first",
+    "paper": "The paper's cases",
+    "ours": "This project's",
+}
 METRICS = (("r2", 3), ("nrmse", 2), ("nmae", 2))
 """Keys with the digits worth reading."""
 CLICK = "A click on a name shows or hides its case, a double click leaves it alone."
@@ -37,17 +42,16 @@ def build(result: Mapping[str, Any], histories: Mapping[str, np.ndarray]) -> Pag
     page = Page(*lead(result), kicker=f"fmucorrect compare · {result['study']}")
     page.warnings(result.get("warnings", ()))
     _tiles(page, result)
-    _paper_section(page, result)
     _cases_section(page, result)
-    _oracle_section(page, result)
     page.section("By channel", CLICK + " Whiskers: standard deviation over the seeds.")
     page.figure(drawn.channel_bars([_bars(result, case) for case in cases], result["channels"]))
     page.end()
     _histories_section(page, result, histories)
-    losses(page, [drawn.Training(case["label"], case["curves"], case["epochs"]) for case in cases])
     if result.get("ablation"):
         ablation_section(page, result["ablation"])
     _coverage_section(page, result)
+    _oracle_section(page, result)
+    _paper_section(page, result)
     page.section("What these figures are no evidence for")
     page.caution(
         f"One study ({result['study']}), {_conditions(result)}: the figures say how well each case corrects a reproducible "
@@ -55,6 +59,7 @@ def build(result: Mapping[str, Any], histories: Mapping[str, np.ndarray]) -> Pag
         "conditions or other machines. They are no evidence for safety, certification or acceptance."
     )
     page.end()
+    losses(page, [drawn.Training(case["label"], case["curves"], case["epochs"]) for case in cases])
     page.section("Study and settings")
     page.facts([("study", result["study"]), ("SHA-256", result["study_sha256"])])
     page.commands(json.dumps(result["settings"], indent=2))
@@ -85,7 +90,13 @@ def lead(result: Mapping[str, Any]) -> tuple[str, str]:
         choice = min(known, key=lambda case: case["held_out_nrmse"])
         same = "the same" if choice is best else choice["label"]
         text += f" Chosen from the development conditions alone, as one would have to choose, it would be {same}."
-    return f"{best['label']} comes closest on {_conditions(result)}: {first.mean():.2f} % error", text
+    if best["case"] == "uncorrected":
+        return f"{result['study']}: nothing comes closer than the simulation as it is", text
+    if plain is None:
+        return f"{result['study']}: {best['label']} comes closest, {first.mean():.2f} % error", text
+    learned = 1.0 - first.mean() / scores(result, plain, "nrmse").mean()
+    closest = f"{best['label']} learned {100 * learned:.0f}\u00a0% of what the simulation lacked"
+    return f"{result['study']}: {closest}", text
 
 
 def scores(result: Mapping[str, Any], case: Mapping[str, Any], key: str) -> np.ndarray:
@@ -100,12 +111,12 @@ def _tiles(page: Page, result: Mapping[str, Any]) -> None:
     seeds = max(len(case["runs"]) for case in result["cases"])
 
     def tile(name: str, key: str, digits: int, unit: str, detail: str) -> tuple[str, str, str, str]:
-        old = f"{scores(result, plain, key).mean():.{digits // 2}f}{unit}" if plain else ""
+        old = f"{scores(result, plain, key).mean():.{digits}f}{unit}" if plain else ""
         return name, old, f"{scores(result, best, key).mean():.{digits}f}{unit}", detail
 
     tiles = [
         tile("Error, NRMSE", "nrmse", 2, " %", best["label"]),
-        tile("Variance explained, R²", "r2", 4, "", "1 is perfect"),
+        tile("Variance explained, R²", "r2", 3, "", "1 is perfect"),
     ]
     if ranking and ranking["holds"]:
         held = f"{sum(ranking['holds'])} of {len(ranking['holds'])}"
@@ -116,6 +127,9 @@ def _tiles(page: Page, result: Mapping[str, Any]) -> None:
 
 
 def _paper_section(page: Page, result: Mapping[str, Any]) -> None:
+    """Where the study repeats the paper's experiment."""
+    if not result["paper"]:
+        return
     cases = {case["case"]: case for case in result["cases"]}
     ranking = result.get("ranking")
     page.section(
@@ -140,14 +154,17 @@ def _paper_section(page: Page, result: Mapping[str, Any]) -> None:
 def _cases_section(page: Page, result: Mapping[str, Any]) -> None:
     page.section(
         "All cases",
-        f"Held out: mean NRMSE of the leave-one-out folds of {', '.join(result['development'])}. Evaluation: "
-        f"{_averaged(result)} An hour later: NRMSE since the excitation began, had it begun an hour of whole periods before, "
-        "with the same simulation and phase; a case that learned from raw time cannot know that clock.",
+        f"Scores on {_conditions(result)}, {_averaged(result)} Left out: NRMSE of {', '.join(result['development'])} (mean), "
+        "each left out of the fit in turn; by these one has to choose. An hour later: NRMSE since the excitation began, "
+        "had it begun an hour of whole periods before, with the same simulation and phase; a case that learned from raw time "
+        "cannot know that clock.",
     )
-    head = ["", "NRMSE, %", "R²", "held out, %", "an hour later, %"]
+    head = ["", "NRMSE, %", "R²", "left out, %", "an hour later, %"]
     rows: list[Row] = []
     best = _best(result, result["cases"])
-    for family, cases in _families(result):
+    bare = [case for case in result["cases"] if case["case"] == "uncorrected"]
+    families = [(name, [case for case in cases if case not in bare]) for name, cases in _families(result)]
+    for family, cases in [("bare", bare)] * bool(bare) + [item for item in families if item[1]]:
         rows.append(Row([FAMILIES.get(family, family)], "group"))
         for case in cases:
             held = case["held_out_nrmse"]
@@ -159,6 +176,11 @@ def _cases_section(page: Page, result: Mapping[str, Any]) -> None:
     page.section("What each case sees")
     page.facts([(case["label"], _seen(case)) for case in result["cases"] if case["inputs"]])
     page.end()
+    told = [*result.get("left_open", ()), *([result["without_time"]] if result.get("without_time") else [])]
+    if told:
+        page.section("What the study left open, and what raw time is worth")
+        page.facts([tuple(text.split(": ", 1)) for text in told])
+        page.end()
     if len(result["evaluation"]) < 2:
         return
     split: list[Row] = []

@@ -36,7 +36,8 @@ def views(comparison: Comparison, curves: Sequence[Response]) -> list[tuple[str,
     """Stretches of time worth a button, the first one first seen: label and axes, wide enough there for `curves`."""
     start, stop = (round(value, 3) for value in _ends(comparison))
     begin, steady = comparison.condition.start, first_view(comparison)
-    stretches = [(f"{steady[1] - steady[0]:g} s of the steady run", steady)]
+    run = " of the steady run" if comparison.condition.frequency > 0 else ""
+    stretches = [(f"{steady[1] - steady[0]:.3g} s{run}", steady)]
     if start < begin < stop:
         onset = round(max(begin - 0.5, start), 3), round(min(begin + 2.5, stop), 3)
         stretches.append(("onset of the excitation", onset))
@@ -71,15 +72,15 @@ def _view(comparison: Comparison, curves: Sequence[Response], span: tuple[float,
     return view
 
 
-def histories(comparison: Comparison) -> go.Figure:
-    """Measured, simulated and corrected with +-2 sigma: one panel a channel, one time axis."""
+def histories(comparison: Comparison, band_name: str = "corrected ± 2σ", width: float = 2.0) -> go.Figure:
+    """Measured, simulated and corrected with its band, +-`width` sigma: one panel a channel, one time axis."""
     figure = _panels(comparison, 190, response_curves(comparison))
     step = thinning(comparison)
     for j in range(len(comparison.channels)):
         corrected, sigma = comparison.corrected[::step, j], comparison.sigma[::step, j]
         band: dict[str, Any] = {"line": {"width": 0}, "hoverinfo": "skip", "legendgroup": "band"}
-        _add(figure, comparison, j, corrected + 2 * sigma, showlegend=False, **band)
-        _add(figure, comparison, j, corrected - 2 * sigma, "corrected ± 2σ", fill="tonexty", fillcolor=BAND, **band)
+        _add(figure, comparison, j, corrected + width * sigma, showlegend=False, **band)
+        _add(figure, comparison, j, corrected - width * sigma, band_name, fill="tonexty", fillcolor=BAND, **band)
         _line(figure, comparison, j, comparison.measured[::step, j], "measured", MEASURED, 5.0)
         _line(figure, comparison, j, comparison.simulated[::step, j], "simulated", SIMULATED, 1.3)
         _line(figure, comparison, j, corrected, "corrected", CORRECTED, 1.5)

@@ -26,10 +26,19 @@ CASES = {
     "fir": "#7b61c4",
     "harmonics": "#d8527c",
     "gru": "#5b6675",
+    "nearest": "#9aa32b",
+    "straight": "#4f9dd1",
+    "quadratic": "#6b7fd7",
+    "pinn_phase": "#de8fd0",
 }
 CYCLE = ("#1668b0", "#d1642a", "#1b7f4b", "#b0459b", "#c79a00", "#17a2a2", "#7b61c4", "#8c6d46", "#d8527c", "#5b6675")
+CLOSE = 0.25
+"""Share of a record that is shown at first where six periods do not fit in: over a road the strongest wave may be as slow as
+the record is long."""
 CURVE_POINTS = 400
 """Most points of a loss curve that are drawn."""
+LEGEND_LINE = 19
+"""px."""
 OVERLAY_POINTS = 380_000
 """Most points that all overlaid histories of a page have together."""
 
@@ -62,6 +71,26 @@ class Bars:
     colour: str
     values: Mapping[str, Float64[np.ndarray, "S J"]]
     shown: bool = True
+
+
+@dataclass(frozen=True)
+class Place:
+    """A condition on the map of `envelope_map`. values: of what a condition says, by name. flagged: share of its rows in
+    motion that the corrector flags."""
+
+    name: str
+    unseen: bool
+    values: Mapping[str, float]
+    flagged: float
+
+
+FLAGGED = (("#1b7f4b", 0.05, "under 5 % flagged"), ("#c79a00", 0.5, "5 to 50 %"), ("#b3261e", np.inf, "more than 50 %"))
+"""Colour, share of the rows in motion up to which it stands, and what it is called."""
+AXES = {
+    "speed": "speed, km/h",
+    "amplitude": "amplitude of the excitation",
+    "frequency": "frequency of the excitation, Hz",
+}
 
 
 def style(figure: go.Figure, height: int) -> None:
@@ -164,6 +193,7 @@ def overlay(
     """All curves on common axes, a panel a channel; a click on a name shows or hides it in every panel. t: s. view: what
     is seen first. points: most points of a curve that are drawn."""
     figure = panels([f"<b>{escape(name)}</b>" for name in channels], 200)
+    style(figure, figure.layout.height + LEGEND_LINE * (len(curves) // 2))  # two names a line, at the least
     step = max(1, -(-len(t) // points))
     x = {"x0": float(t[0]), "dx": step * float(np.median(np.diff(t)))}
     for curve in curves:
@@ -213,7 +243,7 @@ def stretches(
     signal = values[:, 0] - values[:, 0].mean()
     power = np.abs(np.fft.rfft(signal * np.hanning(len(signal)))) ** 2
     peak = int(np.argmax(power[1:])) + 1
-    length = min(6.0 * (stop - start) / peak, stop - start)
+    length = (6.0 / peak if peak >= 6 else CLOSE) * (stop - start)
     begin = min(start + 0.5 * (stop - start), stop - length)
     found = [("a few waves", (round(begin, 3), round(begin + length, 3)))]
     onset = float(t[int(np.argmax(np.abs(signal) > 0.3 * np.abs(signal).max()))])
@@ -297,3 +327,80 @@ def _extent(curves: Sequence[np.ndarray]) -> tuple[float, float]:
     values = np.concatenate(curves)
     values = values[np.isfinite(values)]
     return (float(values.min()), float(values.max())) if len(values) else (0.0, 0.0)
+
+
+def envelope_map(
+    envelope: Mapping[str, tuple[float, float, float, float]], places: Sequence[Place]
+) -> go.Figure | None:
+    """A line for each thing that a condition says: whole between the inner corners, fading to the outer ones, and on it the
+    conditions, coloured by what was flagged there. None where the envelope names none of them."""
+    keys = [key for key in AXES if key in envelope]
+    if not keys:
+        return None
+    figure = panels([f"<b>{AXES[key]}</b>" for key in keys], 110, shared=False)
+    for row, key in enumerate(keys, start=1):
+        a, b, c, d = envelope[key]
+        values = [place.values[key] for place in places]
+        low, high = min(a, *values), max(d, *values)
+        margin = 0.12 * (high - low)
+        first = 0.0
+        for colour, most, what in FLAGGED:
+            some = [place for place in places if first <= place.flagged < most]
+            first = most
+            figure.add_scatter(
+                x=[place.values[key] for place in some],
+                y=[0.0] * len(some),
+                mode="markers",
+                name=what,
+                legendgroup=what,
+                showlegend=row == 1,
+                marker={
+                    "size": 13,
+                    "color": colour,
+                    "symbol": ["diamond" if place.unseen else "circle" for place in some],
+                    "line": {"color": "#fff", "width": 1},
+                },
+                text=[
+                    f"{escape(place.name)}{', held out of everything' if place.unseen else ', development'}: "
+                    f"{100 * place.flagged:.1f} % flagged"
+                    for place in some
+                ],
+                hovertemplate="%{text}<extra></extra>",
+                row=row,
+                col=1,
+            )
+        figure.update_xaxes(range=[low - margin, high + margin], row=row, col=1)
+        for x0, x1, opacity in ((a, d, 0.10), (b, c, 0.16)):  # behind curves, without which plotly draws none
+            place: dict[str, Any] = {"row": row, "col": 1}
+            look: dict[str, Any] = {"fillcolor": CORRECTED, "opacity": opacity, "line_width": 0, "layer": "below"}
+            figure.add_vrect(x0=x0, x1=x1, **look, **place)
+    figure.update_yaxes(visible=False, range=[-1, 1], fixedrange=True)
+    return figure
+
+
+def flagged(rows: Sequence[tuple[str, float, float | None]]) -> go.Figure:
+    """Share of the rows in motion that the corrector flags, a bar a motion: measured ones, and those made of development, of
+    which nothing was measured."""
+    figure = go.Figure()
+    for colour, what, some in (
+        (CORRECTED, "measured", [row for row in rows if row[2] is not None]),
+        ("#8c6d46", "made of development, nothing measured", [row for row in rows if row[2] is None]),
+    ):
+        figure.add_bar(
+            x=[100.0 * share for _, share, _ in some],
+            y=[escape(name) for name, _, _ in some],
+            orientation="h",
+            name=what,
+            marker_color=colour,
+            text=[f"{100.0 * share:.1f} %" for _, share, _ in some],
+            textposition="outside",
+            cliponaxis=False,
+            hovertemplate="%{x:.1f} % flagged<extra></extra>",
+        )
+    style(figure, 30 * len(rows) + 130)
+    figure.update_layout(bargap=0.3)
+    figure.update_yaxes(autorange="reversed", automargin=True)
+    figure.update_xaxes(
+        title_text="flagged as outside, % of the rows in motion", range=[0, 112], tickvals=[0, 25, 50, 75, 100]
+    )
+    return figure

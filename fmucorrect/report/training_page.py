@@ -1,4 +1,4 @@
-"""The page of a training: every condition before and after, how the errors of the folds fell, how it was chosen.
+"""The page of a training: what it is worth at conditions that were held out, histories, band, where it ends, how it was chosen.
 
 `losses` and `ablation_section` are for other pages too.
 """
@@ -23,6 +23,11 @@ ROLES = {
     "evaluation": "Evaluation: nothing fitted to these",
     "development": "Development: trained on, so these flatter",
 }
+GROUPS = {
+    "nothing": "Doing nothing",
+    "simple": "What anyone would try first",
+    "network": "Networks",
+}
 CAUTION = (
     "The figures say how well a reproducible discrepancy is corrected under conditions like those that were measured. They "
     "are no evidence for safety, certification or acceptance, and say nothing of conditions outside the training envelope."
@@ -41,20 +46,35 @@ class Verdict:
 @dataclass(frozen=True)
 class Guarded:
     """Where a corrector ends. words: how it knows, and how often it errs. rows: a motion, share flagged of the rows in motion,
-    share of the samples that the 90 % band holds (None: nothing was measured)."""
+    share of the samples that the 90 % band holds (None: nothing was measured). envelope: outer low, inner low, inner high and
+    outer high corner of what a condition says, by name. places: conditions on that map."""
 
     words: str
     rows: Sequence[tuple[str, float, float | None]]
+    envelope: Mapping[str, tuple[float, float, float, float]]
+    places: Sequence[drawn.Place]
+
+
+@dataclass(frozen=True)
+class Way:
+    """A row of the first table. group: GROUPS. taken: whether it is what was deployed. left_out: NRMSE (%) of each development
+    condition when it was left out; unseen: of each that was held out of everything, None where it was not fitted to all."""
+
+    label: str
+    group: str
+    taken: bool
+    left_out: Sequence[float]
+    unseen: Sequence[float | None]
 
 
 @dataclass(frozen=True)
 class Tried:
-    """What a training tried. verdict: in words. conditions: that were left out, the columns. rows: name of a corrector, NRMSE
-    (%) of each condition when it was left out, their mean."""
+    """What a training tried, and is judged against. verdict: in words. left_out, unseen: names of the columns."""
 
     verdict: str
-    conditions: Sequence[str]
-    rows: Sequence[tuple[str, Sequence[float], float]]
+    left_out: Sequence[str]
+    unseen: Sequence[str]
+    ways: Sequence[Way]
 
 
 def write_page(
@@ -86,30 +106,30 @@ def build(
 ) -> Page:
     """The page, ready to be written."""
     unseen = [item for item in comparisons if item.condition.role == "evaluation"]
-    page = Page(
-        title, f"{tried.verdict} {lead(comparisons)}" if tried else lead(comparisons), kicker="fmucorrect train"
-    )
+    page = Page(title, tried.verdict if tried else lead(comparisons), kicker="fmucorrect train")
     page.warnings(warnings)
     if tried:
         _tried(page, tried)
     if comparisons:
         _tiles(page, unseen or comparisons, bool(unseen))
-        _conditions(page, comparisons, before_after_note)
     for item in (_drawable(item, -(-len(unseen) // 2)) for item in unseen):
         page.section(
             f"{_name(item)}: measured, and what the models say",
             "Nothing was fitted to this condition. Drag to zoom all panels together, double-click for everything, click a "
             "name to hide its curve.",
         )
-        page.figure(figures.histories(item), figures.views(item, figures.response_curves(item)))
+        page.figure(figures.histories(item, "90 % band", BAND_90), figures.views(item, figures.response_curves(item)))
         page.end()
         page.section(f"{_name(item)}: what is left", "Simulated and corrected response minus the measurement.")
         views = figures.views(item, figures.error_curves(item))
         page.figure(figures.errors(item), [*views, figures.close_up(item)])
         page.end()
+    if comparisons:
+        _band(page, comparisons, guarded)
     if guarded:
         _guarded(page, guarded)
-    losses(page, [drawn.Training("", curves, chosen_epochs(curves))])
+    if comparisons:
+        _conditions(page, comparisons, before_after_note)
     if selection:
         page.section("How it was chosen", "From the development conditions alone.")
         page.facts(selection)
@@ -117,6 +137,7 @@ def build(
     page.section("What these figures are no evidence for")
     page.caution(CAUTION)
     page.end()
+    losses(page, [drawn.Training("", curves, chosen_epochs(curves))])
     return page
 
 
@@ -135,22 +156,73 @@ def lead(comparisons: Sequence[Comparison]) -> str:
 
 def _tried(page: Page, tried: Tried) -> None:
     page.section(
-        "What was tried",
-        "NRMSE, %, of each development condition when its speed was left out of the fit. Taken is the simplest within one "
-        "standard error of the best.",
+        "Against doing nothing, and the simplest ways",
+        "Error (NRMSE, %) at conditions that were not fitted to: those of development, each left out of the fit in turn, "
+        + ("and those held out of everything, opened when all was decided. " if tried.unseen else "and no others. ")
+        + "Taken is the simplest within one standard error of the best mean. Empty: not fitted to all of development.",
     )
-    rows = [Row((name, *(f"{v:.2f}" for v in values), f"{mean:.2f}")) for name, values, mean in tried.rows]
-    page.table(["Corrector", *tried.conditions, "mean"], rows)
+    header = [
+        "",
+        "left out, mean",
+        *(f"{n}, held out" for n in tried.unseen),
+        *(f"{n} left out" for n in tried.left_out),
+    ]
+    rows: list[Row] = []
+    for group, heading in GROUPS.items():
+        ways = [way for way in tried.ways if way.group == group]
+        rows += [Row([heading], "group")] * bool(ways)
+        for way in ways:
+            cells = [f"{np.mean(way.left_out):.2f}", *("" if v is None else f"{v:.2f}" for v in way.unseen)]
+            cells += [f"{value:.2f}" for value in way.left_out]
+            name = f"{way.label} (taken)" if way.taken else way.label
+            rows.append(Row([name[:1].upper() + name[1:], *cells], "strong" if way.taken else ""))
+    page.table(header, rows)
     page.end()
+
+
+def _band(page: Page, comparisons: Sequence[Comparison], guarded: Guarded | None) -> None:
+    """How many of the measured samples the stated band holds."""
+    page.section(
+        "The band",
+        "Share of the measured samples inside the stated 90 % band (1.645 sigma), in %, mean of the channels: 90 would be "
+        "exact, far more is timid, less is too sure. In motion: from the first to the last row in which the excitation moves.",
+    )
+    rows: list[Row] = []
+    left = [(name, held) for name, _, held in (guarded.rows if guarded else ()) if name.endswith(", left out")]
+    if left:
+        rows.append(Row(["Of development, each left out of the fit in turn"], "group"))
+        rows += [Row([name.removesuffix(", left out"), f"{100 * (held or 0.0):.0f}", "", ""]) for name, held in left]
+    for role, text in ROLES.items():
+        items = [item for item in comparisons if item.condition.role == role]
+        rows += [Row([text], "group")] * bool(items)
+        rows += [_covered(item, "strong" if role == "evaluation" else "") for item in items]
+    if not any(cell for row in rows for cell in row.cells[2:]):
+        rows = [Row(row.cells[:2], row.kind) for row in rows]
+    page.table(["", "all samples", "in motion", "at rest"][: max(len(row.cells) for row in rows)], rows)
+    page.end()
+
+
+def _covered(item: Comparison, kind: str) -> Row:
+    moving, scored = item.excited, item.scored
+    outside = [slice(scored.start, moving.start), slice(moving.stop, scored.stop)]
+    rest = [(part.stop - part.start, item.within(BAND_90, part).mean()) for part in outside if part.stop > part.start]
+    cells = [f"{100 * item.within(BAND_90).mean():.0f}"]
+    if rest:
+        cells += [f"{100 * item.within(BAND_90, moving).mean():.0f}"]
+        cells += [f"{100 * sum(n * share for n, share in rest) / sum(n for n, _ in rest):.0f}"]
+    return Row([_name(item), *cells, *[""] * (3 - len(cells))], kind)
 
 
 def _guarded(page: Page, guarded: Guarded) -> None:
     page.section("Where it ends", guarded.words)
-    rows = [
-        Row((name, f"{100 * flagged:.1f}", "not measured" if held is None else f"{100 * held:.1f}"))
-        for name, flagged, held in guarded.rows
-    ]
-    page.table(["Motion", "flagged, % of the rows in motion", "in the 90 % band, % of all samples"], rows)
+    found = drawn.envelope_map(guarded.envelope, guarded.places)
+    if found is not None:
+        legend = (
+            "corrected whole where the ground is blue, fading where it is pale, the bare simulation beyond; a diamond: "
+        )
+        page.facts([("on the map", legend + "held out of everything")])
+        page.figure(found)
+    page.figure(drawn.flagged(guarded.rows))
     page.end()
 
 
@@ -278,7 +350,7 @@ def _tiles(page: Page, items: Sequence[Comparison], unseen: bool) -> None:
 
 def _conditions(page: Page, comparisons: Sequence[Comparison], note: str) -> None:
     page.section(
-        "Before and after, every condition",
+        "Every condition, before and after",
         "Means of the channels, over all samples but the warm-up; NRMSE and NMAE in % of the measured range. Coverage: share "
         "of measured samples inside the corrector's 90 % band, lowest and highest channel.",
     )
@@ -302,7 +374,9 @@ def _conditions(page: Page, comparisons: Sequence[Comparison], note: str) -> Non
 def _row(item: Comparison, kind: str) -> Row:
     before, after, inside = item.before, item.after, 100.0 * item.within(BAND_90)
     cells = [f"{before.mean_r2:.4f}", f"{after.mean_r2:.4f}", f"{before.mean_nrmse:.3f}", f"{after.mean_nrmse:.3f}"]
-    cells += [f"{before.mean_nmae:.3f}", f"{after.mean_nmae:.3f}", f"{inside.min():.0f} to {inside.max():.0f} %"]
+    lowest, highest = (f"{value:.0f}" for value in (inside.min(), inside.max()))
+    covered = f"{lowest} %" if lowest == highest else f"{lowest} to {highest} %"
+    cells += [f"{before.mean_nmae:.3f}", f"{after.mean_nmae:.3f}", covered]
     return Row([_name(item), *cells], kind)
 
 

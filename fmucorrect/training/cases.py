@@ -8,9 +8,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fmucorrect.diagnosis import agreements, recommend
-from fmucorrect.experiment import Pair
-from fmucorrect.study import Study
 from fmucorrect.study_training import Corrector, Training
 from fmucorrect.training.baselines import (
     EPOCHS,
@@ -51,6 +48,11 @@ def _fit_history(development: Sequence[Samples], training: Training, run: Run, h
     return fit_proposed(
         development, replace(training, proposed=replace(training.proposed, inputs="history")), run, held
     )
+
+
+def _fit_phase(development: Sequence[Samples], training: Training, run: Run, held: Sequence[Samples] = ()) -> Model:
+    """Case 1 without raw time."""
+    return fit_pinn(development, replace(training, pinn=replace(training.pinn, inputs="phase")), run, held)
 
 
 def _none(_: Training) -> Mapping[str, int]:
@@ -109,8 +111,16 @@ CASES = (
         _proposed,
     ),
     Case(
+        "pinn_phase",
+        "Experiment-only PINN without raw time",
+        "ours",
+        "speed, phase",
+        _fit_phase,
+        lambda training: {"pinn": training.pinn.epochs},
+    ),
+    Case(
         "proposed_history",
-        "The same, history in the place of time",
+        "Proposed correction, history in the place of time",
         "ours",
         "window features, speed, phase, aligned TDNN",
         _fit_history,
@@ -165,13 +175,3 @@ def chosen_epochs(folds: Sequence[Fitted], most: Mapping[str, int]) -> tuple[dic
         chosen[stage] = curves[0].epochs[best]
         error = float(mean[best])
     return chosen, error
-
-
-def resolved(study: Study, training: Training, development: Sequence[Pair]) -> Training:
-    """The settings with the acceleration channels that the diagnosis of the development conditions recommends, where the
-    study names none."""
-    if training.proposed.acceleration_channels is not None:
-        return training
-    found = [agreement for item in development for agreement in agreements(study, item)]
-    channels = recommend(found)[0] if found else ()
-    return replace(training, proposed=replace(training.proposed, acceleration_channels=channels))

@@ -16,21 +16,26 @@ from fmucorrect.experiment import pair
 from fmucorrect.study import Study
 from fmucorrect.study_training import Family, Training
 from fmucorrect.training.ablation import VARIANTS, ablation_table, budget, fit_variants
-from fmucorrect.training.cases import CASES, Case, Fitted, chosen_epochs, fit_case, needed, resolved
+from fmucorrect.training.cases import CASES, Case, Fitted, chosen_epochs, fit_case, needed
 from fmucorrect.training.compare_table import (
     PAPER,
     PAPER_ORACLE,
     band_of,
     curve_of,
     hour_later,
+    is_papers,
     ranking,
     row_of,
     run_of,
     scores_of,
+    without_time,
 )
-from fmucorrect.training.data import Samples, samples
+from fmucorrect.training.data import Samples, samples, sizes
 from fmucorrect.training.families import refit
 from fmucorrect.training.protocol import screened, total_epochs
+from fmucorrect.training.resolved import resolved
+from fmucorrect.training.search import search
+from fmucorrect.training.search_cases import CaseTrial, most_epochs, search_cases
 from fmucorrect.training.selection import folds, select
 from fmucorrect.training.tasks import Task, Workshop
 
@@ -56,13 +61,16 @@ def compare_study(study: Study, training: Training, seeds: Sequence[int], ablate
     """All of it. Raises what `protocol.train` raises."""
     checked = screened(study)
     pairs = list(checked.pairs)
-    training = resolved(study, training, pairs)
+    training, told = resolved(study, training, pairs)
     development = [samples(item, training.window) for item in pairs]
+    response = sizes(development).response
+    training, case_trials = search_cases(development, training, workshop)
     by_case = _fit(development, needed(training), seeds, workshop)
+    ablation = fit_variants(development, needed(training), seeds, workshop) if ablate else None
+    training, trials = search(development, training, workshop)
     selection = select(development, training, workshop)
     family, epochs = selection.family, selection.epochs
     ours = [refit(family, development, replace(training, seed=s), epochs, workshop) for s in seeds]
-    ablation = fit_variants(development, needed(training), seeds, workshop) if ablate else None
     # everything is fitted; from here on the evaluation conditions may be seen
     held = [samples(pair(study, condition), training.window) for condition in study.evaluation]
     histories: dict[str, np.ndarray] = {}
@@ -71,14 +79,16 @@ def compare_study(study: Study, training: Training, seeds: Sequence[int], ablate
         histories[f"measured/{item.name}"] = item.measured
         histories[f"uncorrected/{item.name}"] = item.simulated
     rows = [row_of("uncorrected", "Uncorrected simulation", "paper", "", 0, {}, None)]
-    rows[0]["runs"] = [run_of(None, 0.0, {item.name: scores_of(item, item.simulated) for item in held})]
+    rows[0]["runs"] = [run_of(None, 0.0, {item.name: scores_of(item, item.simulated, response) for item in held})]
     for case in CASES:
         fits = by_case[case.key]
         trained = fits.fitted[0].model.parameters
         row = row_of(case.key, case.label, case.family, case.inputs, trained, fits.epochs, fits.held_out)
         for seed, fit in zip(seeds, fits.fitted, strict=False):
             said = {item.name: fit.model.predict(item) for item in held}
-            scores = {i.name: scores_of(i, said[i.name]) | hour_later(fit.model, i, said[i.name]) for i in held}
+            scores = {
+                i.name: scores_of(i, said[i.name], response) | hour_later(fit.model, i, said[i.name]) for i in held
+            }
             row["runs"].append(run_of(seed, fit.seconds, scores))
             if fit is fits.fitted[0]:
                 histories |= {f"{case.key}/{name}": values for name, values in said.items()}
@@ -97,7 +107,7 @@ def compare_study(study: Study, training: Training, seeds: Sequence[int], ablate
     for seed, (fitted, curves) in zip(seeds, ours, strict=True):
         said = {item.name: fitted.responses(item) for item in held}
         scores = {
-            i.name: scores_of(i, said[i.name].mean(0), band_of(selection.band, said[i.name]))
+            i.name: scores_of(i, said[i.name].mean(0), response, band_of(selection.band, said[i.name]))
             | hour_later(fitted, i, said[i.name].mean(0))
             for i in held
         }
@@ -116,12 +126,15 @@ def compare_study(study: Study, training: Training, seeds: Sequence[int], ablate
         "evaluation": [condition.name for condition in study.evaluation],
         "settings": asdict(training),
         "warnings": checked.told(),
+        "left_open": [*told, *_searched(case_trials, training)],
+        "trials": {"cases": [asdict(trial) for trial in case_trials], "corrector": [asdict(trial) for trial in trials]},
         "cases": rows,
-        "paper": list(PAPER),
-        "paper_oracle_r2": PAPER_ORACLE,
+        "paper": list(PAPER) if is_papers(study) else [],
+        "paper_oracle_r2": PAPER_ORACLE if is_papers(study) else None,
         "ablation": None if ablation is None else ablation_table(ablation, seeds, held),
     }
-    table["ranking"] = ranking(table, seeds)
+    table["without_time"] = without_time(table)
+    table["ranking"] = ranking(table, seeds) if table["paper"] else None
     return Result(table, histories)
 
 
@@ -130,10 +143,23 @@ def total(study: Study, training: Training, seeds: int, ablate: bool) -> int:
     speeds = len({condition.speed for condition in study.development})
     parts = speeds if speeds > 1 else len(study.development)
     count = sum((parts + (seeds if case.epochs(training) else 1)) * _length(case, training) for case in CASES)
-    count += total_epochs(study, training) * (
-        2 if seeds > 1 else 1
-    )  # the refits of further seeds are fewer than its folds
+    # the refits of further seeds are fewer than its folds
+    count += total_epochs(study, training) * (2 if seeds > 1 else 1) + most_epochs(training, parts)
     return count + ablate * len(VARIANTS) * seeds * sum(budget(training.proposed))
+
+
+def _searched(trials: Sequence[CaseTrial], training: Training) -> list[str]:
+    """A sentence on the search for each case that was searched for."""
+    told: list[str] = []
+    for key in dict.fromkeys(trial.case for trial in trials):
+        errors = [trial.held_out for trial in trials if trial.case == key]
+        settings = getattr(training, key)
+        told.append(
+            f"Hyper-parameters of {key}: {len(errors)} trials; left out {errors[0]:.2f} % as asked, {min(errors):.2f} % "
+            f"with what is taken: learning rate {settings.learning_rate:.2g}, weight decay {settings.weight_decay:.2g}, widths "
+            f"{', '.join(map(str, settings.widths))}."
+        )
+    return told
 
 
 def _length(case: Case, training: Training) -> int:

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
 from fmucorrect.study_training import Matrix, Proposed
-
-NATURAL_FREQUENCY = 2.0
-DAMPING_RATIO = 0.05
-"""Of the nominal system where the study prescribes none, Hz and 1: where the paper's case 1 begins too."""
+from fmucorrect.training.nominal import Matrices, oscillators
 
 
 class EffectiveDynamics(nn.Module):
@@ -25,7 +20,7 @@ class EffectiveDynamics(nn.Module):
     harmonics, each affine in the scaled speed, in units of the force scale S_g.
     """
 
-    def __init__(self, nominal: tuple[np.ndarray, np.ndarray, np.ndarray], harmonics: int) -> None:
+    def __init__(self, nominal: Matrices, harmonics: int) -> None:
         """nominal: M_s, C_s, K_s, (p, p) each."""
         super().__init__()
         size = len(nominal[0])
@@ -72,15 +67,11 @@ class EffectiveDynamics(nn.Module):
         return (torch.tril(self.factors) ** 2).sum() + (self.force**2).sum()
 
 
-def nominal_matrices(settings: Proposed, size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """M_s, C_s, K_s as the study prescribes them, or unit mass on a 2 Hz spring with 5 % damping for each coordinate."""
-    omega = 2.0 * math.pi * NATURAL_FREQUENCY
+def nominal_matrices(settings: Proposed, size: int) -> Matrices:
+    """M_s, C_s, K_s as the settings have them, or those of the oscillator for each coordinate."""
 
-    def matrix(given: Matrix | None, otherwise: float) -> np.ndarray:
-        return np.eye(size) * otherwise if given is None else np.array(given, dtype=np.float64)
+    def matrix(given: Matrix | None, otherwise: np.ndarray) -> np.ndarray:
+        return otherwise if given is None else np.array(given, dtype=np.float64)
 
-    return (
-        matrix(settings.mass, 1.0),
-        matrix(settings.damping, 2.0 * DAMPING_RATIO * omega),
-        matrix(settings.stiffness, omega**2),
-    )
+    mass, damping, stiffness = oscillators(size)
+    return matrix(settings.mass, mass), matrix(settings.damping, damping), matrix(settings.stiffness, stiffness)

@@ -85,13 +85,13 @@ class Bands:
         return torch.stack(parts).sum() / self.rows
 
 
-def bands(on: Grid, passband: Mapping[str, tuple[float, float]], default: tuple[float, float]) -> Bands:
-    """passband: Hz, of single conditions by name."""
+def bands(on: Grid, passband: Mapping[str, tuple[float, float]], default: tuple[float, float] | None) -> Bands:
+    """passband: Hz, of single conditions by name; of the others `default`, None: all that the grid holds but the mean."""
     spans: list[slice] = []
     waves: list[Tensor] = []
     for item, span in zip(on.items, on.spans, strict=True):
         count = span.stop - span.start - 2
-        low, high = passband.get(item.name, default)
+        low, high = passband.get(item.name, default or (0.0, math.inf))
         lines = np.arange(1, (count + 1) // 2)
         frequency = lines / (count * on.step)
         chosen = lines[(frequency >= low) & (frequency <= high)]

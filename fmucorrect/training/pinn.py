@@ -55,20 +55,24 @@ class Sdof(nn.Module):
 
 @dataclass(frozen=True)
 class PinnModel:
-    """A fitted case 1. oscillator: what its regularisation found. offset: (J,), mean of what was measured."""
+    """A fitted case 1. oscillator: what its regularisation found. offset: (J,), mean of what was measured. clock: whether it
+    sees raw time."""
 
     network: Mlp
     oscillator: Sdof
     see: Inputs
     offset: Float[np.ndarray, " J"]
+    clock: bool = True
 
     @property
     def parameters(self) -> int:
         return parameters(self.network, self.oscillator)
 
-    def inputs(self, item: Samples, stride: int = 1) -> Float[Tensor, "N 4"]:
+    def inputs(self, item: Samples, stride: int = 1) -> Float[Tensor, "N U"]:
+        """Time where it is seen, then speed, sine and cosine."""
         see = self.see
-        return torch.cat([see.time(item, stride), see.speed(item, stride), see.phase(item, stride)], 1)
+        known = [see.speed(item, stride), see.phase(item, stride)]
+        return torch.cat([see.time(item, stride), *known] if self.clock else known, 1)
 
     def predict(self, item: Samples, stride: int = 1) -> np.ndarray:
         """(N, J) in the channels' units."""
@@ -85,7 +89,9 @@ def fit_pinn(development: Sequence[Samples], training: Training, run: Run, held:
     on = grid(development, training.decimation)
     offset = np.concatenate([item.measured for item in development]).mean(axis=0)
     channels = len(offset)
-    model = PinnModel(Mlp((4, *settings.widths, channels), settings.activation), Sdof(channels, settings), see, offset)
+    clock = settings.inputs == "time"
+    network = Mlp((3 + clock, *settings.widths, channels), settings.activation)
+    model = PinnModel(network, Sdof(channels, settings), see, offset, clock)
     x = torch.cat([model.inputs(item, on.decimation) for item in development])
     y = stack(on, [(item.measured - offset) / see.scales.response for item in development])
     waves = torch.cat([torch.sin(on.angle), torch.cos(on.angle)], 1).float()
@@ -115,6 +121,6 @@ def _terms(model: PinnModel, settings: Pinn, x: Tensor, y: Tensor, waves: Tensor
     if settings.smooth > 0.0:  # the second discrete difference, as the paper has it, over one step
         terms["smooth"] = settings.smooth * mean_square(second_difference(q, 1.0), inner) / channels
     if settings.sdof > 0.0:
-        balance = model.oscillator.balance(q, on.step, x[:, 1:2], waves)
+        balance = model.oscillator.balance(q, on.step, x[:, -3:-2], waves)
         terms["sdof"] = settings.sdof * mean_square(balance, inner) / channels
     return terms

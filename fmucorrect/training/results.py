@@ -4,8 +4,8 @@ leaves: compare.json with compare.npz."""
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -19,8 +19,10 @@ from fmucorrect.metrics import Scores
 from fmucorrect.sealing import evaluate
 from fmucorrect.study import Study
 from fmucorrect.study_training import Training
+from fmucorrect.training.against import Against, against
 from fmucorrect.training.card import card
 from fmucorrect.training.compare_table import against_others, curve_of
+from fmucorrect.training.data import samples, sizes
 from fmucorrect.training.protocol import Trained, train
 from fmucorrect.training.tasks import Workshop
 from fmucorrect.training.verdict import guarded, verdict
@@ -31,11 +33,14 @@ FILES = ("corrector.onnx", "card.md", "evaluation.json")
 
 @dataclass(frozen=True)
 class Results:
-    """folder: where everything lies. evaluations: every condition of the study, in its order."""
+    """folder: where everything lies. evaluations: every condition of the study, in its order. against: what the corrector is
+    judged against at those that were held out. envelope: corners, as in the bundle."""
 
     folder: Path
     trained: Trained
     evaluations: tuple[Comparison, ...]
+    against: Against
+    envelope: Mapping[str, tuple[float, float, float, float]]
 
 
 def train_into(folder: Path, study: Study, training: Training, command: str, workshop: Workshop) -> Results:
@@ -47,11 +52,20 @@ def train_into(folder: Path, study: Study, training: Training, command: str, wor
     trained = train(study, training, workshop)
     folder.mkdir(parents=True, exist_ok=True)
     model = bundle.load(save(trained, folder))
-    evaluations = tuple(evaluate(pair(study, condition), model) for condition in study.conditions)
+    pairs = [pair(study, condition) for condition in study.conditions]
+    known = [samples(item, trained.training.window) for item in pairs if item.condition.role == "development"]
+    scales = sizes(known).response
+    evaluations = tuple(replace(evaluate(item, model), scales=scales) for item in pairs)
+    unseen = [
+        (samples(item, trained.training.window), said)
+        for item, said in zip(pairs, evaluations, strict=True)
+        if item.condition.role == "evaluation"
+    ]
+    beside = against(trained.selection, trained.training, known, unseen)
     text = card(trained, model, evaluations, command) + _against_others(folder / "compare.json", study)
     outputs.write(folder / "card.md", text)
-    outputs.write(folder / "evaluation.json", json.dumps(figures(evaluations, trained), indent=1) + "\n")
-    return Results(folder, trained, evaluations)
+    outputs.write(folder / "evaluation.json", json.dumps(figures(evaluations, trained, beside), indent=1) + "\n")
+    return Results(folder, trained, evaluations, beside, model.info.envelope)
 
 
 def curves(trained: Trained) -> list[dict[str, Any]]:
@@ -115,9 +129,9 @@ def save(trained: Trained, folder: Path) -> Path:
     return outputs.write(folder / "corrector.onnx", trained.content)
 
 
-def figures(evaluations: Sequence[Comparison], trained: Trained) -> dict[str, Any]:
-    """The verdict, what was tried (NRMSE, %, of each condition that was left out), evaluations as plain numbers, for JSON, and
-    what the gate warned of."""
+def figures(evaluations: Sequence[Comparison], trained: Trained, beside: Against) -> dict[str, Any]:
+    """The verdict, what was tried (NRMSE, %, of each condition that was left out), what it is judged against, evaluations as
+    plain numbers, for JSON, and what the gate warned of."""
     selection = trained.selection
     tried = {
         family: {name: round(value, 4) for name, value in scores.items()} for family, scores in selection.tried.items()
@@ -127,6 +141,7 @@ def figures(evaluations: Sequence[Comparison], trained: Trained) -> dict[str, An
         "family": selection.family,
         "learned": round(selection.learned, 4),
         "tried": tried,
+        "against": asdict(beside),
         "guard": _guard(trained, evaluations),
         "conditions": [_condition(item) for item in evaluations],
         "warnings": [finding.to_json() for finding in trained.warnings],

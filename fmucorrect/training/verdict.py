@@ -19,8 +19,15 @@ WORDS: dict[Family, str] = {
 }
 
 
+def headline(selection: Selection) -> str:
+    """For a page's title."""
+    if selection.family == "nothing":
+        return "no better than the simulation"
+    return f"learned {100 * selection.learned:.0f}\u00a0% of what the simulation lacked"
+
+
 def verdict(selection: Selection, evaluations: Sequence[Comparison] = ()) -> str:
-    """One to three sentences. evaluations: of all conditions, those of development are left aside."""
+    """One to three sentences. evaluations: of all conditions, those of development say what was left out at a time."""
     bare, left = selection.means["nothing"], selection.means[selection.family]
     others = [WORDS[family] for family in selection.tried if family != "nothing"]
     if selection.family == "nothing":
@@ -31,19 +38,38 @@ def verdict(selection: Selection, evaluations: Sequence[Comparison] = ()) -> str
         )
     else:
         text = (
-            f"Taken: {WORDS[selection.family]}. At conditions that were left out in turn it learned "
-            f"{100 * selection.learned:.0f} % of what the simulation lacks (NRMSE {bare:.2f} -> {left:.2f} %)."
+            f"Learned {100 * selection.learned:.0f} % of what the simulation lacked at {_places(evaluations)} it had not seen "
+            f"(each left out of the fit in turn; error, NRMSE, {bare:.2f} -> {left:.2f} %). Taken: {WORDS[selection.family]}."
         )
     unseen = [item for item in evaluations if item.condition.role == "evaluation"]
+    if unseen and selection.family != "nothing":
+        before, after = (sum(getattr(item, side).mean_nrmse for item in unseen) for side in ("before", "after"))
+        named = ", ".join(item.condition.name for item in unseen)
+        if after < before:
+            text += f" At {named}, held out of everything: {100 * (1.0 - after / before):.0f} %."
     worse = [item for item in unseen if item.after.mean_nrmse > item.before.mean_nrmse * (1.0 + _WORSE)]
     if worse:
         named = ", ".join(
             f"{item.condition.name} ({item.before.mean_nrmse:.2f} -> {item.after.mean_nrmse:.2f} %)" for item in worse
         )
         text += f" WORSE than the simulation at {named}, which nothing was fitted to: do not use it there."
+    if narrow := [item for item in unseen if item.within(BAND_90, item.excited).mean() < _NARROW]:
+        named = ", ".join(
+            f"{item.condition.name} ({100 * item.within(BAND_90, item.excited).mean():.0f} % in motion)"
+            for item in narrow
+        )
+        text += f" Its 90 % band is too narrow at {named}."
     return text
 
 
+def _places(evaluations: Sequence[Comparison]) -> str:
+    """What was left out at a time: a speed, where the development conditions have several."""
+    speeds = {item.condition.speed for item in evaluations if item.condition.role == "development"}
+    return "speeds" if len(speeds) > 1 else "conditions"
+
+
+_NARROW = 0.8
+"""Share of the measured samples in motion below which a band that is stated as 90 % is told to be too narrow."""
 _WORSE = 0.02
 """Share by which an error may grow before it is told: less is in the noise of a record."""
 
@@ -78,13 +104,19 @@ def guarded(guard: Guard, selection: Selection, evaluations: Sequence[Comparison
     unseen = [
         (
             f"{item.condition.name}, held out of everything",
-            float((item.status[item.excited] == Status.OUTSIDE).mean()),
+            flagged_in_motion(guard, item),
             float(item.within(BAND_90).mean()),
         )
         for item in evaluations
         if item.condition.role == "evaluation"
     ]
     return [*left, *unseen, *((f"development, {name}", share, None) for name, share in guard.strange.items())]
+
+
+def flagged_in_motion(guard: Guard, item: Comparison) -> float:
+    """Share of the rows in motion that are flagged: of a development condition when it was left out of the fit."""
+    left = guard.flagged.get(item.condition.name)
+    return float((item.status[item.excited] == Status.OUTSIDE).mean()) if left is None else left
 
 
 def guard_words(guard: Guard) -> str:
@@ -94,6 +126,7 @@ def guard_words(guard: Guard) -> str:
         f"left out (threshold {guard.threshold:.3g}, so that at most {100 * FALSE_ALARMS:.1f} % of any one's rows in motion "
         "are flagged), it fades to the bare simulation. "
         f"False alarms: {100 * guard.false_alarms:.1f} % of the rows in motion of conditions that were left out. "
-        f"Misses: {100 * guard.misses:.0f} % of the rows in motion of simulated motions made of those of "
-        "development (half the size, slower, faster, random): the fewer it flags of these, the less of them is new."
+        f"Misses: {100 * guard.misses:.0f} % of the rows in motion of motions made of those of development (half the size, "
+        "slower, faster, random). Where it flags few of these, they were no news to it: who has driven over random roads has "
+        "seen small and slow motions, too."
     )

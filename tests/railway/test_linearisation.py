@@ -146,3 +146,13 @@ def test_a_state_that_does_not_keep_its_start_value_is_named(normal_form: Path) 
     model = Lineariser(normal_form, start={"forgets": 1.0}, method="step map")
     with model, pytest.raises(FmuError, match="do not keep their start values: x"):
         model.at()
+
+
+@pytest.mark.parametrize("method", ["directional derivatives", "step map"])
+def test_what_is_watched_is_told_in_its_own_unit(normal_form: Path, method: Method) -> None:
+    """displacement is 1e3 mm for a metre of x, which is the first state; x may be watched itself."""
+    watch = (*WATCHED, Channel("x", unit="m"))
+    with Lineariser(normal_form, method=method, watch=watch) as model:
+        found = model.at({"speed": 162.0})
+    x = found.vectors[found.names.index("x")]
+    assert np.abs(found.shapes - np.stack([1e3 * x, x])).max() < 1e-3 * 1e3 * np.abs(x).max()

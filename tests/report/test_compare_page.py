@@ -129,13 +129,17 @@ def opened(path: Path, folder: Path, size: str = "1200,1000") -> str:
 
 def test_lead_names_the_best_case_by_figures() -> None:
     title, text = compare_page.lead(result())
-    assert title == "the corrector comes closest on the held-out condition 385: 0.55 % error"  # 0.5, 0.55, 0.6
+    assert title == "rig: the corrector learned 96\u00a0% of what the simulation lacked"  # 0.5, 0.55, 0.6 of 14
     assert "NRMSE 0.55 ± 0.05 %, R² 0.9450 ± 0.0050" in text
     assert "Next is the proposed with 2.20 ± 0.20 %. Uncorrected: 14.00 %." in text
     assert text.endswith("it would be the same.")
     changed = result()
     changed["cases"][3]["held_out_nrmse"] = 0.1
     assert compare_page.lead(changed)[1].endswith("it would be the fir.")
+    alone = result() | {"cases": [case for case in result()["cases"] if case["case"] != "uncorrected"]}
+    assert compare_page.lead(alone)[0] == "rig: the corrector comes closest, 0.55 % error"
+    best = result() | {"cases": result()["cases"][:1]}
+    assert compare_page.lead(best)[0] == "rig: nothing comes closer than the simulation as it is"
 
 
 def test_lead_says_when_the_next_is_as_good() -> None:
@@ -157,9 +161,26 @@ def test_tables_hold_paper_ours_and_spread() -> None:
     assert "the fir 3.00 0.7000 3.10" in text
     assert "fir sees this; 99 trained numbers" in text
     assert "the paper's order holds in 2 of 3 seeds Seed 1 is apart." in text
-    assert text.index("The paper's cases") < text.index("Baselines") < text.index("This project's")
+    places = (
+        "Doing nothing",
+        "What anyone would try first",
+        "The paper's cases",
+        "This project's",
+        "The paper's table",
+    )
+    assert [text.index(place) for place in places] == sorted(text.index(place) for place in places)
+    assert text.count("the uncorrected 14.00") == 1
     assert "pinn sees this" in text
     assert "the corrector 91 % 87 % 89 %" in text
+
+
+def test_the_papers_table_stands_where_it_says_something_alone() -> None:
+    data = result() | {"paper": [], "paper_oracle_r2": None, "ranking": None}
+    data |= {"left_open": ["Nominal matrices: of the FMU: 2 Hz."], "without_time": "Raw time: worse."}
+    text = words(data)
+    assert "0.8197" not in text
+    assert "The paper's table" not in text
+    assert "Nominal matrices of the FMU: 2 Hz. Raw time worse." in text
 
 
 def test_oracle_stands_apart_with_its_caution() -> None:

@@ -79,6 +79,76 @@ def test_only_evaluation_conditions_have_histories() -> None:
     assert "300 km/h: what is left" not in text
 
 
+def tried(**changes: object) -> training_page.Tried:
+    ways = [
+        training_page.Way("simulation as it is", "nothing", False, (14.0, 16.0), (15.5,)),
+        training_page.Way("linear filter", "simple", False, (3.0, 5.0), (4.25,)),
+        training_page.Way("network on a window", "network", True, (1.0, 2.0), (1.75,)),
+        training_page.Way("recurrent network", "network", False, (1.5, 2.5), (None,)),
+    ]
+    return replace(training_page.Tried("Learned 90 % <so>.", ("300", "320"), ("385",), ways), **changes)  # type: ignore[arg-type]
+
+
+def test_the_page_begins_with_the_verdict_and_what_it_is_judged_against() -> None:
+    text = words(training_page.build("corrector", conditions(), curves({"tdnn": 20}), CHOSEN, tried=tried()).text())
+    header, rest = text.split("Against doing nothing", 1)
+    assert "Learned 90 % <so>." in header
+    table = rest[: rest.index("385 km/h: measured")]
+    assert "left out, mean 385, held out 300 left out 320 left out" in table
+    assert "Simulation as it is 15.00 15.50 14.00 16.00" in table
+    assert "What anyone would try first Linear filter 4.00 4.25 3.00 5.00" in table
+    assert "Network on a window (taken) 1.50 1.75 1.00 2.00" in table
+    assert "Recurrent network 2.00 1.50 2.50 Error, NRMSE" in table  # it was not fitted to all
+    places = [
+        text.index(part) for part in ("Against doing", "what is left", "The band", "How it was chosen", "Loss terms")
+    ]
+    assert places == sorted(places)
+    alone = words(training_page.build("corrector", conditions()[:2], [], [], tried=tried(unseen=())).text())
+    assert "and no others" in alone
+
+
+def test_the_band_is_told_in_motion_and_at_rest() -> None:
+    """Half of a record moves; there nothing is inside, elsewhere everything."""
+    item = conditions()[-1]
+    excitation = np.where(np.arange(len(item.t_ns)) < len(item.t_ns) // 2, 1.0, 0.0) * np.sin(np.arange(len(item.t_ns)))
+    off = np.where(np.arange(len(item.t_ns))[:, None] < len(item.t_ns) // 2, 1.0, 0.0)
+    item = replace(item, excitation=excitation, corrected=item.measured + off, sigma=np.full_like(item.sigma, 0.1))
+    text = words(page([item]))
+    inside, moving = 100 * item.within(1.645).mean(), 100 * item.within(1.645, item.excited).mean()
+    assert moving < 1.0 < 40.0 < inside < 60.0
+    assert f"385 km/h {inside:.0f} {moving:.0f} 100" in text
+    still = words(page([replace(item, excitation=None)]))
+    assert "at rest" not in still.split("The band")[1].split("Every condition")[0].split("moves.")[1]
+
+
+def test_where_it_ends_is_a_map() -> None:
+    places = [
+        training_figures.Place("300", False, {"speed": 300.0, "amplitude": 0.03, "frequency": 2.0}, 0.0),
+        training_figures.Place("<b>", True, {"speed": 500.0, "amplitude": 0.03, "frequency": 2.0}, 1.0),
+    ]
+    figure = training_figures.envelope_map(
+        {"speed": (240.0, 270.0, 390.0, 420.0), "response FW": (-1.0, 0.0, 1.0, 2.0)}, places
+    )
+    assert figure is not None
+    assert [(shape.x0, shape.x1) for shape in figure.layout.shapes] == [(240.0, 420.0), (270.0, 390.0)]
+    assert figure.layout.xaxis.range[1] > 500.0
+    assert {trace.name: list(trace.x) for trace in figure.data} == {
+        "under 5 % flagged": [300.0],
+        "5 to 50 %": [],
+        "more than 50 %": [500.0],
+    }
+    assert "&lt;b&gt;, held out of everything: 100.0 % flagged" in figure.data[2].text[0]
+    assert training_figures.envelope_map({"response FW": (-1.0, 0.0, 1.0, 2.0)}, places) is None
+    rows = [("300, left out", 0.01, 0.9), ("development, random", 0.98, None)]
+    bars = training_figures.flagged(rows).data
+    assert [list(bar.x) for bar in bars] == [[1.0], [98.0]]
+    guarded = training_page.Guarded("It looks.", rows, {"speed": (240.0, 270.0, 390.0, 420.0)}, places)
+    built = training_page.build("corrector", conditions(), [], [], guarded=guarded).text()
+    assert "Where it ends It looks. on the map" in words(built)
+    assert "each left out of the fit in turn 300 90" in words(built)
+    assert built.count("Plotly.newPlot('figure-") == 4  # histories, errors, map, bars
+
+
 def test_names_are_escaped() -> None:
     odd = replace(conditions()[-1], condition=Condition("<i>wet</i>", "evaluation", 390.0, 0.03, 2.0, 2.0))
     text = page([odd])

@@ -9,18 +9,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from closed_form import SMALL, make_study
+from closed_form import make_study
+from test_losses import condition
 
 from fmucorrect import cli
-from fmucorrect.experiment import pair
 from fmucorrect.records import read, writer
-from fmucorrect.study import Study, load_study
+from fmucorrect.study import load_study
 from fmucorrect.training import cases
 from fmucorrect.training.ablation import VARIANTS
 from fmucorrect.training.baselines import Nearest
-from fmucorrect.training.cases import CASES, Fitted, chosen_epochs, resolved
+from fmucorrect.training.cases import CASES, Fitted, chosen_epochs
 from fmucorrect.training.compare import Result, compare_study, total
-from fmucorrect.training.compare_table import lines, mean_nrmse, ranking
+from fmucorrect.training.compare_table import is_papers, lines, mean_nrmse, ranking, scores_of
 from fmucorrect.training.loop import Curve
 from fmucorrect.training.tasks import Workshop
 
@@ -80,7 +80,7 @@ def test_every_case_is_there_and_scored_on_the_evaluation_condition_alone(result
     assert list(rows) == ["uncorrected", *(case.key for case in CASES), "corrector"]
     for row in rows.values():
         assert all(list(run["conditions"]) == ["385"] for run in row["runs"])
-    for key in ("gru", "pinn", "tdnn_residual", "proposed", "proposed_history", "corrector"):
+    for key in ("gru", "pinn", "pinn_phase", "tdnn_residual", "proposed", "proposed_history", "corrector"):
         assert [run["seed"] for run in rows[key]["runs"]] == [0, 1]
         assert rows[key]["epochs"]
         assert rows[key]["held_out_nrmse"] > 0.0
@@ -101,7 +101,7 @@ def test_histories_are_those_that_were_scored(result: Result) -> None:
 
 def test_an_hour_later_only_raw_time_is_lost(result: Result) -> None:
     rows = {row["case"]: row["runs"][0]["conditions"]["385"] for row in result.table["cases"]}
-    for key in ("rho", "fir", "harmonics", "gru", "corrector", "proposed_history"):
+    for key in ("rho", "fir", "harmonics", "gru", "corrector", "pinn_phase", "proposed_history"):
         assert rows[key]["hour_later_nrmse"] == pytest.approx(rows[key]["begun_nrmse"], abs=2e-3)
     for key in ("pinn", "tdnn_residual", "proposed"):
         assert abs(rows[key]["hour_later_nrmse"] - rows[key]["begun_nrmse"]) > 0.01
@@ -165,20 +165,38 @@ def test_the_ranking_is_told_as_it_is() -> None:
     assert "5.00 %" in told["text"]
 
 
-def test_acceleration_channels_come_from_the_development_conditions(study: Study) -> None:
-    pairs = [pair(study, condition) for condition in study.development]
-    assert resolved(study, SMALL, pairs).proposed.acceleration_channels == ()  # no channel names an accelerometer
-    named = replace(SMALL, proposed=replace(SMALL.proposed, acceleration_channels=("FB",)))
-    assert resolved(study, named, pairs) is named
-
-
 def test_the_command_writes_figures_and_page(path: Path, tmp_path: Path, result: Result) -> None:
     out = tmp_path / "comparison"
     ran = CliRunner().invoke(cli.main, ["compare", str(path), "-o", str(out), "--seeds", "1"])
     assert ran.exit_code == 0, ran.output
     table = json.loads((out / "compare.json").read_text())
     assert lines(table) in ran.output
-    assert "0.8197  4.61  1.93" in ran.output  # the paper's table beside ours
+    assert "0.8197  4.61  1.93" in ran.output  # the paper's table beside ours, for these are its speeds
+    assert "without it" in ran.output
     page = (out / "compare.html").read_text(encoding="utf-8")
     assert "Proposed discrepancy correction" in page
     assert len(np.load(out / "compare.npz").files) == len(result.histories)
+
+
+def test_the_papers_figures_stand_where_its_speeds_are_alone(path: Path, result: Result) -> None:
+    assert result.table["paper"]
+    study = load_study(path)
+    others = tuple(c if c.speed < 385.0 else replace(c, speed=400.0) for c in study.conditions)
+    assert is_papers(study)
+    assert not is_papers(replace(study, conditions=others))
+    plain = lines(result.table | {"paper": [], "ranking": None})
+    assert "paper's R2" not in plain
+    assert "PINN < TDNN" not in plain
+    assert all(text in plain for text in result.table["left_open"])
+
+
+def test_the_oracle_weighs_channels_by_the_development_conditions() -> None:
+    """Two channels that want different lags: the one whose scale is small decides, whatever the evaluation record does."""
+    t = np.arange(4000) * 1e-3
+    wave = np.sin(2.0 * np.pi * 2.0 * t)
+    item = condition(4000)
+    measured = np.stack([np.roll(wave, 10), np.roll(wave, 40)], axis=1)
+    item = replace(item, measured=measured)
+    said = np.stack([wave, wave], axis=1)
+    lags = [scores_of(item, said, np.array(scales))["oracle"]["lag_samples"] for scales in ((0.01, 1.0), (1.0, 0.01))]
+    assert lags == pytest.approx([10, 40], abs=1)

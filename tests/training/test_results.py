@@ -40,7 +40,7 @@ def test_the_three_files_agree(study: Study, briefly: Trained, tmp_path: Path) -
     warned = replace(done.trained, warnings=(seen,))
     assert "cut off" not in card
     assert "it is cut off" in make_card(warned, model, done.evaluations, "the test")
-    assert figures_of(done.evaluations, warned)["warnings"] == [seen.to_json()]
+    assert figures_of(done.evaluations, warned, done.against)["warnings"] == [seen.to_json()]
 
 
 def test_the_command_refuses_a_study_with_nothing_to_hold_out(tmp_path: Path) -> None:
