@@ -86,9 +86,6 @@ def resample(record: Record, step_ns: int) -> Record:
     the ratio of the intervals is no fraction of moderate numbers, the filter ends on a finer grid, and a quintic spline
     goes from there to the exact instants: no rate shifts time.
     """
-    from scipy.ndimage import map_coordinates, spline_filter1d
-    from scipy.signal import resample_poly
-
     if len(record) < 2:
         return record
     ratio = mean_step(record) / step_ns
@@ -96,6 +93,9 @@ def resample(record: Record, step_ns: int) -> Record:
     exact = simple > 0 and abs(ratio / simple - 1) * len(record) < DRIFT
     if exact and simple == 1:
         return record
+    from scipy.ndimage import map_coordinates, spline_filter1d  # a second of imports: not for records at this interval
+    from scipy.signal import resample_poly
+
     fine = simple if exact else _near(OVERSAMPLED * min(ratio, Fraction(1)))
     most = fine.numerator * max(1.0, float(1 / ratio))  # samples between the zeros of the filter
     reach = int(np.ceil(REACH * most))

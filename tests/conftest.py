@@ -49,7 +49,7 @@ settings.load_profile("untimed")
 
 TOGETHER = ("training", "wrapping")
 """Folders whose tests share what takes long to make: under pytest-xdist they stay in one process, others file by file."""
-WITH = {"test_elsewhere": "test_discover", "test_resuming": "test_discover"}
+WITH = dict.fromkeys(("test_elsewhere", "test_resuming", "test_time_limit", "test_estimate"), "test_discover")
 """Files that share it with one other."""
 FIRST = ("training", "wrapping", "test_discover")
 """Groups that take longest, in the order in which they are begun: what begins last keeps one process busy alone."""

@@ -9,7 +9,6 @@ from types import MappingProxyType
 
 import numpy as np
 from jaxtyping import Float64
-from scipy.signal import lfilter
 
 from fmucorrect.catalogue.law import Parameter, complete, opposite, starts
 
@@ -116,6 +115,8 @@ def later(y: Samples, step: float, lag: float) -> Samples:
 
 def lowpass(y: Samples, step: float, cutoff: float) -> Samples:
     """The first-order filter of corner `cutoff` Hz, exact for a signal that is straight between samples; at rest first."""
+    from scipy.signal import lfilter  # takes a second to import, of what the whole program else takes a third
+
     x = 2.0 * math.pi * cutoff * step
     mean = -math.expm1(-x) / x  # of exp(-t) over the step
     new, old = 1.0 - mean, mean - math.exp(-x)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float64
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from fmucorrect.discovery.fitted import Fitted, Setting
 from fmucorrect.discovery.terms import ForceTerm, coordinates
@@ -43,7 +43,7 @@ def varying(rows: Sequence[slice], setting: Setting, fitted: Fitted) -> tuple[fl
     mean = (weights * moves).sum(axis=0) / weights.sum(axis=0)
     q, free = (weights * (moves - mean) ** 2).sum(axis=0), len(moves) - 1
     beyond = np.maximum(q - free, 0.0) / (weights.sum(axis=0) - (weights**2).sum(axis=0) / weights.sum(axis=0))
-    beyond[chi2.sf(q, free) > CHANCE] = 0.0
+    beyond[chdtrc(free, q) > CHANCE] = 0.0
     found = [0.0] * len(terms)
     for (i, k), variance in zip(mains.items(), beyond, strict=True):
         scale, value = coordinates(terms[i])[k], abs(terms[i].values[terms[i].main])
