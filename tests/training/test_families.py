@@ -58,7 +58,7 @@ def test_friction_wants_a_memory(friction: Case, tmp_path: Path) -> None:
     assert made.selection.family == "recurrent"
     before, after = held_out(friction, tmp_path)
     assert after < 0.5 * before
-    assert "learned" in verdict(made.selection)
+    assert "Learned" in verdict(made.selection)
 
 
 def test_a_filter_is_found_as_one(filtered: Case, tmp_path: Path) -> None:
