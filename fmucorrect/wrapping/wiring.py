@@ -181,7 +181,10 @@ def _trained(fmu: FmuDescription, info: Info, mapping: MappingFile) -> dict[Vari
         v for v in fmu.of("parameter") if v.number and v.settable and (v.start or v.name in told.start_values_known)
     ]
     defaults = {v.name: v.begins for v in every if v.start}
-    return {v: found for v in every if (found := told.trained(v.name, defaults)) is not None}
+    known = {v: found for v in every if (found := told.trained(v.name, defaults)) is not None}
+    return {
+        v: found for v, found in known.items() if math.isfinite(found.high - found.low)
+    }  # a start value may be infinite
 
 
 def _parameters(fmu: FmuDescription, info: Info, mapping: MappingFile) -> Mapping[Variable, float]:
