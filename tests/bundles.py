@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -26,11 +28,14 @@ def make(
     step_ns: int = 1_000_000,
     gain: float = -0.25,
     last_speed: float = 500.0,
+    parameters: Mapping[str, float] = MappingProxyType({}),
 ) -> Path:
-    """A bundle whose correction is `gain` times the sample before the newest, whole up to `last_speed` km/h, then none."""
+    """A bundle whose correction is `gain` times the sample before the newest, whole up to `last_speed` km/h, then none.
+    parameters: start values that it was trained with."""
     count = len(channels)
     graph = _graph(count, rows, gain, last_speed)
-    return _sealed(path, graph, _info("toy", channels, rows, step_ns, last_speed))
+    info = replace(_info("toy", channels, rows, step_ns, last_speed), parameters=dict(parameters))
+    return _sealed(path, graph, info)
 
 
 def _info(name: str, channels: tuple[Channel, ...], rows: int, step_ns: int, last_speed: float, state: int = 0) -> Info:

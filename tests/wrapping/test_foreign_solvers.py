@@ -126,6 +126,23 @@ def walked(stepper: FmuStepper | CorrectedStepper) -> Record:
 
 
 @each_way
+def test_a_parameter_that_training_did_not_have_is_told(
+    inner: int, outer: int, solver: Solver, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    model = bundles.make(tmp_path / "toy.onnx", CHANNELS, rows=12, parameters={"gain": 1.5})
+    mapping = tmp_path / "mapping.toml"
+    mapping.write_text('[units]\nleft = "mm"\nright = "mm"\n')
+    path = wrap(solver(inner), model, tmp_path / "x.fmu", fmi=outer, platforms=["linux64"], mapping=mapping).path
+    as_trained = walked(FmuStepper(path, OUTPUTS, units=UNITS))  # the wrapper sets 1.5
+    assert as_trained["corrector_status"][-1] == 0.0
+    other = walked(FmuStepper(path, OUTPUTS, parameters={"gain": 3.0}, units=UNITS))
+    assert "gain is 3, the corrector was trained with 1.5" in caplog.text
+    assert set(other["corrector_status"]) == {1.0, 2.0}
+    assert np.array_equal(other["left_corrected"], other["left"])
+    assert np.allclose(other["left"], 2.0 * as_trained["left"])
+
+
+@each_way
 def test_it_says_what_the_stepper_says(inner: int, outer: int, solver: Solver, foreign: Wrap, corrector: Path) -> None:
     plant = FmuStepper(solver(inner), CHANNELS, parameters={"gain": 1.5}, units=UNITS)
     theirs = walked(CorrectedStepper(plant, bundle.load(corrector)))
