@@ -155,7 +155,9 @@ class ChildSource:
             code = self._process.wait()
             happened = f"ended by itself (signal {-code})" if code < 0 else f"ended by itself (exit code {code})"
         return RecordError(
-            f"the file is damaged, or of a kind that cannot be read: the library for it {happened}", where=self.path
+            f"the file is damaged, or of a kind that cannot be read: the library for it {happened}",
+            where=self.path,
+            remedy=None if limit_s is None else "If other programs kept this machine busy, try again.",
         )
 
 
