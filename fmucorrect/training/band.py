@@ -45,6 +45,9 @@ SPREAD = 1.25
 """sigma is never less than the members' standard deviation: of a normal distribution it is sqrt(pi / 2) times the mean absolute
 deviation (deep ensembles: Lakshminarayanan et al., Simple and scalable predictive uncertainty estimation, NeurIPS 2017). What
 was left out says too little of it: there the members agree, and elsewhere they differ by as much as they err."""
+LEAST = 1e-3
+"""Of the mean error, the smallest floor; and of floor and size that a fit gives, what is kept where the members' deviations
+alone are wide enough."""
 
 
 def calibrate(folds: Sequence[LeftOut]) -> Band:
@@ -77,22 +80,14 @@ def calibrate(folds: Sequence[LeftOut]) -> Band:
     return Band(tuple(floor.tolist()), tuple(size.tolist()), (SPREAD,) * channels)
 
 
-LEAST = 1e-3
-"""Of the mean error, the smallest floor; and of floor and size that a fit gives, what is kept where the members' deviations
-alone are wide enough."""
-
-
 def _shape(
     left: Float64[np.ndarray, " N"], level: Float64[np.ndarray, " N"], counts: Sequence[int], least: float
 ) -> Float64[np.ndarray, "2"]:
-    """Floor and share of the level: reweighted non-negative least squares. counts: rows of each condition."""
+    """Floor, at least `least`, and share of the level: reweighted non-negative least squares. counts: rows a condition."""
     from scipy.optimize import nnls
 
     error = np.maximum(left, 0.0)
     weight = np.repeat(1.0 / np.array(counts), counts)
-    least = (
-        LEAST * float(np.average(error, weights=weight)) or 1.0
-    )  # a perfect simulation, or a channel that does not move
     design = np.stack([np.ones_like(level), level], axis=1)
     local, shape = np.ones_like(error), np.zeros(2)
     for _ in range(5):  # each sample counts relative to the scale that it is found to have

@@ -52,8 +52,9 @@ class Samples:
 
     def ending(self, rows: Int64[np.ndarray, " M"], length: int) -> Float32[np.ndarray, "M L J"]:
         """The last `length` simulated rows at each of these of the N, oldest first. They must be there."""
-        ends = rows + len(self.whole) - len(self.simulated)
-        return self.whole[ends[:, None] + np.arange(1 - length, 1)].astype(np.float32)
+        whole = self.whole
+        ends = rows + len(whole) - len(self.simulated)
+        return whole[ends[:, None] + np.arange(1 - length, 1)].astype(np.float32)
 
     @property
     def speed(self) -> float:

@@ -182,9 +182,8 @@ def _trained(fmu: FmuDescription, info: Info, mapping: MappingFile) -> dict[Vari
     ]
     defaults = {v.name: v.begins for v in every if v.start}
     known = {v: found for v in every if (found := told.trained(v.name, defaults)) is not None}
-    return {
-        v: found for v, found in known.items() if math.isfinite(found.high - found.low)
-    }  # a start value may be infinite
+    # a start value may be infinite, and then there is nothing to compare with
+    return {v: found for v, found in known.items() if math.isfinite(found.high - found.low)}
 
 
 def _parameters(fmu: FmuDescription, info: Info, mapping: MappingFile) -> Mapping[Variable, float]:

@@ -87,3 +87,14 @@ def test_the_exported_sigma_is_the_calibrated_one(study: Study, trained: Trained
     assert np.abs(said.corrected.numpy() - responses.mean(axis=0)).max() < 1e-5
     assert np.abs(said.sigma.numpy() - band_of(trained.selection.band, responses)).max() < 1e-5
     assert responses.std(axis=0).max() > 1e-4  # the members do differ
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-3])
+def test_where_members_differ_more_than_they_err_the_floor_goes_with_the_units(scale: float) -> None:
+    """In records without rest, of which the deviations alone hold everything."""
+    folds = [fold(seed, scale=scale) for seed in range(3)]
+    wide = [
+        LeftOut(f.name, f.mean, 1e-3 * f.error, np.full_like(f.error, 5.0 * scale), np.ones(len(f.error), bool), 0.0)
+        for f in folds
+    ]
+    assert max(calibrate(wide).floor) < 1e-6 * scale
