@@ -24,7 +24,8 @@ Row = Float64[np.ndarray, " J"]
 
 class Status(IntEnum):
     """What a corrected value is worth. WARMUP: the window is not full, the simulation passes through.
-    OUTSIDE: the training envelope is being left or has been left, the correction fades to nothing."""
+    OUTSIDE: the training envelope is being left or has been left, the correction fades: under another declared condition to
+    nothing, where the motion alone is new perhaps to a linear filter."""
 
     OK = 0
     WARMUP = 1

@@ -288,4 +288,4 @@ def _print_summary(summary: Summary, as_json: bool) -> None:
         if summary.unlike:
             say(f"outside: {summary.unlike}; the corrector is withheld")
         elif summary.status["outside"] > 0:
-            say("outside: the corrector was not trained for this, there it fades to the bare simulation")
+            say("outside: the corrector was not trained for this, there it fades, and is no surer than the simulation")

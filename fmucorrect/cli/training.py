@@ -125,7 +125,7 @@ def _where_it_ends(done: Results) -> Guarded:
         for item in done.evaluations
     ]
     rows = verdicts.guarded(guard, selection, done.evaluations)
-    return Guarded(verdicts.guard_words(guard), rows, done.envelope, places)
+    return Guarded(verdicts.guard_words(guard, done.trained.fallback), rows, done.envelope, places)
 
 
 @click.command()

@@ -20,7 +20,7 @@ from fmucorrect.stepper import Status
 STATUS = {
     Status.OK: ("#1b7f4b", "ok: inside what the corrector was trained for"),
     Status.WARMUP: ("#9aa4b1", "warm-up: the window is filling, the simulation passes through"),
-    Status.OUTSIDE: ("#e0a100", "outside: beyond the training envelope, the correction fades to nothing"),
+    Status.OUTSIDE: ("#e0a100", "outside: beyond the training envelope, the correction fades"),
 }
 _WORDS = {1: "One", 2: "Two", 3: "Three", 4: "Four", 5: "Five", 6: "Six"}
 GLOSSARY = [

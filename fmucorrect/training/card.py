@@ -96,7 +96,8 @@ def card(trained: Trained, bundle: Bundle, evaluations: Sequence[Comparison], co
         "",
         "## Where it may be used",
         "",
-        "Whole between the inner corners, fading to the bare simulation towards the outer ones (status `outside`):",
+        "Whole between the inner corners, fading towards the outer ones (status `outside`): under another declared condition "
+        "to the bare simulation, where the response is larger as where the motion is new:",
         "",
         "| quantity | outer low | inner low | inner high | outer high |",
         "|---|---|---|---|---|",
@@ -124,7 +125,7 @@ def _guarded(trained: Trained, evaluations: Sequence[Comparison]) -> list[str]:
     rows = guarded(trained.guard, trained.selection, evaluations)
     return [
         "",
-        guard_words(trained.guard),
+        guard_words(trained.guard, trained.fallback),
         "",
         "| motion | flagged, % of the rows in motion | in the 90 % band, % of all samples |",
         "|---|---|---|",

@@ -8,7 +8,9 @@
     V      = relu(R' x + r)                                how far outside the envelope; then q+ and q-, the window's last row
     z      = Z' s + z0                                     the motion; s = x, or (x, memory) where the head has one
     inside = relu(1 - v' V - relu(novelty))                1 inside the training envelope and near known motions, fading to 0
-    delta  = inside (y - q),  corrected = q + delta,  sigma = inside (s - s_u) + s_u,  q = Q' V
+    known  = relu(1 - w' V)                                1 where the declared condition is one of training, fading to 0
+    delta  = inside (y - q) + (known - inside) (X' s + x0)  X, x0: a linear filter (fallback.py); y - q of a head that is one
+    corrected = q + delta,  sigma = inside (s - s_u) + s_u,  q = Q' V
 
 Heads: networks.OneHead, networks.WindowHead, linear.LinearHead, recurrent.RecurrentHead. Training, torch and ONNX (export.py)
 use the same tensors.
@@ -26,6 +28,7 @@ from jaxtyping import Float, Float64
 from torch import Tensor, nn
 
 from fmucorrect.training.data import Sizes
+from fmucorrect.training.fallback import Fallback
 from fmucorrect.training.novelty import FADE, Guard
 
 FREQUENCY_STEPS = 1e4
@@ -50,11 +53,12 @@ class Said(NamedTuple):
 @runtime_checkable
 class Head(Protocol):
     """What a family deploys: an nn.Module with float32 buffers. members: K. state: S, 0 without. phase: whether x ends with
-    sine and cosine of the excitation's phase."""
+    sine and cosine of the excitation's phase. linear: whether it is a linear filter of the simulation."""
 
     members: int
     state: int
     phase: bool
+    linear: bool
 
     def __call__(self, x: Float[Tensor, "N X"], state: Float[Tensor, "N S"] | None = None) -> Said: ...
 
@@ -92,11 +96,19 @@ class Corrector(nn.Module):
     """The deployed arithmetic; export.py writes these very tensors into the ONNX graph."""
 
     def __init__(
-        self, head: Head, rows: int, sizes: Sizes, envelope: Ramps, band: Band, guard: Guard | None = None
+        self,
+        head: Head,
+        rows: int,
+        sizes: Sizes,
+        envelope: Ramps,
+        band: Band,
+        guard: Guard | None = None,
+        fallback: Fallback | None = None,
     ) -> None:
-        """rows: W. guard: None for a head that changes nothing anywhere."""
+        """rows: W. guard: None for a head that changes nothing anywhere. fallback: None where nothing is left of a correction
+        when the motion is new."""
         super().__init__()
-        self.head, self.rows, self.guarded = head, rows, guard is not None
+        self.head, self.rows, self.guarded, self.falls_back = head, rows, guard is not None, fallback is not None
         channels = len(sizes.response)
         history = rows * channels
         tensors = _envelope(envelope, channels, history, history + 3 + 2 * head.phase)
@@ -109,6 +121,11 @@ class Corrector(nn.Module):
         tensors["s_u"] = uncorrected
         if guard is not None:
             tensors |= _guard(guard, history, history + 3 + 2 * head.phase)
+        if fallback is not None:
+            tensors["w"] = _declared(envelope, channels)
+            if not self.head.linear:
+                tensors["X"] = _on_inputs(torch.from_numpy(fallback.weights), history, history + 3 + 2 * head.phase)
+                tensors["x0"] = torch.from_numpy(fallback.offset)
         for name, tensor in tensors.items():
             self.register_buffer(name, tensor.detach().float().contiguous())
 
@@ -138,6 +155,10 @@ class Corrector(nn.Module):
         inside = torch.relu(torch.addmm(known, outside, t["v"]))
         lead = torch.addmm(said.responses @ t["S"], outside, t["minus_Q"])
         delta = inside * lead
+        if self.falls_back:
+            left = torch.relu(torch.addmm(t["one"], outside, t["w"])) - inside
+            seen = x if said.seen is None else said.seen
+            delta = delta + left * (lead if self.head.linear else torch.addmm(t["x0"], seen, t["X"]))
         corrected = torch.addmm(delta, outside, t["Q"])
         band = torch.addmm(t["t"], said.responses.abs(), t["T"]) if said.band is None else said.band
         sigma = inside * band + t["s_u"]
@@ -166,14 +187,27 @@ def _guard(guard: Guard, history: int, inputs: int) -> dict[str, Tensor]:
     directions, shift, centres = (
         torch.from_numpy(values / unit) for values in (guard.known.directions, guard.known.shift, guard.known.centres)
     )
-    older = torch.zeros(max(history - len(directions), 0), directions.shape[1], dtype=torch.float64)
-    blind = torch.zeros(inputs - history, directions.shape[1], dtype=torch.float64)
     return {
-        "Z": torch.cat([older, directions[:history], blind, directions[history:]]),
+        "Z": _on_inputs(directions, history, inputs),
         "z0": shift,
         "near": 2.0 * centres.T,
         "level": FADE**2 / (FADE**2 - 1.0) - (centres**2).sum(1),
     }
+
+
+def _declared(envelope: Ramps, channels: int) -> Tensor:
+    """w: what of V the declared condition alone makes, not the response."""
+    slopes, _ = envelope
+    declared = torch.zeros(slopes.shape[1] + 2 * channels, 1, dtype=torch.float64)
+    declared[: slopes.shape[1], 0] = -torch.from_numpy(slopes[channels:].any(axis=0).astype(np.float64))
+    return declared
+
+
+def _on_inputs(seen: Tensor, history: int, inputs: int) -> Tensor:
+    """Weights of what is seen, (the newest rows, memory), as those of (x, memory): nothing of older rows, condition, phase."""
+    older = torch.zeros(max(history - len(seen), 0), seen.shape[1], dtype=torch.float64)
+    blind = torch.zeros(inputs - history, seen.shape[1], dtype=torch.float64)
+    return torch.cat([older, seen[:history], blind, seen[history:]])
 
 
 def spread(members: int, channels: int) -> Tensor:

@@ -79,7 +79,13 @@ def graph(corrector: Corrector, rows: int, channels: int) -> bytes:
     known = _guard(add, "seen" if head.state else x, constants) if corrector.guarded else "one"
     inside = add("Relu", [add("Gemm", [outside, "v", known], "share")], "in_envelope")
     response = add("MatMul", [responses, "S"], "response") if head.members else responses
-    delta = add("Mul", [inside, add("Gemm", [outside, "minus_Q", response], "lead")], "delta")
+    lead = add("Gemm", [outside, "minus_Q", response], "lead")
+    delta = add("Mul", [inside, lead], "known_delta" if corrector.falls_back else "delta")
+    if corrector.falls_back:
+        declared = add("Relu", [add("Gemm", [outside, "w", "one"], "declared_share")], "declared")
+        added = lead if head.linear else add("Gemm", ["seen" if head.state else x, "X", "x0"], "filtered_delta")
+        new = add("Mul", [add("Sub", [declared, inside], "left"), added], "new_delta")
+        delta = add("Add", [delta, new], "delta")
     add("Gemm", [outside, "Q", delta], "corrected")
     band = "own_band"
     if not isinstance(head, OneHead):

@@ -15,15 +15,16 @@ import numpy as np
 from jaxtyping import Float, Float64
 
 from fmucorrect.study_training import Family, Training
-from fmucorrect.training import distilled, linear, novelty, recurrent, window
+from fmucorrect.training import distilled, fallback, linear, novelty, recurrent, window
 from fmucorrect.training.band import LeftOut, left_out
 from fmucorrect.training.data import Samples, sizes
 from fmucorrect.training.deployed import Band, Head
 from fmucorrect.training.distilled import Distilled
+from fmucorrect.training.fallback import Fallback
 from fmucorrect.training.linear import Filter
 from fmucorrect.training.loop import Curve
 from fmucorrect.training.nearby import HYPOTHESES
-from fmucorrect.training.novelty import Guard
+from fmucorrect.training.novelty import Guard, Look
 from fmucorrect.training.recurrent import Oscillators, Recurrent
 from fmucorrect.training.tasks import Context, Task, Workshop
 from fmucorrect.training.window import Ensemble, Member, needed
@@ -169,12 +170,23 @@ def distil(
 def guard(fitted: Fitted, development: Sequence[Samples]) -> Guard:
     """Of the corrector that was fitted to them. What a recurrent one remembers by is of all conditions, also where one is left
     out."""
+    return novelty.learn(_look(fitted), _seen_rows(fitted, development), development, by_speed(development))
 
-    rows = min(fitted.rows, development[0].window)  # of a longer memory the guard looks at the newest
 
+def beyond(fitted: Fitted, development: Sequence[Samples]) -> Fallback | None:
+    """What is left of a correction where the guard lets nothing of it through; None: nothing."""
+    return fallback.learn(_look(fitted), _seen_rows(fitted, development), development, by_speed(development))
+
+
+def _seen_rows(fitted: Fitted, development: Sequence[Samples]) -> int:
+    """Of a longer memory the newest."""
+    return min(fitted.rows, development[0].window)
+
+
+def _look(fitted: Fitted) -> Look:
     def look(item: Samples, stride: int) -> Float64[np.ndarray, "N S"]:
-        windows = item.windows[::stride, item.window - rows :]
+        windows = item.windows[::stride, item.window - min(fitted.rows, item.window) :]
         flat = windows.reshape(len(windows), -1).astype(np.float64)
         return np.concatenate([flat, fitted.past(item)[::stride]], axis=1) if isinstance(fitted, Recurrent) else flat
 
-    return novelty.learn(look, rows, development, by_speed(development))
+    return look

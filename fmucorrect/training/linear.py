@@ -76,6 +76,8 @@ class LinearHead(nn.Module):
     """y = L' x + l + v (M' x + n), v = c' (condition) + d: the scaled speed. sloped: whether it plays a part. In double: a
     filter of smooth signals takes differences of large products, of which single precision keeps too few digits."""
 
+    linear = True
+
     def __init__(self, found: Filter) -> None:
         super().__init__()
         self.members, self.phase, self.state, self.sloped = 0, False, 0, bool(found.sloped.any())

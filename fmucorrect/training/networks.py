@@ -75,6 +75,8 @@ class Member:
 class WindowHead(nn.Module):
     """All members on x. Scales are folded into the weights, in double precision."""
 
+    linear = False
+
     def __init__(self, members: Sequence[Member], scales: Scales, phase: bool) -> None:
         super().__init__()
         self.members, self.phase, self.state = len(members), phase, 0
@@ -180,6 +182,8 @@ class OneHead(nn.Module):
     Y      = Z + D' h
     s      = F' relu(E' h + e) + f                         relu of +- what the band is made of; f less s_u (deployed.Said)
     """
+
+    linear = False
 
     def __init__(
         self, student: Student, shares: Float[Tensor, "M J"], floor: Float[Tensor, " J"], scales: Scales, phase: bool

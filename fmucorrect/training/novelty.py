@@ -90,8 +90,7 @@ def learn(look: Look, rows: int, development: Sequence[Samples], folds: Sequence
     stride = -(-sum(len(item.simulated) for item in development) // ROWS)
     scale = sizes(development).response
     seen, moving = [look(item, stride) for item in development], [in_motion(item, stride) for item in development]
-    unit = np.ones(seen[0].shape[1])
-    unit[: rows * len(scale)] = 1.0 / np.tile(scale, rows)
+    unit = units_of(seen, rows, scale)
     left = [np.zeros(0)] * len(development)
     for held in folds:
         others = _known([values for i, values in enumerate(seen) if i not in held], unit)
@@ -105,6 +104,16 @@ def learn(look: Look, rows: int, development: Sequence[Samples], folds: Sequence
         shares = [(known.distance(look(item, stride))[in_motion(item, stride)] > threshold).mean() for item in made]
         strange[name] = float(np.mean(shares))
     return Guard(known, threshold, flagged, strange)
+
+
+def units_of(
+    seen: Sequence[Float64[np.ndarray, "N S"]], rows: int, response: Float64[np.ndarray, " J"]
+) -> Float64[np.ndarray, " S"]:
+    """What the numbers that are seen are multiplied with, so that other units change nothing: those of the window. A memory
+    has units of its own. rows: of the window."""
+    unit = np.ones(seen[0].shape[1])
+    unit[: rows * len(response)] = 1.0 / np.tile(response, rows)
+    return unit
 
 
 def in_motion(item: Samples, stride: int) -> Bool[np.ndarray, " N"]:

@@ -19,7 +19,8 @@ from fmucorrect.training.data import samples, sizes
 from fmucorrect.training.deployed import Corrector
 from fmucorrect.training.distilled import WORSE, Distilled
 from fmucorrect.training.export import to_bundle
-from fmucorrect.training.families import NETWORKS, Fitted, count, count_left_out, distil, guard, lengths, refit
+from fmucorrect.training.fallback import Fallback
+from fmucorrect.training.families import NETWORKS, Fitted, beyond, count, count_left_out, distil, guard, lengths, refit
 from fmucorrect.training.loop import Curve
 from fmucorrect.training.novelty import Guard
 from fmucorrect.training.recurrent import Recurrent
@@ -35,14 +36,16 @@ GOLDEN = 8
 @dataclass(frozen=True)
 class Trained:
     """A finished training. content: the bundle file's bytes. corrector: the same in torch, for comparison. fitted: what it
-    says without envelope. guard: None where nothing is corrected. curves: of the refit, all members. trials: of the search, in
-    order. distilled: one network for an ensemble, deployed or not. warnings: of the gate."""
+    says without envelope. guard: None where nothing is corrected.
+    fallback: None where nothing is left of it when the motion is new. curves: of the refit, all members. trials: of the
+    search, in order. distilled: one network for an ensemble, deployed or not. warnings: of the gate."""
 
     content: bytes
     corrector: Corrector
     fitted: Fitted
     selection: Selection
     guard: Guard | None
+    fallback: Fallback | None
     training: Training
     trials: tuple[Trial, ...]
     curves: tuple[Curve, ...]
@@ -69,8 +72,11 @@ def train(study: Study, training: Training | None = None, workshop: Workshop | N
     basis = sizes(development)
     envelope = corners(study.channels, checked.pairs)
     head = fitted.head()
-    known_motions = None if selection.family == "nothing" else guard(fitted, development)
-    corrector = Corrector(head, fitted.rows, basis, ramps(study.channels, envelope), selection.band, known_motions)
+    known_motions, filtered = None, None
+    if selection.family != "nothing":
+        known_motions, filtered = guard(fitted, development), beyond(fitted, development)
+    where = ramps(study.channels, envelope)
+    corrector = Corrector(head, fitted.rows, basis, where, selection.band, known_motions, filtered)
     known = about(study, checked.pairs)
     info = replace(
         known,
@@ -88,6 +94,7 @@ def train(study: Study, training: Training | None = None, workshop: Workshop | N
             "members": len(one.ensemble.members) if one else head.members,
             **({"one network in their place": one is fitted, "is worse by": round(one.worse, 4)} if one else {}),
             **({} if known_motions is None else {"guard": known_motions.figures}),
+            **({} if filtered is None else {"linear filter where the motion is new": filtered.figures}),
         },
     )
     first = development[0]
@@ -97,7 +104,7 @@ def train(study: Study, training: Training | None = None, workshop: Workshop | N
     past = fitted.past(first)[np.maximum(rows - 1, 0)] if isinstance(fitted, Recurrent) else None
     content = to_bundle(corrector, info, windows, first.condition, first.seconds[rows], past)
     return Trained(
-        content, corrector, fitted, selection, known_motions, training, trials, curves, one, checked.warnings
+        content, corrector, fitted, selection, known_motions, filtered, training, trials, curves, one, checked.warnings
     )
 
 

@@ -345,6 +345,8 @@ class RecurrentHead(nn.Module):
     Y      = state' O + x P + o2        the members' mean, then each one's deviation from it
     """
 
+    linear = False
+
     def __init__(self, found: Recurrent) -> None:
         super().__init__()
         see, members = found.see, found.members

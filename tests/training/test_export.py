@@ -1,4 +1,4 @@
-"""torch = ONNX; the phase stays exact; the envelope fades to the bare simulation."""
+"""torch = ONNX; the phase stays exact; outside the envelope and in new motions it fades, to what it is said to fade to."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -86,8 +86,6 @@ def test_outside_the_envelope_nothing_is_added(trained: Trained, tmp_path: Path)
     assert np.allclose(far.sigma, model.uncorrected)
     wrong_frequency = model.start().correct(windows, np.array([330.0, 0.03, 3.0], np.float32), np.zeros(50))
     assert not wrong_frequency.delta.any()
-    large = model.start().correct(100.0 * windows, np.array([330.0, 0.03, 2.0], np.float32), np.zeros(50))
-    assert not large.delta.any()
 
 
 def test_what_moved_otherwise_in_development_is_outside(trained: Trained, study: Study, tmp_path: Path) -> None:
@@ -100,6 +98,22 @@ def test_what_moved_otherwise_in_development_is_outside(trained: Trained, study:
     strange = model.start().correct(motions(study)[:, ::-1], condition, np.zeros(1000))
     assert np.mean(strange.inside == 0.0) > 0.9
     assert np.allclose(strange.sigma[strange.inside == 0.0], model.uncorrected)
+
+
+def test_in_a_new_motion_a_linear_filter_is_left(trained: Trained, study: Study, tmp_path: Path) -> None:
+    """Of any size, and nothing of it under another declared condition."""
+    model, fallback = bundle.load(save(trained, tmp_path)), trained.fallback
+    assert fallback is not None
+    for windows in (motions(study)[:, ::-1], motions(study, -3.0), motions(study, 100.0)):
+        new = model.start().correct(windows, np.array([330.0, 0.03, 2.0], np.float32), np.zeros(1000))
+        outside = new.inside == 0.0
+        assert np.mean(outside) > 0.5
+        linear = windows.reshape(1000, -1) @ fallback.weights + fallback.offset
+        assert np.abs(new.delta - linear)[outside].max() <= 1e-5 * np.abs(windows).max()
+        assert np.abs(linear).max() > 0.0
+        for condition in ([500.0, 0.03, 2.0], [330.0, 0.03, 3.0]):
+            declared = model.start().correct(windows, np.array(condition, np.float32), np.zeros(1000))
+            assert not declared.delta.any()
 
 
 @pytest.mark.parametrize("frequency", [2.0, 1.3, 0.7, 7.9999])
