@@ -13,7 +13,7 @@ import torch
 from fmucorrect import bundle
 from fmucorrect.experiment import pair
 from fmucorrect.sealing import evaluate
-from fmucorrect.stepper import Status
+from fmucorrect.stepper import CorrectedStepper, ReplayStepper, Status, run
 from fmucorrect.study import Study, load_study
 from fmucorrect.study_training import Family
 from fmucorrect.training import linear
@@ -104,6 +104,29 @@ def test_what_is_deployed_is_what_was_fitted(name: str, request: pytest.FixtureR
     assert known.mean() > 0.97
     size = np.abs(data.simulated).max()
     assert np.abs(said.corrected[inside] - made.fitted.predict(data))[known].max() < 2e-5 * size
+
+
+@pytest.mark.parametrize("name", ["friction", "filtered"])
+def test_in_a_new_motion_it_says_what_is_linear(name: str, request: pytest.FixtureRequest, tmp_path: Path) -> None:
+    """Streamed sample by sample, with what a head remembers by: a filter goes on as it is, a network becomes one."""
+    study, made = request.getfixturevalue(name)
+    assert made.fallback is not None
+    item = pair(study, study.evaluation[0])
+    log = replace(item.simulated, values=5.0 * item.simulated.values)
+    stepper = CorrectedStepper(ReplayStepper(log.channels), bundle.load(save(made, tmp_path)))
+    got = run(stepper, item.condition, [log])
+    channels = [channel.name for channel in study.channels]
+    said = got.select([f"{channel}_corrected" for channel in channels]).values
+    data = samples(replace(item, simulated=log), made.training.window)
+    if made.selection.family == "linear":
+        linear = made.fitted.predict(data)
+    else:
+        seen = [data.windows[:, -made.fitted.rows :].reshape(len(data.simulated), -1), made.fitted.past(data)]
+        linear = data.simulated + np.concatenate(seen, axis=1) @ made.fallback.weights + made.fallback.offset
+    sigma = got.select([f"{channel}_sigma" for channel in channels]).values
+    new = np.isclose(sigma, made.corrector.tensors()["s_u"].numpy(), rtol=1e-6).all(axis=1)[-len(linear) :]
+    assert new.mean() > 0.3
+    assert np.abs(said[-len(linear) :] - linear)[new].max() < 2e-5 * np.abs(linear).max()
 
 
 def test_other_units_change_nothing(friction: Case, tmp_path: Path) -> None:

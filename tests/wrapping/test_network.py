@@ -30,6 +30,8 @@ ROOT = Path(__file__).resolve().parent.parent.parent
 SHIPPED = ROOT / "exported_models" / "roller_rig" / "corrector.onnx"
 PROBE = ROOT / "fmucorrect" / "wrapping" / "c" / "network_probe.c"
 ROWS = 12
+STACK = 32 * 1024
+"""Bytes that one answer may take of a host's stack: a quarter of the least that a thread gets (128 KiB with musl)."""
 
 
 @pytest.fixture(scope="module")
@@ -138,12 +140,15 @@ def test_all_outputs_equal_onnx_runtime(
     one: Path,
     tmp_path: Path,
 ) -> None:
-    path, sources, size, unit = {
-        "shipped": (SHIPPED, shipped, 3.0, 1.0),
-        "phase": (phase, phase_sources, 3e-3, 1e3),
-        "one": (one, network.sources(one), 3e-3, 1e3),
+    path, sources, unit = {
+        "shipped": (SHIPPED, shipped, 1.0),
+        "phase": (phase, phase_sources, 1e3),
+        "one": (one, network.sources(one), 1e3),
     }[name]
-    inputs = inputs_for(sources.rows, sources.channels, size)
+    inputs = inputs_for(sources.rows, sources.channels, 3.0 / unit)
+    if name == "shipped":  # to its guard all random windows are new
+        known = bundle.load(SHIPPED).golden["window"]
+        inputs[0] = np.concatenate([factor * known for factor in np.linspace(0.7, 1.3, 25, dtype=np.float32)])
     got = outputs(sources, tmp_path, way, inputs)
     if got is None:
         pytest.skip("this processor lacks the instruction set")
@@ -215,7 +220,16 @@ def test_nothing_is_allocated_and_nothing_is_kept(
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc")
 def test_another_compiler_takes_it_without_a_word(shipped: network.NetworkSources, tmp_path: Path) -> None:
     names = shipped.write(tmp_path)
-    command = ["gcc", "-std=c11", "-pedantic-errors", "-Wall", "-Wextra", "-Werror", "-O2", "-Wframe-larger-than=16384"]
+    command = [
+        "gcc",
+        "-std=c11",
+        "-pedantic-errors",
+        "-Wall",
+        "-Wextra",
+        "-Werror",
+        "-O2",
+        f"-Wframe-larger-than={STACK}",
+    ]
     result = subprocess.run([*command, "-c", *names], cwd=tmp_path, capture_output=True, text=True)
     assert result.returncode == 0, result.stderr
     if shutil.which("size"):
