@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float64
@@ -10,15 +11,18 @@ from jaxtyping import Float64
 from fmucorrect.experiment import Pair
 from fmucorrect.signals import NANOSECONDS
 from fmucorrect.study_training import Training
-from fmucorrect.training import linear
+from fmucorrect.training import linear, ridge
 from fmucorrect.training.baselines import fit_quadratic, fit_straight
-from fmucorrect.training.data import samples, sizes
+from fmucorrect.training.data import Samples, samples, sizes
 from fmucorrect.training.families import by_speed
 from fmucorrect.training.loop import Run
 
 TAPS = 10
 MEMORY = 0.4
 """Rows, and seconds, of the two ridge regressions."""
+
+PENALTIES = tuple(10.0**k for k in range(-10, 1))
+"""In double precision, which nobody has to deploy."""
 
 Response = Float64[np.ndarray, "N J"]
 
@@ -29,22 +33,51 @@ def responses(development: Sequence[Pair], held: Sequence[Pair], training: Train
     Measurements are interpolated where something differs between the conditions of development.
     """
 
-    def ridge(rows: int) -> list[Response]:
-        parts = by_speed(known) if len(known) > 1 else []
-        found = linear.fit_filter(known, parts, sizes(known), training.corrector.stride, (rows,), rows)
-        return [found.predict(item) for item in unseen]
-
     step = (development[0].t_ns[1] - development[0].t_ns[0]) / NANOSECONDS
     known, unseen = ([samples(item, 1) for item in pairs] for pairs in (development, held))
     factor = linear.amplitude(known, sizes(known))
     said = {
         "amplitude factor": [factor.predict(item) for item in unseen],
-        f"ridge on {TAPS} taps": ridge(TAPS),
-        f"ridge on {1e3 * MEMORY:g} ms": ridge(max(round(MEMORY / step), 1)),
+        f"ridge on {TAPS} taps": _filtered(TAPS, known, unseen, training.corrector.stride),
+        f"ridge on {1e3 * MEMORY:g} ms": _filtered(
+            max(round(MEMORY / step), 1), known, unseen, training.corrector.stride
+        ),
     }
     if np.ptp([item.condition for item in known], axis=0).any():
         fits: dict[str, Callable] = {"linear": fit_straight, "quadratic": fit_quadratic}
         for kind, fit in fits.items():
             between = fit(known, training, Run(training.seed, {}))
             said[f"measurements, {kind} in the condition"] = [between.predict(item) for item in unseen]
+    return said
+
+
+def _filtered(rows: int, known: Sequence[Samples], unseen: Sequence[Samples], stride: int) -> list[Response]:
+    """What a ridge regression on the last `rows` of the simulation makes of each that is unseen; the simulation as it is until
+    so many were simulated. A weight a row: of neighbours that are nearly equal large ones almost cancel."""
+    basis = sizes(known)
+    folds = by_speed(known) if len(known) > 1 else []
+    speeds = len({item.speed for item in known}) > 2
+
+    def taps(item: Samples, every: int) -> tuple[Float64[np.ndarray, "M F"], slice]:
+        """Of every so-many-th row whose history is complete, and which of the measured rows these are."""
+        whole = item.whole / basis.response
+        first = max(rows - 1 - len(whole) + len(item.simulated), 0)
+        kept = slice(-(-first // every) * every, None, every)
+        ends = np.arange(len(item.simulated))[kept] + len(whole) - len(item.simulated)
+        windows = np.lib.stride_tricks.sliding_window_view(whole, rows, axis=0)[ends - rows + 1]
+        return windows.reshape(len(ends), -1), kept
+
+    each: list[ridge.Normal] = []
+    for item in known:
+        x, kept = taps(item, stride)
+        full = replace(item, simulated=item.simulated[kept], measured=item.measured[kept])
+        each.append(ridge.normal(x, full, 1, basis))
+    weights, sloped = ridge.fit(each, folds, (False, True)[: 1 + speeds], PENALTIES).solved
+    said: list[Response] = []
+    for item in unseen:
+        one = weights + (item.speed - basis.speed[0]) / basis.speed[1] * sloped
+        response = item.simulated.copy()
+        x, kept = taps(item, 1)
+        response[kept] += (one[0] + x @ one[1:]) * basis.response
+        said.append(response)
     return said

@@ -9,6 +9,7 @@ from fmucorrect.bundle import Bundle
 from fmucorrect.comparison import BAND_90, Comparison
 from fmucorrect.errors import one_line
 from fmucorrect.training.distilled import WORSE, Distilled
+from fmucorrect.training.linear import Filter
 from fmucorrect.training.protocol import Trained
 from fmucorrect.training.recurrent import Recurrent
 from fmucorrect.training.verdict import conditions, guard_words, guarded, table, verdict
@@ -175,7 +176,9 @@ def _settings(trained: Trained) -> list[str]:
             f"- {settings.recurrent}.",
             f"- Trained on every {pace.stride}. sample; oscillators of {1e3 * pace.fast:.3g} ms to {pace.slow:.3g} s at first.",
         ]
-    return [f"- {fitted.rows} rows of history."] if selection.family == "linear" else []
+    if isinstance(fitted, Filter) and fitted.bank is not None:
+        return [f"- Its memory: {len(fitted.bank.poles)} oscillators of each channel."]
+    return []
 
 
 def _one(found: Distilled, deployed: bool) -> str:

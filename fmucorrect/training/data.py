@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float32, Float64, Int64
+from jaxtyping import Float32, Float64
 
 from fmucorrect import units
 from fmucorrect.errors import SignalError
@@ -49,12 +49,6 @@ class Samples:
     def whole(self) -> Float64[np.ndarray, "H J"]:
         """The simulation from its beginning; its last N rows are those that were measured."""
         return np.concatenate([self.before, self.history]).astype(np.float64)
-
-    def ending(self, rows: Int64[np.ndarray, " M"], length: int) -> Float32[np.ndarray, "M L J"]:
-        """The last `length` simulated rows at each of these of the N, oldest first. They must be there."""
-        whole = self.whole
-        ends = rows + len(whole) - len(self.simulated)
-        return whole[ends[:, None] + np.arange(1 - length, 1)].astype(np.float32)
 
     @property
     def speed(self) -> float:

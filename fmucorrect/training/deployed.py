@@ -130,7 +130,7 @@ class Corrector(nn.Module):
             self.register_buffer(name, tensor.detach().float().contiguous())
 
     def tensors(self) -> dict[str, Tensor]:
-        """Every weight by its name in the formulae, float32; of a linear head float64."""
+        """Every weight by its name in the formulae, float32."""
         return {name.removeprefix("head."): tensor for name, tensor in self.named_buffers()}
 
     def forward(
@@ -182,7 +182,7 @@ def _envelope(ramps: Ramps, channels: int, history: int, inputs: int) -> dict[st
 
 def _guard(guard: Guard, history: int, inputs: int) -> dict[str, Tensor]:
     """Z, z0, near, level: with distances in units of d0 sqrt(FADE^2 - 1), what the guard leaves of a correction is
-    FADE^2 / (FADE^2 - 1) - min_k |z - c_k|^2: 1 at a novelty of 1, 0 at FADE. Of a long window it sees the newest rows."""
+    FADE^2 / (FADE^2 - 1) - min_k |z - c_k|^2: 1 at a novelty of 1, 0 at FADE."""
     unit = guard.threshold * math.sqrt(FADE**2 - 1.0)
     directions, shift, centres = (
         torch.from_numpy(values / unit) for values in (guard.known.directions, guard.known.shift, guard.known.centres)
@@ -204,10 +204,9 @@ def _declared(envelope: Ramps, channels: int) -> Tensor:
 
 
 def _on_inputs(seen: Tensor, history: int, inputs: int) -> Tensor:
-    """Weights of what is seen, (the newest rows, memory), as those of (x, memory): nothing of older rows, condition, phase."""
-    older = torch.zeros(max(history - len(seen), 0), seen.shape[1], dtype=torch.float64)
+    """Weights of (window, memory) as those of (x, memory): nothing of condition and phase."""
     blind = torch.zeros(inputs - history, seen.shape[1], dtype=torch.float64)
-    return torch.cat([older, seen[:history], blind, seen[history:]])
+    return torch.cat([seen[:history], blind, seen[history:]])
 
 
 def spread(members: int, channels: int) -> Tensor:

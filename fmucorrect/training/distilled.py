@@ -110,6 +110,10 @@ class Distilled:
         """The same, (N, J)."""
         return self.responses(item, stride)[0]
 
+    def past(self, item: Samples) -> Float[np.ndarray, "N P"]:
+        """Nothing: it sees the window alone."""
+        return np.zeros((len(item.simulated), 0))
+
 
 @dataclass(frozen=True)
 class _Asked:

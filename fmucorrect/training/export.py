@@ -28,10 +28,10 @@ def to_bundle(
     windows: np.ndarray,
     condition: np.ndarray,
     seconds: np.ndarray,
-    past: np.ndarray | None = None,
+    past: np.ndarray,
 ) -> bytes:
     """The content of a bundle file. windows (N, W, J), condition (3,), seconds (N,): a few real ones, the golden input; past:
-    (N, P), the memory of the motion before each, of a head that has one: with another the guard lets nothing through."""
+    (N, P), the memory of the motion before each: with another the guard lets nothing through."""
     golden: dict[str, np.ndarray] = {
         "window": np.ascontiguousarray(windows, np.float32),
         "condition": np.tile(condition.astype(np.float32), (len(windows), 1)),
@@ -39,8 +39,7 @@ def to_bundle(
     }
     if corrector.head.state:
         golden["state"] = np.random.default_rng(0).normal(scale=STATES, size=(len(windows), corrector.head.state))
-        if past is not None:
-            golden["state"][:, : past.shape[1]] = past
+        golden["state"][:, : past.shape[1]] = past
         golden["state"] = golden["state"].astype(np.float32)
     with torch.no_grad():
         outputs = corrector(*(torch.from_numpy(values) for values in golden.values()))
@@ -135,22 +134,26 @@ def _window(add: Add, x: str, head: WindowHead | OneHead) -> tuple[str, str]:
 
 
 def _linear(add: Add, x: str, head: LinearHead, constants: dict[str, np.ndarray]) -> tuple[str, str]:
-    """linear.LinearHead, in double."""
-    x = add("Cast", [x], "x_64", to=TensorProto.DOUBLE)
-    responses = add("Gemm", [x, "L", "l"], "filtered")
+    """linear.LinearHead; next_state is an output of the graph."""
+    seen = _remembered(add, x, "next_state") if head.state else x
+    responses = add("Gemm", [seen, "L", "l"], "filtered")
     if head.sloped:
-        condition = add("Cast", ["condition"], "condition_64", to=TensorProto.DOUBLE)
-        more = add("Mul", [add("Gemm", [condition, "c", "d"], "speed"), add("Gemm", [x, "M", "n"], "slope")], "sloped")
+        more = add(
+            "Mul", [add("Gemm", ["condition", "c", "d"], "speed"), add("Gemm", [seen, "M", "n"], "slope")], "sloped"
+        )
         responses = add("Add", [responses, more], "responses")
     constants["newest"] = np.array(-1, np.int64)
-    add("Gather", ["window", "newest"], "baseline", axis=1)
-    return add("Cast", [responses], "filtered_32", to=TensorProto.FLOAT), "baseline"
+    return responses, add("Gather", ["window", "newest"], "baseline", axis=1)
+
+
+def _remembered(add: Add, x: str, past: str) -> str:
+    """A step of the bank (bank.py): what is seen, x and its state, which is called `past`."""
+    return add("Concat", [x, add("Gemm", ["state", "A", add("Gemm", [x, "G", "g"], "drive")], past)], "seen", axis=1)
 
 
 def _recurrent(add: Add, x: str) -> tuple[str, str]:
     """recurrent.RecurrentHead; next_state is an output of the graph."""
-    past = add("Gemm", ["state", "A", add("Gemm", [x, "G", "g"], "drive")], "past")
-    seen = add("Concat", [x, past], "seen", axis=1)
+    seen, past = _remembered(add, x, "past"), "past"
     hidden = add("Tanh", [add("Gemm", [seen, "H", "h"], "hidden_0")], "tanh_0")
     hidden = add("Tanh", [add("Gemm", [hidden, "K", "k"], "hidden_1")], "tanh_1")
     missing = add("Gemm", [hidden, "U", "o"], "missing")

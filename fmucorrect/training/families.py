@@ -50,6 +50,11 @@ class Fitted(Protocol):
         """The mean of that."""
         ...
 
+    def past(self, item: Samples) -> Float[np.ndarray, "N P"]:
+        """What the head remembers of what was before, at the measured rows, as its state begins with it; P = 0 of one that sees
+        a window alone."""
+        ...
+
     def head(self) -> Head: ...
 
 
@@ -170,23 +175,19 @@ def distil(
 def guard(fitted: Fitted, development: Sequence[Samples]) -> Guard:
     """Of the corrector that was fitted to them. What a recurrent one remembers by is of all conditions, also where one is left
     out."""
-    return novelty.learn(_look(fitted), _seen_rows(fitted, development), development, by_speed(development))
+    return novelty.learn(_look(fitted), fitted.rows, development, by_speed(development))
 
 
 def beyond(fitted: Fitted, development: Sequence[Samples]) -> Fallback | None:
     """What is left of a correction where the guard lets nothing of it through; None: nothing."""
-    return fallback.learn(_look(fitted), _seen_rows(fitted, development), development, by_speed(development))
-
-
-def _seen_rows(fitted: Fitted, development: Sequence[Samples]) -> int:
-    """Of a longer memory the newest."""
-    return min(fitted.rows, development[0].window)
+    return fallback.learn(_look(fitted), fitted.rows, development, by_speed(development))
 
 
 def _look(fitted: Fitted) -> Look:
     def look(item: Samples, stride: int) -> Float64[np.ndarray, "N S"]:
-        windows = item.windows[::stride, item.window - min(fitted.rows, item.window) :]
-        flat = windows.reshape(len(windows), -1).astype(np.float64)
-        return np.concatenate([flat, fitted.past(item)[::stride]], axis=1) if isinstance(fitted, Recurrent) else flat
+        windows = item.windows[::stride, item.window - fitted.rows :]
+        return np.concatenate(
+            [windows.reshape(len(windows), -1), fitted.past(item)[::stride]], axis=1, dtype=np.float64
+        )
 
     return look

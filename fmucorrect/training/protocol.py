@@ -23,7 +23,6 @@ from fmucorrect.training.fallback import Fallback
 from fmucorrect.training.families import NETWORKS, Fitted, beyond, count, count_left_out, distil, guard, lengths, refit
 from fmucorrect.training.loop import Curve
 from fmucorrect.training.novelty import Guard
-from fmucorrect.training.recurrent import Recurrent
 from fmucorrect.training.search import Trial, search
 from fmucorrect.training.selection import Selection, families, select
 from fmucorrect.training.tasks import Workshop
@@ -98,10 +97,8 @@ def train(study: Study, training: Training | None = None, workshop: Workshop | N
         },
     )
     first = development[0]
-    full = max(fitted.rows - 1 - len(first.whole) + len(first.seconds), 0)
-    rows = np.linspace(full, len(first.seconds) - 1, GOLDEN).astype(int)
-    windows = first.ending(rows, fitted.rows)
-    past = fitted.past(first)[np.maximum(rows - 1, 0)] if isinstance(fitted, Recurrent) else None
+    rows = np.linspace(0, len(first.seconds) - 1, GOLDEN).astype(int)
+    windows, past = first.windows[rows, -fitted.rows :], fitted.past(first)[np.maximum(rows - 1, 0)]
     content = to_bundle(corrector, info, windows, first.condition, first.seconds[rows], past)
     return Trained(
         content, corrector, fitted, selection, known_motions, filtered, training, trials, curves, one, checked.warnings

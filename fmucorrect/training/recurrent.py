@@ -20,27 +20,18 @@ from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import Complex128, Float, Float64
-from scipy.signal import lfilter
+from jaxtyping import Float, Float64
 from torch import Tensor, nn
 
 from fmucorrect.study_training import Training
-from fmucorrect.training.data import FLOOR, Samples, Sizes
+from fmucorrect.training.bank import DAMPING, ROWS, Bank, Pace, answer, answers, bank, pace, rotation
+from fmucorrect.training.data import Samples, Sizes
 from fmucorrect.training.deployed import Said, bias, spread, weight
 from fmucorrect.training.loop import Curve, Run, Terms, minimise, one_cycle
 from fmucorrect.training.mlp import parameters, tanh
 from fmucorrect.training.nearby import SHARE, nearby
 from fmucorrect.training.tasks import Context
 
-OVERSAMPLING = 10.0
-"""Samples a period of the fastest motion that counts, in training: at 10, a straight line between two is off by 5 % at most;
-the last layer's own fit, at every sample, makes up for what that does to phases."""
-FASTEST = 0.99
-"""Share of the power of the simulated velocities that lies below the fastest motion that counts."""
-SLOWEST = 0.01
-"""Share of the power of what the simulation lacks that lies below the slowest motion of it."""
-DAMPING = 0.25
-"""Damping ratio of all oscillators at first: neighbours on the logarithmic scale of frequencies overlap."""
 STEEPEST = 1.0
 """Largest norm of a gradient that is taken whole; a pole near the unit circle makes steeper ones."""
 LEAST = 1e-6
@@ -50,43 +41,6 @@ RIDGE = 1e-6
 """Penalty of the last layer's own fit, as a share of the mean power of a feature."""
 
 
-@dataclass(frozen=True)
-class Pace:
-    """stride: every how many samples are trained on. fast, slow: s, time constants of the oscillators."""
-
-    stride: int
-    fast: float
-    slow: float
-
-
-def pace(development: Sequence[Samples]) -> Pace:
-    """From the spectra of the simulated velocities and of what the simulation lacks."""
-    step = development[0].step
-    count = max(len(item.whole) for item in development)
-    frequency = np.fft.rfftfreq(count, step)
-    motion, lacking = np.zeros(len(frequency)), np.zeros(len(frequency))
-    for item in development:
-        velocity = np.diff(item.whole, axis=0)
-        motion += _spectrum(velocity / (velocity.std(axis=0) + 1e-300), count)
-        rest = item.measured - item.simulated
-        lacking += _spectrum((rest - rest.mean(axis=0)) / (rest.std(axis=0) + 1e-300), count)
-    top = _below(frequency, motion, FASTEST)
-    bottom = max(_below(frequency, lacking, SLOWEST), frequency[1])
-    stride = max(1, int(1.0 / (step * OVERSAMPLING * top)))
-    fast = 2.0 * step * stride
-    return Pace(stride, fast, max(1.0 / (2.0 * math.pi * bottom), 10.0 * fast))
-
-
-def _spectrum(values: Float64[np.ndarray, "T J"], count: int) -> Float64[np.ndarray, " F"]:
-    return (np.abs(np.fft.rfft(values, count, axis=0)) ** 2).sum(axis=1)
-
-
-def _below(frequency: np.ndarray, power: np.ndarray, share: float) -> float:
-    """Hz"""
-    total = np.cumsum(power)
-    return float(max(frequency[min(np.searchsorted(total, share * total[-1]), len(total) - 1)], frequency[1]))
-
-
 class _Bank(torch.autograd.Function):
     """y_t = lambda y_(t-1) + x_t for each pole: (T, M), (P,), (P,) to real and imaginary part (T, P, M). The gradient is the
     same recurrence with the conjugate pole, backwards."""
@@ -94,7 +48,7 @@ class _Bank(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, x: Tensor, real: Tensor, imaginary: Tensor) -> tuple[Tensor, Tensor]:  # type: ignore[override]
         ctx.poles = _complex(real, imaginary)
-        ctx.answer = _answers(x.detach().numpy(), ctx.poles)
+        ctx.answer = answers(x.detach().numpy(), ctx.poles)
         return _parts(ctx.answer)
 
     @staticmethod
@@ -103,7 +57,7 @@ class _Bank(torch.autograd.Function):
         on_x = np.zeros(back[:, 0].shape, np.float32)
         on_poles = np.zeros(len(ctx.poles), np.complex64)
         for i, pole in enumerate(ctx.poles):
-            adjoint = _answer(back[:, i], pole.conj())[::-1]
+            adjoint = answer(back[:, i], pole.conj())[::-1]
             on_x += np.real(adjoint)
             on_poles[i] = np.vdot(ctx.answer[:-1, i], adjoint[1:])
         return torch.from_numpy(on_x), *_parts(on_poles)
@@ -118,65 +72,29 @@ def _parts(values: np.ndarray) -> tuple[Tensor, Tensor]:
     return torch.from_numpy(np.real(values).copy()), torch.from_numpy(np.imag(values).copy())
 
 
-def _answer(x: np.ndarray, pole: Any) -> np.ndarray:
-    """One pole's, (T, M), complex, of the precision of the pole."""
-    kind = np.asarray(pole).dtype
-    return np.asarray(lfilter(np.ones(1, kind), np.array([1.0, -pole], kind), x.astype(kind), axis=0))
-
-
-def _answers(x: np.ndarray, poles: np.ndarray) -> np.ndarray:
-    """(T, P, M)"""
-    said = np.empty((len(x), len(poles), x.shape[1]), poles.dtype)
-    for i, pole in enumerate(poles):
-        said[:, i] = _answer(x, pole)
-    return said
-
-
 @dataclass(frozen=True)
 class View:
-    """Scales of the development conditions, and the first bank. step: s. centre, size: (J,) of the simulation. poles: (P,)
-    at the sample time. feature: (J + 2 P J,) sizes of (q, p). lacking: (J,) size of what the simulation lacks. speed: km/h,
+    """Scales of the development conditions, and the first bank. lacking: (J,) size of what the simulation lacks. speed: km/h,
     centre and span; speeds: whether it plays a part."""
 
     pace: Pace
-    step: float
-    centre: Float64[np.ndarray, " J"]
-    size: Float64[np.ndarray, " J"]
-    poles: Complex128[np.ndarray, " P"]
-    feature: Float64[np.ndarray, " F"]
+    bank: Bank
     lacking: Float64[np.ndarray, " J"]
     speed: tuple[float, float]
     speeds: bool
-
-    def features(self, item: Samples) -> Float64[np.ndarray, "R F"]:
-        """(q, p) of all rows of the simulation but the first, at which no step has ended yet."""
-        return _features(item, self.centre, self.size, self.poles) / self.feature
 
     def condition(self, item: Samples) -> Float[Tensor, " C"]:
         """The scaled speed, or nothing."""
         return torch.full((int(self.speeds),), (item.speed - self.speed[0]) / self.speed[1])
 
 
-def _features(item: Samples, centre: np.ndarray, size: np.ndarray, poles: np.ndarray) -> np.ndarray:
-    q = (item.whole - centre) / size
-    past = _answers(0.5 * (q[1:] + q[:-1]), poles) * (1.0 - np.abs(poles))[:, None]
-    flat = past.reshape(len(past), -1)
-    return np.concatenate([q[1:], flat.real, flat.imag], axis=1)
-
-
 def view(development: Sequence[Samples], training: Training, sizes: Sizes) -> View:
     """From the development conditions, or those of a fold, alone."""
     chosen = pace(development)
-    step = development[0].step
-    whole = np.concatenate([item.whole for item in development])
-    centre, size = whole.mean(axis=0), whole.std(axis=0)
-    omega = 1.0 / np.geomspace(chosen.fast, chosen.slow, training.recurrent.history)
-    poles = np.exp(step * omega * (-DAMPING + 1j * math.sqrt(1.0 - DAMPING**2)))
-    raw = np.concatenate([_features(item, centre, size, poles) for item in development]).std(axis=0)
     lacking = np.concatenate([item.measured - item.simulated for item in development]).std(axis=0)
     lacking = np.maximum(lacking, LEAST * sizes.response)
     speeds = len({item.speed for item in development}) > 1
-    return View(chosen, step, centre, size, poles, np.maximum(raw, FLOOR * raw.max()), lacking, sizes.speed, speeds)
+    return View(chosen, bank(development, chosen, training.recurrent.history), lacking, sizes.speed, speeds)
 
 
 class Oscillators(nn.Module):
@@ -231,7 +149,7 @@ def fit_member(
     stride, channels = see.pace.stride, len(see.lacking)
     near = nearby(development, member)
     lesson = [*development, *near]
-    features = [see.features(item) for item in lesson]
+    features = [see.bank.features(item) for item in lesson]
     torch.manual_seed(run.seed)
     network = Oscillators(features[0].shape[1], int(see.speeds), channels, training, see.pace)
     seen = [torch.from_numpy(values[::stride]).float() for values in features]
@@ -251,7 +169,7 @@ def fit_member(
             other = int(torch.randint(3 * each, (1,), generator=drawn)) if near else each
             i = len(development) + k * each + other if other < each else k
             first, target = targets[i]
-            said = network(seen[i], conditions[i], see.step * stride)[-(-first // stride) :]
+            said = network(seen[i], conditions[i], see.bank.step * stride)[-(-first // stride) :]
             yield {"residual": ((said - target[-first % stride :: stride]) ** 2).mean()}
 
     minimise(run, "recurrent", network, optimiser, steps, epochs, schedule)
@@ -287,7 +205,7 @@ def _last_layer(
     side = torch.zeros(size, layer.out_features, dtype=torch.float64)
     with torch.no_grad():
         for values, condition, (first, target), share in zip(features, conditions, targets, shares, strict=True):
-            x = network.inner(torch.from_numpy(values).float(), condition, see.step)[first:].double()
+            x = network.inner(torch.from_numpy(values).float(), condition, see.bank.step)[first:].double()
             x = torch.cat([x, torch.ones(len(x), 1, dtype=torch.float64)], 1)
             rest = target.double() - x[:, :-1] @ layer.weight.double().T - layer.bias.double()
             gram, side = gram + share * x.T @ x, side + share * x.T @ rest
@@ -302,8 +220,7 @@ class Recurrent:
 
     members: tuple[Oscillators, ...]
     see: View
-    rows: int = 2
-    """W: a step of the first bank takes the mean of two rows."""
+    rows: int = ROWS
 
     @property
     def parameters(self) -> int:
@@ -311,11 +228,11 @@ class Recurrent:
 
     def responses(self, item: Samples, stride: int = 1) -> Float[np.ndarray, "K N J"]:
         """What each member says, in the channels' units, without envelope."""
-        features, condition = torch.from_numpy(self.see.features(item)).float(), self.see.condition(item)
+        features, condition = torch.from_numpy(self.see.bank.features(item)).float(), self.see.condition(item)
         count, said = len(item.simulated), []
         with torch.no_grad():
             for member in self.members:
-                lacking = member(features, condition, self.see.step).double().numpy()[-count:] * self.see.lacking
+                lacking = member(features, condition, self.see.bank.step).double().numpy()[-count:] * self.see.lacking
                 said.append(
                     item.simulated + np.concatenate([np.zeros((count - len(lacking), lacking.shape[1])), lacking])
                 )
@@ -326,10 +243,8 @@ class Recurrent:
         return self.responses(item, stride).mean(axis=0)
 
     def past(self, item: Samples) -> Float64[np.ndarray, "N P"]:
-        """The first bank at the measured rows, as the head's state has it."""
-        channels, count = len(self.see.centre), len(item.simulated)
-        past = (self.see.features(item) * self.see.feature)[-count:, channels:]
-        return np.concatenate([np.zeros((count - len(past), past.shape[1])), past])
+        """The first bank at the measured rows."""
+        return self.see.bank.past(item)
 
     def head(self) -> RecurrentHead:
         return RecurrentHead(self)
@@ -350,14 +265,15 @@ class RecurrentHead(nn.Module):
     def __init__(self, found: Recurrent) -> None:
         super().__init__()
         see, members = found.see, found.members
-        channels, inputs = len(see.centre), found.rows * len(see.centre) + 3
+        channels = len(see.lacking)
+        inputs = found.rows * channels + 3
         self.members, self.phase = len(members), False
-        bank, made = 2 * len(see.poles) * channels, [_member(member, see, inputs) for member in members]
+        bank, made = see.bank.numbers, [_member(member, see, inputs) for member in members]
         answers = sum(len(part["B"]) for part in made)
         signals = sum(part["F"].shape[0] for part in made)
         self.state = bank + answers + signals
         zeros = torch.zeros
-        first, drive, offset = _first_bank(see, inputs)
+        first, drive, offset = see.bank.weights(inputs)
         tensors = {
             "A": torch.cat([first, zeros(answers + signals, bank, dtype=torch.float64)]),
             "G": drive,
@@ -406,50 +322,24 @@ class RecurrentHead(nn.Module):
         return Said(torch.addmm(torch.addmm(t["p"], x, t["P"]), after, t["O"]), x @ t["E"], after, seen)
 
 
-def _rotation(poles: np.ndarray, copies: int) -> Float[Tensor, "S S"]:
-    """One step of (real parts, imaginary parts), each of all poles and for each pole of `copies` signals: rows times this."""
-    each = np.repeat(poles, copies)
-    real, imaginary = np.diag(np.real(each)), np.diag(np.imag(each))
-    return torch.from_numpy(np.block([[real, imaginary], [-imaginary, real]]))
-
-
-def _first_bank(see: View, inputs: int) -> tuple[Tensor, Tensor, Tensor]:
-    """Its own step, and what x drives it with."""
-    channels, count = len(see.centre), len(see.poles)
-    gain = 1.0 - np.abs(see.poles)
-    drive, offset = np.zeros((inputs, 2 * count * channels)), np.zeros(2 * count * channels)
-    for i, j in np.ndindex(count, channels):
-        column = i * channels + j
-        rows = np.arange(j, inputs - 3, channels)
-        drive[rows, column] = gain[i] / (len(rows) * see.size[j])
-        offset[column] = -gain[i] * see.centre[j] / see.size[j]
-    return _rotation(see.poles, channels), torch.from_numpy(drive), torch.from_numpy(offset)
-
-
 def _member(member: Oscillators, see: View, inputs: int) -> dict[str, Tensor]:
     """One member's weights on x, past and state, scales folded in."""
-    channels = len(see.centre)
-    now = slice(inputs - 3 - channels, inputs - 3)
-    size, feature, lacking = (torch.from_numpy(v) for v in (see.size, see.feature, see.lacking))
-    centre = torch.from_numpy(see.centre)
+    features, lacking = len(see.bank.feature), torch.from_numpy(see.lacking)
 
     def on_x(numbers: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Weights of (q, p, speed) as weights of x, of p, and a constant."""
-        q = numbers[:channels] / (size * feature[:channels])[:, None]
-        past = numbers[channels : len(feature)] / feature[channels:, None]
-        whole = torch.zeros(inputs, numbers.shape[1], dtype=torch.float64)
-        whole[now] = q
-        constant = -centre @ q
-        if len(numbers) > len(feature):
+        parts = see.bank.on_inputs(numbers[:features].detach().numpy(), inputs)
+        whole, past, constant = (torch.from_numpy(part) for part in parts)
+        if len(numbers) > features:
             whole[inputs - 3] = numbers[-1] / see.speed[1]
             constant = constant - numbers[-1] * see.speed[0] / see.speed[1]
         return whole, past, constant
 
     seen, past, constant = on_x(weight(member.first))
     with torch.no_grad():
-        modulus, real, imaginary = (part.double() for part in member.poles(see.step))
+        modulus, real, imaginary = (part.double() for part in member.poles(see.bank.step))
     signals = member.missing.out_features
-    answer = _rotation(real.numpy() + 1j * imaginary.numpy(), signals)
+    answer = rotation(real.numpy() + 1j * imaginary.numpy(), signals)
     gain = torch.kron(0.5 * (1.0 - modulus)[None], torch.eye(signals, dtype=torch.float64))
     out = weight(member.out) * lacking
     size_r = len(answer)

@@ -144,6 +144,10 @@ class Ensemble:
         """Their mean, (N, J)."""
         return self.responses(item, stride).mean(axis=0)
 
+    def past(self, item: Samples) -> Float[np.ndarray, "N P"]:
+        """Nothing: it sees the window alone."""
+        return np.zeros((len(item.simulated), 0))
+
 
 def _inputs(member: Member, see: Inputs, item: Samples, training: Training, stride: int = 1) -> tuple[Tensor, Tensor]:
     """Inputs of the residual network: window features, scaled speed and perhaps phase; and the aligned baseline (N, J), in

@@ -1,0 +1,167 @@
+"""A bank of oscillators: what a corrector remembers the simulation's past by, on all time scales, at the price of a few.
+
+    p_t = lambda p_(t-1) + g (q_(t-1) + q_t) / 2
+
+Of the linear family and the recurrent one; nothing in it is trained. lambda is complex, |lambda| < 1, so that a state always
+dies out. Its time constants are evenly apart in log time, from the fastest motion that counts to the slowest of what the
+simulation lacks.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Complex128, Float, Float64
+from scipy.signal import lfilter
+from torch import Tensor
+
+from fmucorrect.training.data import FLOOR, Samples
+
+ROWS = 2
+"""W: a step takes the mean of two rows."""
+OVERSAMPLING = 10.0
+"""Samples a period of the fastest motion that counts, in training: at 10, a straight line between two is off by 5 % at most;
+the last layer's own fit, at every sample, makes up for what that does to phases."""
+FASTEST = 0.99
+"""Share of the power of the simulated velocities that lies below the fastest motion that counts."""
+SLOWEST = 0.01
+"""Share of the power of what the simulation lacks that lies below the slowest motion of it."""
+DAMPING = 0.25
+"""Damping ratio of all oscillators at first: neighbours on the logarithmic scale of frequencies overlap."""
+
+
+SHARE = 4.0
+"""What is remembered dies out within one part in so many of the shortest record: of what is slower a record says too little.
+Where the data of others were cut into short records, a filter without that bound erred four times as much as the simulation in
+the one that was held out."""
+
+
+@dataclass(frozen=True)
+class Pace:
+    """stride: every how many samples are trained on. fast, slow: s, time constants of the oscillators."""
+
+    stride: int
+    fast: float
+    slow: float
+
+
+def pace(development: Sequence[Samples]) -> Pace:
+    """From the spectra of the simulated velocities and of what the simulation lacks."""
+    step = development[0].step
+    count = max(len(item.whole) for item in development)
+    frequency = np.fft.rfftfreq(count, step)
+    motion, lacking = np.zeros(len(frequency)), np.zeros(len(frequency))
+    for item in development:
+        velocity = np.diff(item.whole, axis=0)
+        motion += _spectrum(velocity / (velocity.std(axis=0) + 1e-300), count)
+        rest = item.measured - item.simulated
+        lacking += _spectrum((rest - rest.mean(axis=0)) / (rest.std(axis=0) + 1e-300), count)
+    top = _below(frequency, motion, FASTEST)
+    bottom = max(_below(frequency, lacking, SLOWEST), frequency[1])
+    stride = max(1, int(1.0 / (step * OVERSAMPLING * top)))
+    fast = 2.0 * step * stride
+    longest = DAMPING * step * min(len(item.whole) for item in development) / SHARE
+    return Pace(stride, fast, max(min(1.0 / (2.0 * math.pi * bottom), longest), 10.0 * fast))
+
+
+def _spectrum(values: Float64[np.ndarray, "T J"], count: int) -> Float64[np.ndarray, " F"]:
+    return (np.abs(np.fft.rfft(values, count, axis=0)) ** 2).sum(axis=1)
+
+
+def _below(frequency: np.ndarray, power: np.ndarray, share: float) -> float:
+    """Hz"""
+    total = np.cumsum(power)
+    return float(max(frequency[min(np.searchsorted(total, share * total[-1]), len(total) - 1)], frequency[1]))
+
+
+@dataclass(frozen=True)
+class Bank:
+    """step: s. centre, size: (J,) of the simulation. poles: (P,) at the sample time. feature: (J + 2 P J,) sizes of (q, p), the
+    real parts of all p before the imaginary ones."""
+
+    step: float
+    centre: Float64[np.ndarray, " J"]
+    size: Float64[np.ndarray, " J"]
+    poles: Complex128[np.ndarray, " P"]
+    feature: Float64[np.ndarray, " F"]
+
+    @property
+    def numbers(self) -> int:
+        """Of its state, 2 P J."""
+        return len(self.feature) - len(self.centre)
+
+    def features(self, item: Samples) -> Float64[np.ndarray, "R F"]:
+        """(q, p) of all rows of the simulation but the first, at which no step has ended yet."""
+        return _features(item, self.centre, self.size, self.poles) / self.feature
+
+    def past(self, item: Samples) -> Float64[np.ndarray, "N P"]:
+        """At the measured rows, as the head's state has it."""
+        count = len(item.simulated)
+        past = (self.features(item) * self.feature)[-count:, len(self.centre) :]
+        return np.concatenate([np.zeros((count - len(past), past.shape[1])), past])
+
+    def weights(self, inputs: int) -> tuple[Tensor, Tensor, Tensor]:
+        """Its own step, what x = (two rows, condition) drives it with, and a constant; double. inputs: length of x."""
+        channels, count = len(self.centre), len(self.poles)
+        gain = 1.0 - np.abs(self.poles)
+        drive, offset = np.zeros((inputs, self.numbers)), np.zeros(self.numbers)
+        for i, j in np.ndindex(count, channels):
+            column = i * channels + j
+            rows = np.arange(j, inputs - 3, channels)
+            drive[rows, column] = gain[i] / (len(rows) * self.size[j])
+            offset[column] = -gain[i] * self.centre[j] / self.size[j]
+        return rotation(self.poles, channels), torch.from_numpy(drive), torch.from_numpy(offset)
+
+    def on_inputs(
+        self, numbers: Float64[np.ndarray, "F C"], inputs: int
+    ) -> tuple[Float64[np.ndarray, "X C"], Float64[np.ndarray, "P C"], Float64[np.ndarray, " C"]]:
+        """Weights of the features as those of x and of the state, and a constant."""
+        channels = len(self.centre)
+        q = numbers[:channels] / (self.size * self.feature[:channels])[:, None]
+        whole = np.zeros((inputs, numbers.shape[1]))
+        whole[inputs - 3 - channels : inputs - 3] = q
+        return whole, numbers[channels:] / self.feature[channels:, None], -self.centre @ q
+
+
+def bank(development: Sequence[Samples], chosen: Pace, count: int) -> Bank:
+    """Of so many poles, from the development conditions, or those of a fold, alone."""
+    step = development[0].step
+    whole = np.concatenate([item.whole for item in development])
+    centre, size = whole.mean(axis=0), whole.std(axis=0)
+    omega = 1.0 / np.geomspace(chosen.fast, chosen.slow, count)
+    poles = np.exp(step * omega * (-DAMPING + 1j * math.sqrt(1.0 - DAMPING**2)))
+    raw = np.concatenate([_features(item, centre, size, poles) for item in development]).std(axis=0)
+    return Bank(step, centre, size, poles, np.maximum(raw, FLOOR * raw.max()))
+
+
+def _features(item: Samples, centre: np.ndarray, size: np.ndarray, poles: np.ndarray) -> np.ndarray:
+    q = (item.whole - centre) / size
+    past = answers(0.5 * (q[1:] + q[:-1]), poles) * (1.0 - np.abs(poles))[:, None]
+    flat = past.reshape(len(past), -1)
+    return np.concatenate([q[1:], flat.real, flat.imag], axis=1)
+
+
+def answer(x: np.ndarray, pole: Any) -> np.ndarray:
+    """One pole's, (T, M), complex, of the precision of the pole."""
+    kind = np.asarray(pole).dtype
+    return np.asarray(lfilter(np.ones(1, kind), np.array([1.0, -pole], kind), x.astype(kind), axis=0))
+
+
+def answers(x: np.ndarray, poles: np.ndarray) -> np.ndarray:
+    """(T, P, M)"""
+    said = np.empty((len(x), len(poles), x.shape[1]), poles.dtype)
+    for i, pole in enumerate(poles):
+        said[:, i] = answer(x, pole)
+    return said
+
+
+def rotation(poles: np.ndarray, copies: int) -> Float[Tensor, "S S"]:
+    """One step of (real parts, imaginary parts), each of all poles and for each pole of `copies` signals: rows times this."""
+    each = np.repeat(poles, copies)
+    real, imaginary = np.diag(np.real(each)), np.diag(np.imag(each))
+    return torch.from_numpy(np.block([[real, imaginary], [-imaginary, real]]))

@@ -1,0 +1,98 @@
+"""Ridge regression of what a simulation lacks, by leaving conditions out: the linear family, and what a network fades to."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64
+
+from fmucorrect.training.data import Samples, Sizes
+
+PENALTIES = tuple(10.0**k for k in range(-6, 1))
+"""Shares of the mean power of a feature. The least keeps the weights so small that single precision does."""
+WORSE = 0.03
+"""Share by which the error on what is left out may grow for smaller weights. Neighbouring samples are nearly equal, so that
+large weights that almost cancel one another are often no worse there, and make much of what development hardly held."""
+
+
+@dataclass(frozen=True)
+class Normal:
+    """Normal equations of one condition. gram: of its features, the first of which is 1. side: with what is lacking, in units
+    of the response. power: (J,) square sum of that. extent: (J,) range of the measurement. speed: scaled. rows: how many."""
+
+    gram: Float64[np.ndarray, "F F"]
+    side: Float64[np.ndarray, "F J"]
+    power: Float64[np.ndarray, " J"]
+    extent: Float64[np.ndarray, " J"]
+    speed: float
+    rows: int
+
+    def error(self, solved: Solved) -> float:
+        """Mean NRMSE, %."""
+        weights = solved[0] + self.speed * solved[1]
+        square = self.power + np.einsum("fj,fj->j", weights, self.gram @ weights - 2.0 * self.side)
+        return float(np.mean(100.0 * np.sqrt(np.maximum(square, 0.0) / self.rows) / self.extent))
+
+
+Solved = tuple[Float64[np.ndarray, "F J"], Float64[np.ndarray, "F J"]]
+"""Weights of the features, and those of the features times the scaled speed."""
+
+
+def normal(features: Float64[np.ndarray, "N F"], item: Samples, stride: int, sizes: Sizes) -> Normal:
+    """features: of every stride-th of the measured rows."""
+    x = np.concatenate([np.ones((len(features), 1)), features], axis=1)
+    lacking = (item.measured - item.simulated)[::stride] / sizes.response
+    extent = np.ptp(item.measured, axis=0) / sizes.response
+    speed = (item.speed - sizes.speed[0]) / sizes.speed[1]
+    return Normal(x.T @ x, x.T @ lacking, (lacking**2).sum(axis=0), extent, speed, len(x))
+
+
+@dataclass(frozen=True)
+class Found:
+    """solved: by all conditions. left_out: NRMSE (%) of each when it was left out."""
+
+    solved: Solved
+    left_out: tuple[float, ...]
+
+
+def fit(
+    each: Sequence[Normal],
+    folds: Sequence[Sequence[int]],
+    sloped: Sequence[bool] = (False,),
+    penalties: Sequence[float] = PENALTIES,
+) -> Found:
+    """Penalty and slope: of those whose mean error on what is left out is hardly larger (WORSE) than the smallest the one whose
+    weights are smallest. folds: indices of the conditions that are left out together; without any the middle penalty, without
+    a slope. sloped: whether weights may follow the speed, and penalties: to choose
+    from."""
+    if not folds:
+        return Found(solve(each, False, penalties[len(penalties) // 2]), ())
+    errors = {(slope, penalty): _left_out(each, folds, slope, penalty) for slope in sloped for penalty in penalties}
+    least = (1.0 + WORSE) * min(np.mean(values) for values in errors.values())
+    likely = {one: solve(each, *one) for one, values in errors.items() if np.mean(values) <= least}
+    taken = min(likely, key=lambda one: sum(float((part[1:] ** 2).sum()) for part in likely[one]))
+    return Found(likely[taken], tuple(errors[taken]))
+
+
+def _left_out(each: Sequence[Normal], folds: Sequence[Sequence[int]], sloped: bool, penalty: float) -> list[float]:
+    errors = [0.0] * len(each)
+    for held in folds:
+        solved = solve([one for i, one in enumerate(each) if i not in held], sloped, penalty)
+        for i in held:
+            errors[i] = each[i].error(solved)
+    return errors
+
+
+def solve(each: Sequence[Normal], sloped: bool, penalty: float) -> Solved:
+    """All conditions together."""
+    one = len(each[0].gram)
+    two = one * (1 + sloped)
+    gram, side = np.zeros((two, two)), np.zeros((two, each[0].side.shape[1]))
+    for item in each:
+        powers = np.array([1.0, item.speed])[: 1 + sloped]
+        gram += np.kron(np.outer(powers, powers), item.gram)
+        side += np.kron(powers[:, None], item.side)
+    weights = np.linalg.solve(gram + penalty * np.trace(gram) / two * np.eye(two), side)
+    return weights[:one], weights[one:] if sloped else np.zeros_like(weights[:one])
