@@ -131,4 +131,4 @@ def test_outside_its_envelope_the_corrected_fmu_is_the_bare_fmu(
 def test_it_corrects_something_here(live: Record) -> None:
     """So that the laws above are not about zeros."""
     assert np.abs(live.values[:, 4:8] - live.values[:, :4]).max() > 1.0
-    assert set(live["corrector_status"]) == {Status.WARMUP, Status.OK}
+    assert np.mean(live["corrector_status"] == Status.OK) > 0.95

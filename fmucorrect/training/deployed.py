@@ -29,7 +29,7 @@ from torch import Tensor, nn
 
 from fmucorrect.training.data import Sizes
 from fmucorrect.training.fallback import Fallback
-from fmucorrect.training.novelty import FADE, Guard
+from fmucorrect.training.novelty import Guard
 
 FREQUENCY_STEPS = 1e4
 """A condition comes as float32; its frequency is taken to the nearest 0.1 mHz in double precision, so that 1.3 Hz means
@@ -181,9 +181,9 @@ def _envelope(ramps: Ramps, channels: int, history: int, inputs: int) -> dict[st
 
 
 def _guard(guard: Guard, history: int, inputs: int) -> dict[str, Tensor]:
-    """Z, z0, near, level: with distances in units of d0 sqrt(FADE^2 - 1), what the guard leaves of a correction is
-    FADE^2 / (FADE^2 - 1) - min_k |z - c_k|^2: 1 at a novelty of 1, 0 at FADE."""
-    unit = guard.threshold * math.sqrt(FADE**2 - 1.0)
+    """Z, z0, near, level: with squared distances in units of the guard's width, what it leaves of a correction is
+    d0^2 + 1 - min_k |z - c_k|^2: 1 at a novelty of 1, 0 where it has faded."""
+    unit = math.sqrt(guard.width)
     directions, shift, centres = (
         torch.from_numpy(values / unit) for values in (guard.known.directions, guard.known.shift, guard.known.centres)
     )
@@ -191,7 +191,7 @@ def _guard(guard: Guard, history: int, inputs: int) -> dict[str, Tensor]:
         "Z": _on_inputs(directions, history, inputs),
         "z0": shift,
         "near": 2.0 * centres.T,
-        "level": FADE**2 / (FADE**2 - 1.0) - (centres**2).sum(1),
+        "level": guard.threshold**2 / guard.width + 1.0 - (centres**2).sum(1),
     }
 
 

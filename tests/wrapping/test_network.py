@@ -95,6 +95,7 @@ def random_bundle(folder: Path, one: bool) -> Path:
         windows,
         np.array([330.0, 0.03, 1.3]),
         np.array([-1.0, 0.0, 1.7, 1e6]),
+        np.zeros((len(windows), 0)),
     )
     path = folder / "corrector.onnx"
     path.write_bytes(content)
@@ -177,7 +178,7 @@ def test_the_proof_holds_for_each_instruction_set(
     held = proof.prove(bundle.load(SHIPPED), shipped, tmp_path / "shipped")
     assert held.windows == 2008
     assert 500 < held.inside < 2008
-    assert held.largest <= 1e-5
+    assert max(held.errors.values()) <= 1.0  # of what rounding allows: most where the correction fades
     assert {"chosen", "baseline"} <= set(held.errors)
     proof.prove(bundle.load(phase), phase_sources, tmp_path / "phase")
     toy = make(tmp_path / "toy.onnx", rows=5)
