@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float64
@@ -70,8 +69,7 @@ def _filtered(rows: int, known: Sequence[Samples], unseen: Sequence[Samples], st
     each: list[ridge.Normal] = []
     for item in known:
         x, kept = taps(item, stride)
-        full = replace(item, simulated=item.simulated[kept], measured=item.measured[kept])
-        each.append(ridge.normal(x, full, 1, basis))
+        each.append(ridge.normal(x, item, kept, basis))
     weights, sloped = ridge.fit(each, folds, (False, True)[: 1 + speeds], PENALTIES).solved
     said: list[Response] = []
     for item in unseen:

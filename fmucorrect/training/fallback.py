@@ -46,7 +46,8 @@ def learn(look: Look, rows: int, development: Sequence[Samples], folds: Sequence
     whole = np.concatenate(looked)
     middle, size = whole.mean(axis=0), unit * whole.std(axis=0)
     unit = unit / np.maximum(size, FLOOR * size.max())
-    each = [ridge.normal((s - middle) * unit, item, stride, basis) for s, item in zip(looked, development, strict=True)]
+    every = slice(None, None, stride)
+    each = [ridge.normal((s - middle) * unit, item, every, basis) for s, item in zip(looked, development, strict=True)]
     found = ridge.fit(each, folds)
     zeros = np.zeros_like(each[0].side)
     bare = [one.error((zeros, zeros)) for one in each]

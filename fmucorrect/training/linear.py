@@ -138,7 +138,9 @@ def fit_filter(development: Sequence[Samples], folds: Sequence[Sequence[int]], s
         missing = len(item.simulated) - len(
             features
         )  # the first row, where nothing was simulated before it was measured
-        each.append(ridge.normal(np.pad(features, ((missing, 0), (0, 0)))[::stride], item, stride, sizes))
+        each.append(
+            ridge.normal(np.pad(features, ((missing, 0), (0, 0)))[::stride], item, slice(None, None, stride), sizes)
+        )
     speeds = len({item.speed for item in development}) > 2
     weights, sloped = ridge.fit(each, folds, (False, True)[: 1 + speeds]).solved
     return Filter(weights * sizes.response, sloped * sizes.response, sizes.speed, memory)

@@ -40,10 +40,10 @@ Solved = tuple[Float64[np.ndarray, "F J"], Float64[np.ndarray, "F J"]]
 """Weights of the features, and those of the features times the scaled speed."""
 
 
-def normal(features: Float64[np.ndarray, "N F"], item: Samples, stride: int, sizes: Sizes) -> Normal:
-    """features: of every stride-th of the measured rows."""
+def normal(features: Float64[np.ndarray, "N F"], item: Samples, rows: slice, sizes: Sizes) -> Normal:
+    """features: of these of the measured rows."""
     x = np.concatenate([np.ones((len(features), 1)), features], axis=1)
-    lacking = (item.measured - item.simulated)[::stride] / sizes.response
+    lacking = (item.measured - item.simulated)[rows] / sizes.response
     extent = np.ptp(item.measured, axis=0) / sizes.response
     speed = (item.speed - sizes.speed[0]) / sizes.speed[1]
     return Normal(x.T @ x, x.T @ lacking, (lacking**2).sum(axis=0), extent, speed, len(x))
