@@ -79,12 +79,13 @@ class Viewer(threading.Thread):
                     told = json.loads(message)
                     if told["op"] == "serverInfo":
                         self.info = told
-                    elif told["op"] == "advertise":
-                        for channel in told["channels"]:
-                            self.channels[channel["topic"]] = channel
-                            if self.topics and channel["topic"] not in self.topics:
-                                continue
+                    for channel in told.get("channels", []):
+                        self.channels[channel["topic"]] = channel
+                        if not self.topics or channel["topic"] in self.topics:
                             kinds[100 + channel["id"]] = channel["topic"], self.message_class(channel)
+                    if (
+                        told["op"] == "advertise" or told.get("level") == 2
+                    ):  # an error, where it knows its channel too late
                         wanted = [{"id": number, "channelId": number - 100} for number in kinds]
                         server.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
                 elif message[0] == 1:  # message data: subscription, time of receipt, payload
@@ -195,7 +196,8 @@ with connect(sys.argv[1], subprotocols=["foxglove.websocket.v1", "foxglove.sdk.v
         pass
     wanted = [{"id": 7, "channelId": told["channels"][0]["id"]}]
     server.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
-    server.recv()
+    while isinstance(told := server.recv(), str):  # an error, where it knows its channel too late
+        server.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
     os._exit(1)
 """
     with Live(Address(port=0)) as live:
