@@ -26,6 +26,7 @@ if TYPE_CHECKING:
         BundleError,
         FmucorrectError,
         FmuError,
+        LiveError,
         MissingExtra,
         RecordError,
         SignalError,
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     )
     from fmucorrect.experiment import Pair, pair, read_measurement, simulate
     from fmucorrect.fmu import FmuDescription, FmuStepper, IsolatedStepper, open_fmu
+    from fmucorrect.live import Live
     from fmucorrect.metrics import OracleLag, Scores, noise_floor, oracle_lag, score
     from fmucorrect.railway.assess import assess
     from fmucorrect.railway.assessment import load_assessment
@@ -71,6 +73,7 @@ _NAMES = {
         "BundleError",
         "FmuError",
         "FmucorrectError",
+        "LiveError",
         "MissingExtra",
         "RecordError",
         "SignalError",
@@ -79,6 +82,7 @@ _NAMES = {
     ),
     "experiment": ("Pair", "pair", "read_measurement", "simulate"),
     "fmu": ("FmuDescription", "FmuStepper", "IsolatedStepper", "open_fmu"),
+    "live": ("Live",),
     "metrics": ("OracleLag", "Scores", "noise_floor", "oracle_lag", "score"),
     "records": ("describe", "read", "stream", "writer"),
     "registration": ("Offset", "find_offset", "resample"),
@@ -134,6 +138,7 @@ __all__ = [  # noqa: RUF022 (as a reader looks for them)
     "Window",
     "grid",
     "run",
+    "Live",
     "simulate",
     "read_measurement",
     "pair",
@@ -162,6 +167,7 @@ __all__ = [  # noqa: RUF022 (as a reader looks for them)
     "BundleError",
     "SignalError",
     "WrapError",
+    "LiveError",
     "MissingExtra",
 ]
 

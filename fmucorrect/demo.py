@@ -14,8 +14,9 @@ from fmucorrect import bundle, experiment, outputs, records, session, sources
 from fmucorrect.bundle import Bundle
 from fmucorrect.comparison import Comparison, compare
 from fmucorrect.errors import RecordError
+from fmucorrect.live.layout import Curve, layout
 from fmucorrect.metrics import Scores
-from fmucorrect.report import comparison_page, foxglove
+from fmucorrect.report import comparison_page
 from fmucorrect.report.comparison_page import Context, Reference
 from fmucorrect.signals import Condition, Record
 from fmucorrect.stepper import CorrectedStepper, run
@@ -122,10 +123,10 @@ def run_demo(
     record, page = folder / "demo.mcap", folder / "demo.html"
     write_record(record, corrected, simulated, comparison, session.made(model, study))
     shown = [channel.name for channel in comparison.channels]
-    series = {sources.SIMULATION: shown, session.CORRECTED: [f"{name}_corrected" for name in shown]}
-    series["/measured"] = [f"{name}_measured" for name in shown]
-    status = f"{session.CORRECTED}.corrector_status"
-    outputs.write(folder / "demo.foxglove.json", foxglove.layout(comparison.channels, series, status))
+    ends = {sources.SIMULATION: "", sources.CORRECTED: "_corrected", "/measured": "_measured"}
+    curves = [Curve(topic, records.field_names([name + end for name in shown])) for topic, end in ends.items()]
+    status = f"{sources.CORRECTED}.corrector_status"
+    outputs.write(folder / "demo.foxglove.json", layout(comparison.channels, curves, status))
     comparison_page.write(page, comparison, context(comparison, online, study, model, len(corrected)))
     corrector = folder / "corrector.onnx"
     outputs.write(corrector, data.corrector.read_bytes())
@@ -175,7 +176,7 @@ def write_record(
     with outputs.Replacing(path) as beside, records.writer(beside) as file:
         file.write(sources.SIMULATION, replace(simulated, metadata=notes))
         added = corrected.names[len(simulated.channels) :]
-        file.write(session.CORRECTED, replace(corrected.select(added), metadata=notes))
+        file.write(sources.CORRECTED, replace(corrected.select(added), metadata=notes))
         if comparison.condition.measurement is not None:
             begun = records.describe(comparison.condition.measurement).topics[0].extent.start_ns
             notes["measurement_start_ns"] = str(begun)

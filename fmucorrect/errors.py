@@ -10,6 +10,7 @@
     ├── TrainingError   a training cannot be done as it was asked for
     ├── WrapError       a corrected FMU cannot be made as it was asked for
     ├── OutputError     what would be written is an input, or somebody else's
+    ├── LiveError       a run cannot be shown while it runs
     └── MissingExtra    an optional package is not installed; carries the pip command
 
 All of them are the user's to mend: the command line prints the message alone and exits with 2.
@@ -123,6 +124,10 @@ class WrapError(FmucorrectError):
 
 class OutputError(FmucorrectError):
     """What would be written is an input, or there already and made by something else."""
+
+
+class LiveError(FmucorrectError):
+    """A run cannot be shown while it runs, at the address that was given or as it is."""
 
 
 class MissingExtra(FmucorrectError, ImportError):

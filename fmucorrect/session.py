@@ -8,7 +8,7 @@ import json
 import math
 import time
 from collections.abc import Callable, Generator, Iterable, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -20,9 +20,11 @@ from fmucorrect import __version__, outputs, records, sources
 from fmucorrect.bundle import Bundle
 from fmucorrect.clocks import begins, clock
 from fmucorrect.errors import FmucorrectError, RecordError
+from fmucorrect.live import Live, live_layout
 from fmucorrect.records.timebase import seconds_text
 from fmucorrect.records.writing import Writer
 from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Condition, Reading, Record
+from fmucorrect.sources import CORRECTED, SIMULATION
 from fmucorrect.stepper import (
     CorrectedStepper,
     Corrector,
@@ -36,7 +38,6 @@ from fmucorrect.stepper import (
 from fmucorrect.study import Study
 from fmucorrect.withheld import admitted
 
-CORRECTED = "/corrected"
 FEATURES = ("speed", "amplitude", "frequency", "start")
 STARTS = "parameters"
 """In a record's metadata: the FMU's start values of its condition, as JSON."""
@@ -54,7 +55,8 @@ class Summary:
     rows: samples. seconds: simulated time from the first to the last sample. elapsed: wall clock, s. status: share of the
     samples by status name, empty where nothing was corrected. damage, repaired: what the records that were read had lost,
     and what repair rules changed in them, starts: what the run began from where that is not known, in words; unlike: start
-    values by which the corrector is withheld, since it was trained with others; "" for nothing.
+    values by which the corrector is withheld, since it was trained with others; "" for nothing. live: of a run that was
+    shown, how many rows were published, and how many were dropped though somebody watched; empty for one that was not.
     """
 
     path: Path
@@ -67,6 +69,7 @@ class Summary:
     repaired: str = ""
     starts: str = ""
     unlike: str = ""
+    live: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))
 
     @property
     def real_time_factor(self) -> float:
@@ -88,6 +91,7 @@ class Summary:
             "repaired": self.repaired,
             "starts": self.starts,
             "unlike": self.unlike,
+            **({"live": dict(self.live)} if self.live else {}),
         }
 
 
@@ -100,14 +104,16 @@ def run_study(
     duration: float | None = None,
     overwrite: bool = True,
     progress: Progress | None = None,
+    live: Live | None = None,
 ) -> Summary:
     """Simulate a condition, through `corrector` where there is one, into a record file.
 
     duration: s from time zero, by default as long as the condition was measured; a simulated record is taken whole.
     overwrite: whether `out` may be there already where nothing says that a run made it; an input it never may be
     (OutputError). Whatever breaks a run off, its finished rows are in a file that says so: the error's notes name it.
+    live: shows the run while it runs, with a layout for Foxglove beside `out`; closed when the run is done.
     """
-    outputs.check_file(out, [*study.files(), ("the corrector", _path(corrector))], "run", overwrite)
+    _check(out, [*study.files(), ("the corrector", _path(corrector))], "run", overwrite, live)
     lost = sources.damages(condition) if study.allow_damaged else {}
     given = {**study.parameters, **condition.parameters}
     by = made(corrector, study)
@@ -123,7 +129,7 @@ def run_study(
     plant = sources.plant(study, condition)
     inputs = sources.inputs(study, condition, duration, known)
     source = condition.simulated or study.fmu
-    return _write("run", plant, corrector, condition, inputs, out, progress, told, by, source)
+    return _write("run", plant, corrector, condition, inputs, out, progress, told, by, source, live)
 
 
 def replay_log(
@@ -140,14 +146,15 @@ def replay_log(
     overwrite: bool = True,
     also_read: outputs.Inputs = (),
     progress: Progress | None = None,
+    live: Live | None = None,
 ) -> Summary:
     """Stream a logged simulation through `corrector` into a record file; `unit` is that of columns whose file says none.
 
-    overwrite: as in run_study. also_read: what else must not be written over. Raises RecordError before anything is
+    overwrite, live: as in run_study. also_read: what else must not be written over. Raises RecordError before anything is
     written where the log has lost something, unless `allow_damaged`.
     """
     read = [("the log", log), ("the corrector", _path(corrector)), *also_read]
-    outputs.check_file(out, read, "replay", overwrite)
+    _check(out, read, "replay", overwrite, live)
     channels = corrector.channels
     damage = records.describe(log, reading).damage
     if damage and not allow_damaged:
@@ -160,7 +167,20 @@ def replay_log(
     corrector, unlike = admitted(corrector, condition.parameters, {})
     told = {"damage": damage, "repaired": repaired, "unlike": unlike}
     stepper = ReplayStepper(channels)
-    return _write("replay", stepper, corrector, condition, inputs, out, progress, told, by, log)
+    return _write("replay", stepper, corrector, condition, inputs, out, progress, told, by, log, live)
+
+
+def layout_path(out: Path) -> Path:
+    """Where the layout for Foxglove of a run that is shown is: beside the file that it writes."""
+    return out.with_name(f"{out.stem}.live.json")
+
+
+def _check(out: Path, read: outputs.Inputs, command: str, overwrite: bool, live: Live | None) -> None:
+    """Raises OutputError where something that would be written may not be."""
+    read = list(read)
+    outputs.check_file(out, read, command, overwrite)
+    if live is not None:
+        outputs.check_file(layout_path(out), read, command, overwrite)
 
 
 def logged_condition(
@@ -269,8 +289,8 @@ class _Recorder:
     @property
     def topics(self) -> tuple[str, ...]:
         if not self._added:
-            return (sources.SIMULATION,)
-        return (sources.SIMULATION, CORRECTED) if self._several else (CORRECTED,)
+            return (SIMULATION,)
+        return (SIMULATION, CORRECTED) if self._several else (CORRECTED,)
 
     def close(self, notes: Mapping[str, str] = MappingProxyType({})) -> None:
         """Finish the file, with these notes beside what made it."""
@@ -294,7 +314,7 @@ class _Recorder:
             self._file.write(topics[0], result)
         else:
             simulated = len(result.channels) - self._added
-            self._file.write(sources.SIMULATION, result.select(result.names[:simulated]))
+            self._file.write(SIMULATION, result.select(result.names[:simulated]))
             self._file.write(CORRECTED, result.select(result.names[simulated:]))
         if self._added:
             self.counts += np.bincount(result["corrector_status"].astype(np.int64), minlength=len(Status))
@@ -374,23 +394,32 @@ def _write(
     told: Mapping[str, str],
     by: Mapping[str, str],
     source: Path | None,
+    live: Live | None,
 ) -> Summary:
     """told: what was lost and mended in what is read. by: what makes the file, as `made` has it. source: the plant's file."""
     begun = time.perf_counter()
+    if live is not None:
+        inputs = live.timely(inputs)
     try:
         stepper = plant if corrector is None else CorrectedStepper(plant, corrector)
         added = 0 if corrector is None else len(corrected_channels(corrector.channels))
         notes = metadata(condition) | {key: text for key, text in told.items() if text}
-        with _recording(out, command, notes, by, added, progress) as recorder:
-            run(
-                stepper,
-                condition,
-                inputs,
-                lambda rows: recorder.take(sources.solved(rows, source, len(plant.channels))),
-            )
+        with live or nullcontext():
+            with _recording(out, command, notes, by, added, progress) as recorder:
+
+                def sink(rows: Record) -> None:
+                    rows = sources.solved(rows, source, len(plant.channels))
+                    if live is not None and not recorder.rows:
+                        outputs.write(layout_path(out), live_layout(rows, outputs.mark(command)))
+                    recorder.take(rows)
+                    if live is not None:
+                        live.take(rows)
+
+                run(stepper, condition, inputs, sink)
+            elapsed = time.perf_counter() - begun - (live.waited if live is not None else 0.0)
     finally:
         plant.close()
     shares = {} if corrector is None else {s.name.lower(): float(recorder.counts[s] / recorder.rows) for s in Status}
     seconds = (recorder.last_ns - recorder.first_ns) / NANOSECONDS
-    elapsed = time.perf_counter() - begun
-    return Summary(out, recorder.topics, recorder.rows, seconds, elapsed, shares, **told)
+    shown = {} if live is None else {"shown": live.shown, "dropped": live.dropped}
+    return Summary(out, recorder.topics, recorder.rows, seconds, elapsed, shares, **told, live=shown)

@@ -25,8 +25,8 @@ MOST_ROWS, MOST_MEASURED = 10**9, 10**8
 """Samples that a run may be told to compute (12 days at 1 ms), and that the length of a measurement may ask for by itself:
 a day at 1 ms. A clock that jumps to its right time asks for 54 years."""
 
-SIMULATION = "/simulation"
-"""The topic of a simulated response in the files written here."""
+SIMULATION, CORRECTED = "/simulation", "/corrected"
+"""The topics of a simulated response, and of what a corrector made of it, in the files written here."""
 
 
 def plant(study: Study, condition: Condition, *, isolated: bool = True) -> Stepper:

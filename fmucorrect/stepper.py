@@ -6,7 +6,7 @@ Online co-simulation, batch and replay differ only in the plant (an FMU, a log) 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import closing
 from dataclasses import replace
 from enum import IntEnum
@@ -398,6 +398,14 @@ def corrected_channels(channels: tuple[Channel, ...]) -> tuple[Channel, ...]:
         *(replace(channel, name=f"{channel.name}_sigma") for channel in channels),
         Channel("corrector_status", quantity="status"),
     )
+
+
+def corrections(channels: Sequence[Channel]) -> int:
+    """How many channels a corrector has added to these, by corrected_channels; 0 where there was none."""
+    if not channels or channels[-1].quantity != "status":
+        return 0
+    names = [channel.name for channel in channels]
+    return next(i for i in range(len(names)) if not names[-2 - i].endswith("_sigma"))
 
 
 def _match(plant: tuple[Channel, ...], wanted: tuple[Channel, ...]) -> list[int]:

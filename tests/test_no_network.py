@@ -87,3 +87,11 @@ def test_the_watch_sees_what_there_is(watched: Path, tmp_path: Path) -> None:
 def test_a_demonstration_opens_no_connection(watched: Path, tmp_path: Path) -> None:
     assert told(watched, tmp_path, "-m", "fmucorrect", "demo", "-o", str(tmp_path / "out")) == ""
     assert (tmp_path / "out").exists()
+
+
+def test_a_live_view_listens_and_calls_nobody(watched: Path, tmp_path: Path) -> None:
+    pytest.importorskip("foxglove")
+    code = "import fmucorrect as fc, numpy as np\nchannels = (fc.Channel('x'),)\n"
+    code += "with fc.Live(fc.live.Address(port=0), wait=0.0) as live:\n"
+    code += "    live.take(fc.Record(np.arange(9), np.zeros((9, 1)), channels))\n"
+    assert told(watched, tmp_path, "-c", code) == "socket 2\n"

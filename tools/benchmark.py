@@ -49,11 +49,11 @@ def table(rows: list[Row]) -> str:
 def main() -> None:
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ[variable] = "1"  # before numpy is imported
-    from benchmarks import discovery, files, running, steps, training, vehicle, wrapped
+    from benchmarks import discovery, files, live, running, steps, training, vehicle, wrapped
 
     parser = argparse.ArgumentParser(description="Measure the speed of fmucorrect.")
     parser.add_argument("--quick", action="store_true", help="fewer repeats; for a look, not for quoting")
-    known = ["steps", "running", "vehicle", "files", "training", "wrapped", "discovery"]
+    known = ["steps", "running", "vehicle", "files", "training", "wrapped", "live", "discovery"]
     parser.add_argument("--only", choices=known, help="one part")
     parser.add_argument("--json", type=Path, help="write the rows there as well")
     arguments = parser.parse_args()
@@ -64,6 +64,7 @@ def main() -> None:
         "files": files.measure,
         "training": training.measure,
         "wrapped": wrapped.measure,
+        "live": live.measure,
         "discovery": discovery.measure,
     }
     chosen = [arguments.only] if arguments.only else list(parts)

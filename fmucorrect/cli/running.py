@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
-from contextlib import suppress
+import logging
+from collections.abc import Callable, Generator
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -27,6 +29,7 @@ from fmucorrect.errors import FmucorrectError
 if TYPE_CHECKING:
     from fmucorrect.discovery.estimate import Estimate
     from fmucorrect.inspection import Inspection
+    from fmucorrect.live import Live
     from fmucorrect.session import Summary
     from fmucorrect.signals import Condition, Reading
 
@@ -71,6 +74,34 @@ def demo(out: Path, overwrite: bool, as_json: bool) -> None:
     say(f"\nTry next\n{demonstration.next_steps(result)}")
 
 
+def _live_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Those of commands whose rows can be watched; `_watching` takes them."""
+    where = "With this, others than this machine can watch too."
+    listen = f"Address of this machine, as ADDRESS or ADDRESS:PORT, to listen at instead of 127.0.0.1:8765. {where}"
+    command = click.option("--listen", metavar="ADDRESS[:PORT]", help=listen)(command)
+    return click.option("--live", is_flag=True, help="Show the run in Foxglove while it runs; waits 30 s for it.")(
+        command
+    )
+
+
+@contextmanager
+def _watching(live: bool, listen: str | None, out: Path) -> Generator[Live | None]:
+    """The view that was asked for, and what to open."""
+    if not live and listen is None:
+        yield None
+        return
+    from fmucorrect import live as viewing
+    from fmucorrect import session
+
+    logging.getLogger("foxglove").setLevel(logging.CRITICAL)  # a viewer that goes away is no error of the run
+    where = viewing.Address() if listen is None else viewing.address(listen)
+    with viewing.Live(where) as view:
+        reach = "" if view.address.loopback else "; whoever reaches this address can watch"
+        layout = session.layout_path(out)
+        say(f"live: open {view.address.url} in Foxglove, with the layout {layout}{reach}", err=True)
+        yield view
+
+
 @click.command()
 @click.argument("study", type=PATH)
 @click.option("--condition", required=True, help="Name of a condition of the study.")
@@ -79,6 +110,7 @@ def demo(out: Path, overwrite: bool, as_json: bool) -> None:
 @STEP_TIMEOUT
 @click.option("-o", "--out", type=PATH, required=True, help="Record file to write; .mcap takes several topics.")
 @OVERWRITE
+@_live_options
 @ALLOW_DAMAGED
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON.")
 def run(
@@ -89,6 +121,8 @@ def run(
     step_timeout: float | None,
     out: Path,
     overwrite: bool,
+    live: bool,
+    listen: str | None,
     allow_damaged: bool,
     as_json: bool,
 ) -> None:
@@ -105,9 +139,9 @@ def run(
     chosen = the_study.condition(condition)
     model = bundle.load(corrector) if corrector is not None else None
     rows = sources.expected_rows(the_study, chosen, duration)
-    with progress_bar(rows, "sample", condition) as advance:
+    with _watching(live, listen, out) as view, progress_bar(rows, "sample", condition) as advance:
         summary = session.run_study(
-            the_study, chosen, out, model, duration=duration, overwrite=overwrite, progress=advance
+            the_study, chosen, out, model, duration=duration, overwrite=overwrite, progress=advance, live=view
         )
     _print_summary(summary, as_json)
 
@@ -127,6 +161,7 @@ def run(
 @reading_options
 @click.option("-o", "--out", type=PATH, required=True, help="Record file to write; .mcap takes several topics.")
 @OVERWRITE
+@_live_options
 @ALLOW_DAMAGED
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON.")
 def replay(
@@ -144,6 +179,8 @@ def replay(
     encoding: str,
     out: Path,
     overwrite: bool,
+    live: bool,
+    listen: str | None,
     allow_damaged: bool,
     as_json: bool,
     **features: float | None,
@@ -160,7 +197,8 @@ def replay(
     reading = reading_of(time, rate, delimiter, decimal, encoding)
     model = bundle.load(corrector)
     chosen, also_read = _condition(log, topic, study, condition, features, reading)
-    with progress_bar(sources.logged_rows(log, topic, reading), "sample", log.name) as advance:
+    rows = sources.logged_rows(log, topic, reading)
+    with _watching(live, listen, out) as view, progress_bar(rows, "sample", log.name) as advance:
         summary = session.replay_log(
             log,
             chosen,
@@ -174,6 +212,7 @@ def replay(
             overwrite=overwrite,
             also_read=also_read,
             progress=advance,
+            live=view,
         )
     _print_summary(summary, as_json)
 
@@ -282,6 +321,10 @@ def _print_summary(summary: Summary, as_json: bool) -> None:
         f"{summary.rows} samples, {summary.seconds:g} s simulated in {summary.elapsed:.2f} s, "
         f"{summary.real_time_factor:.0f} times real time"
     )
+    if summary.live:
+        shown, dropped = summary.live["shown"], summary.live["dropped"]
+        left = f", {dropped} dropped, since the run was faster than the view" if dropped else ""
+        say(f"live: {shown} samples shown{left}" if shown or dropped else "live: nobody watched")
     if summary.status:
         shares = ", ".join(f"{name} {100 * share:.2f} %" for name, share in summary.status.items())
         say(f"status: {shares}")

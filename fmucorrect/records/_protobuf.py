@@ -29,8 +29,8 @@ _FIXED = {
 }
 _TEXT = {FieldDescriptor.TYPE_STRING, FieldDescriptor.TYPE_BYTES}
 _TIMES = {"google.protobuf.Timestamp", "google.protobuf.Duration"}
-DOUBLE, STATUS = "<f8", "u1"
-"""What a field may be: a double, or a `stepper.Status` as an enum, whose values take one byte."""
+DOUBLE, STATUS, STAMP = "<f8", "u1", "<i4"
+"""What a field may be: a double, a `stepper.Status` as an enum, whose values take one byte, or half of a sample time."""
 
 _UNIT = re.compile(r"\[([^\[\]]+)\]")
 
@@ -41,8 +41,10 @@ def schema(
     fields: Sequence[str],
     units: Sequence[str],
     kinds: Sequence[str],
+    stamp: str = "",
 ) -> tuple[str, bytes]:
     """Name and FileDescriptorSet of a message of numbers, each with its name and unit as a comment. kinds: DOUBLE or STATUS.
+    stamp: name of a field behind them that holds the sample time as whole seconds and nanoseconds, "" for none.
 
     proto2 optional fields: a value of 0.0 is written like any other, so every message has the same size.
     """
@@ -66,12 +68,29 @@ def schema(
         place = file.source_code_info.location.add(trailing_comments=f" {name} [{unit}]\n")
         place.path.extend([4, 0, 2, i])
         place.span.extend([i + 3, 2, 60])
+    if stamp:
+        kept = descriptor_pb2.FieldDescriptorProto
+        time = message.nested_type.add(name="Stamp")
+        for number, part in enumerate(("sec", "nsec"), 1):
+            time.field.add(name=part, number=number, label=kept.LABEL_OPTIONAL, type=kept.TYPE_SFIXED32)
+        message.field.add(
+            name=stamp,
+            number=_number(len(fields)),
+            label=kept.LABEL_OPTIONAL,
+            type=kept.TYPE_MESSAGE,
+            type_name=f".{_PACKAGE}.{title}.Stamp",
+        )
     return f"{_PACKAGE}.{title}", descriptor_pb2.FileDescriptorSet(file=[file]).SerializeToString()
 
 
 def tags(kinds: Sequence[str]) -> list[bytes]:
     """What stands before each number of a message of `schema`: field number and wire type, 1 for doubles, 0 for enums."""
     return [_varint(_number(i) << 3 | (kind == DOUBLE)) for i, kind in enumerate(kinds)]
+
+
+def stamp_tags(i: int) -> list[bytes]:
+    """What stands before the seconds and before the nanoseconds of a stamp behind `i` numbers, each of kind STAMP."""
+    return [_varint(_number(i) << 3 | 2) + b"\x0a\x0d", b"\x15"]  # ten bytes, two fields of wire type 5
 
 
 def _number(i: int) -> int:

@@ -33,11 +33,10 @@ from mcap.records import (
 
 from fmucorrect.errors import RecordError
 from fmucorrect.records import _protobuf
-from fmucorrect.records.assemble import RESERVED
-from fmucorrect.records.bulk import assemble, assemble_index
+from fmucorrect.records.bulk import assemble_index
 from fmucorrect.records.chunks import MAGIC
 from fmucorrect.records.mcap_summary import NOTES
-from fmucorrect.records.naming import field_names
+from fmucorrect.records.message import MessageType, message_type
 from fmucorrect.signals import Record
 from fmucorrect.stepper import Status
 
@@ -54,8 +53,7 @@ class _Written:
 
     channel: Channel
     schema: Schema
-    tags: list[bytes]
-    kinds: list[str]
+    kind: MessageType
     rows: int = 0
 
 
@@ -78,10 +76,8 @@ class McapSink:
         if len(record) and record.t_ns[0] < 0:
             raise RecordError("MCAP holds no time before zero", where=self._path, got=f"{record.t_ns[0]} ns")
         written = self._topics.get(topic) or self._register(topic, record)
-        size = 31 + sum(
-            len(tag) + np.dtype(kind).itemsize for tag, kind in zip(written.tags, written.kinds, strict=True)
-        )
-        for c, kind in enumerate(written.kinds):
+        size = written.kind.size
+        for c, kind in enumerate(written.kind.kinds):
             if kind == _protobuf.STATUS and not np.isin(record.values[:, c], list(Status)).all():
                 raise RecordError(
                     f"{record.names[c]!r} holds what is no status", where=self._path, expected=list(Status)
@@ -127,25 +123,17 @@ class McapSink:
 
     def _register(self, topic: str, record: Record) -> _Written:
         """Schema and channel, at the top level of the file, so that they can be read without any chunk."""
-        number = len(self._topics) + 1
-        fields = field_names(record.names)
-        units = [channel.unit for channel in record.channels]
-        kinds = [_protobuf.STATUS if c.quantity == "status" else _protobuf.DOUBLE for c in record.channels]
-        title, descriptors = _protobuf.schema(topic, record.names, fields, units, kinds)
-        metadata = {key: value for key, value in record.metadata.items() if key not in RESERVED}
-        for name, field, unit in zip(record.names, fields, units, strict=True):
-            metadata[f"unit.{field}"] = unit
-            if name != field:
-                metadata[f"name.{field}"] = name
-        schema = Schema(id=number, name=title, encoding="protobuf", data=descriptors)
+        number, kind = len(self._topics) + 1, message_type(topic, record)
+        schema = Schema(id=number, name=kind.schema, encoding="protobuf", data=kind.descriptors)
+        metadata = dict(kind.metadata)
         channel = Channel(id=number, topic=topic, message_encoding="protobuf", metadata=metadata, schema_id=number)
         self._stream.write(_bytes(schema) + _bytes(channel))
-        self._topics[topic] = _Written(channel, schema, _protobuf.tags(kinds), kinds)
+        self._topics[topic] = _Written(channel, schema, kind)
         return self._topics[topic]
 
     def _chunk(self, written: _Written, record: Record, size: int) -> None:
         number, first, last = written.channel.id, int(record.t_ns[0]), int(record.t_ns[-1])
-        data = assemble(number, written.rows, record.t_ns, record.values, written.tags, written.kinds)
+        data = written.kind.records(number, written.rows, record)
         packed = self._compressor.compress(data)
         body = struct.pack("<QQQII4sQ", first, last, len(data), zlib.crc32(data), 4, b"zstd", len(packed))
         start = self._stream.tell()

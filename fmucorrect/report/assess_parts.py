@@ -12,9 +12,7 @@ class AssessmentPage(DiscoveryPage):
 
     def open_fold(self, summary: str) -> None:
         """Everything up to close_fold() unfolds at a click."""
-        self._parts.append(
-            f'<details style="margin:10px 0"><summary style="cursor:pointer">{escape(summary)}</summary>'
-        )
+        self._parts.append(f"<details><summary>{escape(summary)}</summary>")
 
     def close_fold(self) -> None:
         self._parts.append("</details>")

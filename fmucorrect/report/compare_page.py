@@ -228,7 +228,7 @@ def _oracle_section(page: Page, result: Mapping[str, Any]) -> None:
 def _histories_section(page: Page, result: Mapping[str, Any], histories: Mapping[str, np.ndarray]) -> None:
     names = [name for name in result["evaluation"] if f"t/{name}" in histories]
     count = 2 * sum(f"{case['case']}/{name}" in histories for case in result["cases"] for name in names) + len(names)
-    points = min(POINTS, drawn.OVERLAY_POINTS // max(count * len(result["channels"]), 1))
+    points = POINTS // max(count * len(result["channels"]), 1)
     seen, channels, unit = _shown(result), result["channels"], result["unit"]
     for name in names:
         t, measured = (np.asarray(histories[f"{key}/{name}"], np.float64) for key in ("t", "measured"))

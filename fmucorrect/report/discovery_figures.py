@@ -21,8 +21,6 @@ from fmucorrect.report.discovery_text import (
 from fmucorrect.report.figures import CORRECTED, INK, MEASURED, SIMULATED
 from fmucorrect.report.training_figures import colours, line, panels, style
 
-POINTS = 150_000
-"""Most points that all histories of a page have together."""
 PANELS = 6
 """Most channels that are drawn."""
 BARS = 14

@@ -35,6 +35,7 @@ from fmucorrect.report.discovery_text import (
     titled,
 )
 from fmucorrect.report.discovery_where import where
+from fmucorrect.report.figures import POINTS
 from fmucorrect.report.html import Row
 
 NAMED = 3
@@ -253,7 +254,7 @@ def _series_section(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
     roles = {str(item.get("condition")): item.get("role") for item in rows(report.get("gap"))}
     order = sorted(found, key=lambda name: roles.get(name) != "evaluation")
     channels, count = drawn.drawn_channels(report)
-    points = max(200, drawn.POINTS // max(3 * len(channels) * len(order), 1))
+    points = max(200, POINTS // max(2 * 3 * len(channels) * len(order), 1))
     options = [(name, drawn.series(found[name], channels, points)) for name in order]
     shown = [
         (f"{name} (held out)" if roles.get(name) == "evaluation" else name, figure)

@@ -12,11 +12,6 @@ from fmucorrect.report.html import Markup, Page
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
-_SERIF = "Cambria,'STIX Two Math','Latin Modern Math',Georgia,'Times New Roman',serif"
-_EQUATION = (
-    f"font:21px/1.6 {_SERIF};"
-    "margin:10px 0 12px;padding:10px 16px;background:#f2f4f7;border-radius:8px;overflow-x:auto;white-space:pre-wrap"
-)
 _CHOOSE = """
 for (const group of document.querySelectorAll('.buttons[data-choice]')) {
   const options = document.getElementById(group.dataset.choice).children, buttons = group.querySelectorAll('button');
@@ -30,7 +25,7 @@ for (const group of document.querySelectorAll('.buttons[data-choice]')) {
 
 def formula(text: str) -> Markup:
     """A letter of an equation, for a table."""
-    return Markup(f'<span style="{escape(f"font-family:{_SERIF};font-size:1.1em")}">{markup(text)}</span>')
+    return Markup(f'<span class="letter">{markup(text)}</span>')
 
 
 class DiscoveryPage(Page):
@@ -42,33 +37,30 @@ class DiscoveryPage(Page):
         """An equation in plain text, several one a line or separated by semicolons."""
         lines = [line.strip() for line in text.replace(";", "\n").splitlines() if line.strip()]
         body = "<br>".join(map(markup, lines))
-        self._parts.append(f'<div class="equation" style="{escape(_EQUATION)}">{body}</div>')
+        self._parts.append(f'<div class="equation" tabindex="0" role="region" aria-label="equation">{body}</div>')
 
     def text_block(self, text: str) -> None:
         """A paragraph."""
-        self._parts.append(f'<p style="margin:8px 0;max-width:62em">{escape(text)}</p>')
+        self._parts.append(f'<p class="text">{escape(text)}</p>')
 
     def heading(self, text: str) -> None:
         """A heading below that of a section."""
-        self._parts.append(f'<h3 style="font-size:17px;margin:18px 0 2px">{escape(text)}</h3>')
+        self._parts.append(f"<h3>{escape(text)}</h3>")
 
     def items(self, texts: Sequence[str]) -> None:
         """A list."""
         body = "".join(f"<li>{escape(text)}</li>" for text in texts)
-        self._parts.append(f'<ul style="margin:6px 0;padding-left:22px;max-width:62em">{body}</ul>')
+        self._parts.append(f'<ul class="text">{body}</ul>')
 
     def fold(self, summary: str, text: str) -> None:
         """Text as it stands that unfolds at a click."""
-        self._parts.append(
-            f'<details style="margin:10px 0"><summary style="cursor:pointer">{escape(summary)}</summary>'
-            f"<pre>{escape(text.rstrip())}</pre></details>"
-        )
+        self._parts.append(f"<details><summary>{escape(summary)}</summary><pre>{escape(text.rstrip())}</pre></details>")
 
     def side_by_side(self, figures: Sequence[Figure]) -> None:
         """Figures in two columns where there is room."""
         self._parts.append('<div class="pair">')
         for figure in figures:
-            self._parts.append('<div style="min-width:0">')
+            self._parts.append("<div>")
             self.figure(figure)
             self._parts.append("</div>")
         self._parts.append("</div>")
@@ -85,7 +77,7 @@ class DiscoveryPage(Page):
             f'<button type="button" aria-pressed="{str(not i).lower()}">{escape(label)}</button>'
             for i, (label, _) in enumerate(options)
         )
-        self._parts.append(f'<div class="buttons" data-choice="{name}">Show {buttons}</div><div id="{name}">')
+        self._parts.append(f'<div class="buttons" hidden data-choice="{name}">Show {buttons}</div><div id="{name}">')
         for _, figure in options:
             self._parts.append("<div>")
             self.figure(figure)

@@ -15,13 +15,15 @@ from fmucorrect.signals import NANOSECONDS
 
 INK, MEASURED, SIMULATED, CORRECTED = "#1c2430", "#a3acb8", "#d1642a", "#1668b0"
 BAND = "rgba(22, 104, 176, 0.18)"
-POINTS = 7500
-"""Most points of a curve that are drawn."""
+POINTS = 120_000
+"""Most numbers of the histories of a page: some five bytes each, packed, beside two million of the library that draws them."""
+_CURVES = 7
+"""Curves a channel: three and two ends of the band, and two errors."""
 
 
 def thinning(comparison: Comparison) -> int:
     """Every how many samples one is drawn: scores use them all, the page must stay small."""
-    return max(1, -(-len(comparison.t_ns) // POINTS))
+    return max(1, -(-len(comparison.t_ns) * len(comparison.channels) * _CURVES // POINTS))
 
 
 def first_view(comparison: Comparison, periods: float = 6.0, settle: float = 4.0) -> tuple[float, float]:

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import base64
+import gzip
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from html import escape
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING
 
 from fmucorrect import outputs
+from fmucorrect.report.still import still
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
@@ -23,6 +27,27 @@ _SETTINGS = {
     "scrollZoom": False,
     "modeBarButtonsToRemove": ["sendChartToCloud"],
 }
+_DRAW = """
+const unpacked = async (name) => {
+  const text = atob(document.getElementById(name).textContent), bytes = Uint8Array.from(text, (c) => c.charCodeAt(0));
+  return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream('gzip'))).text();
+};
+const drawn = (async () => {
+  const library = document.createElement('script');
+  library.textContent = await unpacked('library');
+  document.head.append(library);
+  for (const [name, made] of Object.entries(JSON.parse(await unpacked('figures')))) {
+    const figure = document.getElementById(name);
+    figure.replaceChildren();
+    figure.style.height = `${made.layout.height || 400}px`;
+    const clear = 'rgba(0,0,0,0)', modebar = { ...made.layout.modebar, bgcolor: clear };
+    const layout = { ...made.layout, paper_bgcolor: clear, plot_bgcolor: clear, modebar };
+    Plotly.newPlot(figure, made.data, layout, %s);
+  }
+%s
+})();
+"""
+"""The figures, in the place of their still pictures. A browser that cannot unpack (before 2023) keeps those."""
 _BUTTONS = """
 for (const group of document.querySelectorAll('.buttons[data-for]')) {
   const figure = document.getElementById(group.dataset.for);
@@ -42,7 +67,22 @@ const fit = () => { for (const figure of document.querySelectorAll('.figure')) P
 fit();
 narrow.addEventListener('change', fit);
 window.addEventListener('beforeprint', () => { for (const f of document.querySelectorAll('.figure')) Plotly.Plots.resize(f); });
+for (const group of document.querySelectorAll('.buttons')) group.hidden = false;
 """
+_CONTENTS = 4
+"""Fewest sections of which a page lists its contents."""
+
+
+@lru_cache(maxsize=1)
+def _library() -> str:
+    from plotly.offline import get_plotlyjs
+
+    return _packed(get_plotlyjs())
+
+
+def _packed(text: str) -> str:
+    """Text for a script element: compressed, and no character in it that could end one."""
+    return base64.b64encode(gzip.compress(text.encode(), 9, mtime=0)).decode()
 
 
 class Markup(str):
@@ -66,7 +106,8 @@ class Page:
         """made_by: what the page names as its generator; outputs.mark of a command that writes pages by themselves."""
         self._made_by = made_by
         self._title = title
-        self._figures = 0
+        self._figures: dict[str, str] = {}
+        self._sections: list[str] = []
         self._scripts: list[str] = []
         above = f'<p class="kicker">{escape(kicker)}</p>' if kicker else ""
         self._parts = [f'<header>{above}<h1>{escape(title)}</h1><p class="lead">{escape(lead)}</p></header>']
@@ -91,8 +132,10 @@ class Page:
 
     def section(self, title: str, note: str = "") -> None:
         """Everything up to end() belongs to it."""
+        self._sections.append(title)
         self._parts.append(
-            f"<section><h2>{escape(title)}</h2>" + (f'<p class="note">{escape(note)}</p>' if note else "")
+            f'<section id="section-{len(self._sections)}"><h2>{escape(title)}</h2>'
+            + (f'<p class="note">{escape(note)}</p>' if note else "")
         )
 
     def end(self) -> None:
@@ -100,7 +143,7 @@ class Page:
 
     def table(self, header: Sequence[str], rows: Sequence[Row]) -> None:
         """The first column is text, the others numbers."""
-        head = "".join(f'<th scope="col">{escape(cell)}</th>' for cell in header)
+        head = "".join(f'<th scope="col">{escape(cell)}</th>' if cell else "<td></td>" for cell in header)
         body = ""
         for row in rows:
             name = f' class="{row.kind}"' if row.kind else ""
@@ -109,25 +152,28 @@ class Page:
             else:
                 cells = (cell if isinstance(cell, Markup) else escape(cell) for cell in row.cells)
                 body += f"<tr{name}>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>"
+        body = f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
         self._parts.append(
-            f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+            f'<div class="scroll" tabindex="0" role="region" aria-label="table of {escape(self._where())}">{body}</div>'
         )
 
     def figure(self, figure: Figure, views: Sequence[tuple[str, View]] = ()) -> None:
         """A plotly figure; `views`: buttons that show a part of it, the first one pressed."""
-        self._figures += 1
-        name = f"figure-{self._figures}"
+        name = f"figure-{len(self._figures) + 1}"
         if views:
             buttons = "".join(
                 f'<button type="button" data-range="{escape(_compact(view))}" aria-pressed="{str(not i).lower()}">'
                 f"{escape(label)}</button>"
                 for i, (label, view) in enumerate(views)
             )
-            self._parts.append(f'<div class="buttons" data-for="{name}">Show {buttons}</div>')
-        height = int(cast(Any, figure).layout.height or 400)
-        self._parts.append(f'<div class="figure" id="{name}" style="height:{height}px"></div>')
-        content = str(figure.to_json()).replace("<", "\\u003c")  # neither </script> nor <!-- in a name
-        self._scripts.append(f"(f => Plotly.newPlot({name!r}, f.data, f.layout, {json.dumps(_SETTINGS)}))({content});")
+            self._parts.append(f'<div class="buttons" hidden data-for="{name}">Show {buttons}</div>')
+        what = f"figure of {self._where()}"
+        self._parts.append(f'<div class="figure" id="{name}">{still(figure, name, what)}</div>')
+        self._figures[name] = str(figure.to_json())
+
+    def _where(self) -> str:
+        """The section that is open."""
+        return self._sections[-1] if self._sections else self._title
 
     def strip(
         self, parts: Sequence[tuple[float, str, str]], ends: tuple[str, str], keys: Sequence[tuple[str, str]]
@@ -171,18 +217,31 @@ class Page:
 
     def text(self) -> str:
         """The whole file."""
-        from plotly.offline import get_plotlyjs
-
         style = files("fmucorrect.report").joinpath("page.css").read_text(encoding="utf-8")
-        library = f"<script>{get_plotlyjs()}</script>\n" if self._figures else ""
-        scripts = "\n".join([*self._scripts, _BUTTONS]) if self._figures else ""
+        scripts = ""
+        if self._figures:
+            figures = "{" + ",".join(f"{json.dumps(name)}:{text}" for name, text in self._figures.items()) + "}"
+            draw = _DRAW % (json.dumps(_SETTINGS), "\n".join([_BUTTONS, *self._scripts]))
+            scripts = (
+                f'<script type="text/plain" id="library">{_library()}</script>\n'
+                f'<script type="text/plain" id="figures">{_packed(figures)}</script>\n<script>{draw}</script>\n'
+            )
+        parts = [self._parts[0], self._contents(), *self._parts[1:]]
         return (
             f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{escape(self._title)}</title>\n'
             f'<meta name="generator" content="{escape(self._made_by)}">\n'
             '<meta name="viewport" content="width=device-width, initial-scale=1">\n<link rel="icon" href="data:,">\n'
-            f"<style>\n{style}</style>\n</head>\n<body>\n<main>\n" + "\n".join(self._parts) + "\n</main>\n"
-            f"{library}<script>{scripts}</script>\n</body>\n</html>\n"
+            f"<style>\n{style}</style>\n</head>\n<body>\n<main>\n" + "\n".join(parts) + "\n</main>\n"
+            f"{scripts}</body>\n</html>\n"
         )
+
+    def _contents(self) -> str:
+        if len(self._sections) < _CONTENTS:
+            return ""
+        links = "".join(
+            f'<li><a href="#section-{i}">{escape(title)}</a></li>' for i, title in enumerate(self._sections, 1)
+        )
+        return f'<nav aria-label="Contents"><ol>{links}</ol></nav>'
 
     def write(self, path: Path) -> None:
         """The whole file. Raises OSError where it cannot be written."""

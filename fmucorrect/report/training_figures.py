@@ -39,8 +39,6 @@ CURVE_POINTS = 400
 """Most points of a loss curve that are drawn."""
 LEGEND_LINE = 19
 """px."""
-OVERLAY_POINTS = 380_000
-"""Most points that all overlaid histories of a page have together."""
 
 
 @dataclass(frozen=True)
