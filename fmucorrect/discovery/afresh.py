@@ -17,6 +17,7 @@ from fmucorrect.catalogue.motion import Motion
 from fmucorrect.discovery.candidates import Curve
 from fmucorrect.discovery.fitted import Fitted, Setting, judge_at
 from fmucorrect.discovery.inversion import block
+from fmucorrect.discovery.ledger import move
 from fmucorrect.discovery.located import Located, located
 from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.motion import Series, along, in_a_row, motion_of, peak
@@ -48,6 +49,7 @@ class Asked:
     parts: tuple[Series, ...]
 
 
+@move
 def asked(problem: Problem, base: Fitted, moves: Mapping[str, Motion]) -> dict[str, Asked]:
     """Of the joints whose forces explain the residual. moves: of every joint in the bare model."""
     responses = problem.responses(base.model)
@@ -82,6 +84,7 @@ def _pushed(problem: Problem, model: Model, item: Located) -> Asked | None:
     return Asked(motion, tuple(parts))
 
 
+@move
 def starts(problem: Problem, setting: Setting, base: Fitted, curves: Sequence[Curve], most: int) -> list[Term]:
     """Of forces at joints, as the curves guess them, the best start of each form, the `most` likely first."""
     guessed = [curve.term(size * curve.size) for curve in curves for size in SIZES]

@@ -12,6 +12,7 @@ from dataclasses import replace
 from fmucorrect.discovery.candidates import Curve
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.fitted import Fitted, Setting, tried
+from fmucorrect.discovery.ledger import move
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.sets import LONG
 from fmucorrect.discovery.terms import ForceTerm
@@ -22,17 +23,18 @@ FITTED = 2
 """The likeliest starts of each member that are fitted."""
 
 
+@move
 def begun_again(problem: Problem, setting: Setting, best: Fitted, curves: Sequence[Curve]) -> list[Fitted]:
     """The set with each of its laws of several numbers begun from the guesses that `curves` have for it, the other members as
     they are; all fitted from there."""
-    around, fits = replace(setting, base=best.base), []
+    fits: list[Fitted] = []
     for t, term in enumerate(best.model.terms):
         if not isinstance(term, ForceTerm) or len(term.estimated) < 2:
             continue
         guessed = [curve.term(size * curve.size) for curve in curves if curve.key == term.key for size in SIZES]
         before, after = best.model.terms[:t], best.model.terms[t + 1 :]
         models = [replace(best.model, terms=(*before, new, *after)) for new in guessed if new is not None]
-        for start in tried(problem, around, best, models)[:FITTED]:
-            fitted = fit(problem, around, start.model, LONG, start.at, rival=best.surprise)
+        for start in tried(problem, setting, best, models)[:FITTED]:
+            fitted = fit(problem, setting, start.model, LONG, start.at, best.surprise, best)
             fits += [] if fitted is None else [fitted]
     return fits

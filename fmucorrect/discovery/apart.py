@@ -21,11 +21,13 @@ from fmucorrect.discovery.candidates import Curve
 from fmucorrect.discovery.evidence import Nuisances, independent
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.fitted import Fitted, Setting, tried
+from fmucorrect.discovery.ledger import move
 from fmucorrect.discovery.marks import Marks
 from fmucorrect.discovery.motion import Series, in_a_row
 from fmucorrect.discovery.problem import Problem
-from fmucorrect.discovery.search import Search
-from fmucorrect.discovery.sets import LONG, Progress
+from fmucorrect.discovery.search import Progress
+from fmucorrect.discovery.sets import LONG
+from fmucorrect.discovery.shortlist import ShortList
 from fmucorrect.discovery.terms import ForceTerm, Term
 from fmucorrect.discovery.worth import first_of
 
@@ -41,6 +43,7 @@ FITTED = 5
 """Of all joints, those that are fitted."""
 
 
+@move
 def apart(
     problem: Problem,
     setting: Setting,
@@ -56,7 +59,7 @@ def apart(
     fits: list[Fitted] = []
     for i, start in enumerate(tried(problem, setting, base, models)[:FITTED]):
         progress("apart", i, FITTED)
-        fitted = fit(problem, setting, start.model, LONG, start.at, rival=first_of([base, *fits]).surprise)
+        fitted = fit(problem, setting, start.model, LONG, start.at, first_of([base, *fits]).surprise, base)
         fits += [] if fitted is None else [fitted]
     return fits
 
@@ -87,7 +90,7 @@ def laws_of(one: Asked, curves: Sequence[Curve]) -> list[tuple[Term, ...]]:
     beside /= EXACT * np.sqrt(np.mean(beside**2, axis=0)) + 1e-300
     share = independent([part["force"][:, None] for part in parts])
     price = float(np.log(max(share * len(asked), 2.0)))
-    search = Search(asked / scale, Nuisances(beside), marks, share, [price * curve.numbers for curve in kept])
+    search = ShortList(asked / scale, Nuisances(beside), marks, share, [price * curve.numbers for curve in kept])
     terms = [[kept[place.curve].term(place.size) for place in item.members] for item in search.best(LISTED)]
     return [tuple(term for term in row if term is not None) for row in terms]
 

@@ -16,22 +16,16 @@ from fmucorrect.discovery.candidates import Curve, candidates
 from fmucorrect.discovery.condensing import condensed
 from fmucorrect.discovery.fitted import EXPLAINED, Fitted, Setting, explains, price
 from fmucorrect.discovery.joined import joined
+from fmucorrect.discovery.ledger import move
 from fmucorrect.discovery.lines import line, stands
 from fmucorrect.discovery.look import look, regrouped, rivals
 from fmucorrect.discovery.marks import Marks, with_marks
 from fmucorrect.discovery.motion import motions
 from fmucorrect.discovery.paring import pared
 from fmucorrect.discovery.problem import Problem
-from fmucorrect.discovery.sets import (
-    Progress,
-    alike,
-    distinct,
-    extended,
-    has_room,
-    merged,
-    settled,
-)
-from fmucorrect.discovery.worth import LITTLE, admissible, complete, names
+from fmucorrect.discovery.search import Progress
+from fmucorrect.discovery.sets import alike, distinct, extended, has_room, settled
+from fmucorrect.discovery.worth import LITTLE, admissible, complete, merged, names
 
 LISTED = (7, 5, 3)
 """Sets of one effect, two and three that are fitted in the loop."""
@@ -74,12 +68,13 @@ class Around:
         return found, self.curves(base, pushed)
 
 
+@move
 def around(problem: Problem, base: Fitted) -> Around:
     """What candidates are looked for with, beside a fitted base model."""
     start = problem.responses(problem.nominal)
     moves: Mapping[str, Motion] = {}
     if problem.study.fmu is not None and problem.study.joints:
-        moves = motions(problem.study, [trial.condition for trial in problem.trials], problem.spent)
+        moves = motions(problem.study, [trial.condition for trial in problem.trials], problem.budget)
         moves = with_marks(problem, moves, problem.stack(start), base.residual)
     return Around(problem, moves, start, float(np.linalg.norm(base.residual)) or 1.0)
 
@@ -111,7 +106,7 @@ def deepened(
         far = float(np.square(best.model.base).max(initial=0.0)) > price(setting, 1)
         if best.model.terms and (far or best.s2 > EXPLAINED * setting.floor):
             progress("calibration", len(done), LOOKS)
-            moved = calibrated(problem, replace(setting, base=best.base), best)
+            moved = calibrated(problem, setting, best)
             found = merged([*found, *([] if moved is None else [moved]), *extended(problem, setting, likely[:BESIDE])])
             best = _ranked(setting, base, found)[0]
         if names(best) not in told_shorter:
@@ -132,8 +127,7 @@ def deepened(
         enough = EXPLAINED if has_room(kept[0]) else LITTLE  # a full set that leaves something may have a wrong member
         if beside and not finished and (beside[0] is kept[0] or kept[0].s2 >= enough * setting.floor):
             one = beside[0]
-            own = replace(setting, base=one.base)
-            _, more = look(problem, own, one, around.curves(one), LISTED[:1], progress)
+            _, more = look(problem, setting, one, around.curves(one), LISTED[:1], progress)
             done.append(names(one))
         elif names(kept[0]) not in replaced and len(replaced) <= BESIDE:
             replaced.append(names(kept[0]))

@@ -21,6 +21,7 @@ from fmucorrect.discovery.candidates import candidates
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.fitted import Fitted, Setting
 from fmucorrect.discovery.inversion import block
+from fmucorrect.discovery.ledger import move
 from fmucorrect.discovery.motion import Series, along, halfway, in_a_row, law_along, motion_of, peak
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.sets import LONG
@@ -31,12 +32,13 @@ FITTED = 2
 """The likeliest along the motion, of every part, that are fitted in the loop."""
 
 
+@move
 def joined(
     problem: Problem, setting: Setting, best: Fitted, moves: Mapping[str, Motion], responses: Sequence[np.ndarray]
 ) -> list[Fitted]:
     """The set with two or three laws without memory, at one place, giving way to fewer whose force is about theirs; fitted from
     there. What only leaves one of them out is not among these. moves: of every joint. responses: as `candidates` takes them."""
-    around, fits = replace(setting, base=best.base), []
+    fits: list[Fitted] = []
     for place, own in _together(best.model.terms).items():
         try:
             seen = [along(problem, best.model, trial, j) for trial, j in product(problem.trials, own[0].joints)]
@@ -52,7 +54,7 @@ def joined(
             fewer = [row for row, keys in keyed if len(row) < len(part) and not (keys <= gone or keys & taken)]
             for row in fewer[:FITTED]:
                 model = replace(best.model, terms=(*kept, *row))
-                fitted = fit(problem, around, model, LONG, rival=best.surprise)
+                fitted = fit(problem, setting, model, LONG, rival=best.surprise, parent=best)
                 fits += [] if fitted is None else [fitted]
     return fits
 

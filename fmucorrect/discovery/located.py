@@ -56,7 +56,7 @@ class Pushed(Simulator):
         seconds = (trial.rows.stop - 1) * problem.study.simulation.step_size
         extra = [joint.force for joint in joints]
         super().__init__(
-            problem.study, trial.condition, problem.library, seconds, problem.substeps, extra, problem.spent
+            problem.study, trial.condition, problem.library, seconds, problem.substeps, extra, problem.budget
         )
         self._problem, self.trial = problem, trial
 

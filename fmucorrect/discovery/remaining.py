@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 from fmucorrect.discovery.candidates import Curve, candidates, signals
 from fmucorrect.discovery.fitted import Fitted, Setting
+from fmucorrect.discovery.ledger import move
 from fmucorrect.discovery.lines import line, stands
 from fmucorrect.discovery.look import look
 from fmucorrect.discovery.marks import with_marks
 from fmucorrect.discovery.motion import motions
 from fmucorrect.discovery.problem import Problem
-from fmucorrect.discovery.sets import MOST, Progress, has_room
+from fmucorrect.discovery.search import Progress
+from fmucorrect.discovery.sets import MOST, has_room
 from fmucorrect.discovery.terms import ForceTerm
 from fmucorrect.discovery.worth import admissible, complete, first_of, names
 
@@ -22,6 +23,7 @@ TIME = {"time", "speed"}
 """What such forces read."""
 
 
+@move
 def sensors(
     problem: Problem, setting: Setting, base: Fitted, found: Sequence[Fitted], progress: Progress
 ) -> list[Fitted]:
@@ -35,9 +37,10 @@ def sensors(
             return fits
         done.append(names(best))
         curves = list(signals(problem, problem.responses(best.model)))
-        fits += look(problem, replace(setting, base=best.base), best, curves, (TRIED,), progress)[1]
+        fits += look(problem, setting, best, curves, (TRIED,), progress)[1]
 
 
+@move
 def turning(
     problem: Problem, setting: Setting, base: Fitted, found: Sequence[Fitted], progress: Progress
 ) -> list[Fitted]:
@@ -53,7 +56,7 @@ def turning(
         done.append(names(best))
         curves = _periodic(problem, best)
         if curves:
-            fits += look(problem, replace(setting, base=best.base), best, curves, (1,), progress)[1]
+            fits += look(problem, setting, best, curves, (1,), progress)[1]
 
 
 def _periodic(problem: Problem, best: Fitted) -> list[Curve]:
@@ -66,7 +69,7 @@ def _periodic(problem: Problem, best: Fitted) -> list[Curve]:
         return stands(problem.trials, rest, step, [trial.condition.speed / 3.6 / wave for trial in problem.trials])
 
     start = problem.responses(problem.nominal)
-    moves = motions(problem.study, [trial.condition for trial in problem.trials], problem.spent)
+    moves = motions(problem.study, [trial.condition for trial in problem.trials], problem.budget)
     near = with_marks(problem, moves, problem.stack(start), best.residual)
     curves = candidates(problem, near, start, line(problem.trials, rest, step), turns)
     return [

@@ -15,7 +15,7 @@ from jaxtyping import Float64
 
 from fmucorrect import sources
 from fmucorrect.catalogue import CATALOGUE, Law
-from fmucorrect.discovery.cost import Spent
+from fmucorrect.discovery.budget import Budget
 from fmucorrect.discovery.native import LAWS, Placed, Road, Solver
 from fmucorrect.discovery.resting import RESTS, STILL, ends, spans, still
 from fmucorrect.errors import FmuError
@@ -50,7 +50,7 @@ class Simulator:
 
     library: what native.build made. times: (T,) s, of every row that run() gives. substeps: in how many
     the solver takes each of the study's steps, inputs held, laws asked in each: the wrapped FMU's coupling_step.
-    extra: names of further FMU inputs, 0 unless run() is given others: columns of `inputs` behind the condition's own. spent:
+    extra: names of further FMU inputs, 0 unless run() is given others: columns of `inputs` behind the condition's own. budget:
     counts what runs.
     """
 
@@ -62,12 +62,12 @@ class Simulator:
         duration: float | None = None,
         substeps: int = 1,
         extra: Sequence[str] = (),
-        spent: Spent | None = None,
+        budget: Budget | None = None,
     ) -> None:
         if substeps < 1:
             raise ValueError(f"substeps must be at least 1, got {substeps}")
         sources.fmu_of(study)  # what is missing is told before what drives it
-        self._substeps, self._spent = substeps, spent or Spent()
+        self._substeps, self._budget = substeps, budget or Budget()
         chunk = join(list(sources.inputs(study, condition, duration)))
         self._condition, self._step_ns = condition, study.simulation.step_ns
         self._names = (*chunk.names, *(name for name in dict.fromkeys(extra) if name not in chunk.names))
@@ -227,7 +227,7 @@ class Simulator:
             len(forces),
             pushed.ctypes.data,
         )
-        self._spent.add(steps * self._step_ns / NANOSECONDS)
+        self._budget.add(steps * self._step_ns / NANOSECONDS)
         reached = self._march(ctypes.byref(solver), ctypes.byref(road), placed, c_long(len(laws)))
         del kept
         native.raise_error()
