@@ -18,9 +18,8 @@ import numpy as np
 from fmucorrect.discovery.candidates import adjustables
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.fitted import Fitted, Setting, judge, price
-from fmucorrect.discovery.form import FARTHEST, covariance, joint_covariance, put_back
+from fmucorrect.discovery.form import FARTHEST, covariance, free, joint_covariance, put_back, with_whole_offsets
 from fmucorrect.discovery.ledger import move
-from fmucorrect.discovery.offsets import free, with_whole_offsets
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.terms import OffsetTerm, Term
 from fmucorrect.discovery.worth import names

@@ -20,12 +20,11 @@ from fmucorrect import experiment, outputs
 from fmucorrect.discovery import output
 from fmucorrect.discovery.augmented import Found, found_of, write_model
 from fmucorrect.discovery.confirm import Gap, carries_over, gaps, sensors_told
-from fmucorrect.discovery.constancy import TOO_MUCH, varying
 from fmucorrect.discovery.decide import CLOSE, Decision, decide
-from fmucorrect.discovery.doubt import cautions
+from fmucorrect.discovery.discrepancy import TOO_MUCH, TOO_UNEVEN, uneven, varying
+from fmucorrect.discovery.doubt import cautions, wrong_signs
 from fmucorrect.discovery.elsewhere import library, quietly
 from fmucorrect.discovery.errorbars import with_unlisted
-from fmucorrect.discovery.evenness import TOO_UNEVEN, uneven
 from fmucorrect.discovery.fitted import Setting
 from fmucorrect.discovery.kept import Kept
 from fmucorrect.discovery.learned import learn
@@ -39,7 +38,6 @@ from fmucorrect.discovery.pictures import free_picture, picture, units_at
 from fmucorrect.discovery.problem import Problem, load
 from fmucorrect.discovery.report import Report
 from fmucorrect.discovery.search import Progress, Search
-from fmucorrect.discovery.signs import wrong_signs
 from fmucorrect.discovery.stepwise import stepwise
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, SignalTerm
 from fmucorrect.discovery.where import Residual, where

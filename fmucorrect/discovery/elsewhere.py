@@ -18,9 +18,9 @@ from fmucorrect import records
 from fmucorrect.clocks import begins
 from fmucorrect.companions import files_of
 from fmucorrect.discovery import native
-from fmucorrect.discovery.content import digest, packed, unpacked
+from fmucorrect.discovery.kept import digest, packed, unpacked
 from fmucorrect.discovery.model import Model
-from fmucorrect.discovery.ownfolder import own_folder
+from fmucorrect.discovery.native import own_folder
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.trials import Trial
 from fmucorrect.errors import RecordError

@@ -8,12 +8,11 @@ import numpy as np
 from jaxtyping import Float64
 
 from fmucorrect.discovery.fitted import Fitted, Setting, explains, judge, judge_at
-from fmucorrect.discovery.form import FARTHEST, covariance, normal, step, stepped
+from fmucorrect.discovery.form import FARTHEST, covariance, normal, step, stepped, with_whole_offsets
 from fmucorrect.discovery.kept import remembered
 from fmucorrect.discovery.ledger import Entry
 from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.nuisances import PERTURBED, sensitivities
-from fmucorrect.discovery.offsets import with_whole_offsets
 from fmucorrect.discovery.problem import Problem
 
 PROBE, FINEST = 0.02, 1e-3

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
-from fmucorrect.discovery.candidates import Curve, may_act, parts, places
+from fmucorrect.catalogue.motion import Motion
+from fmucorrect.discovery.candidates import Curve, candidates, may_act, parts, places
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.fitted import EXPLAINED, Fitted, Setting, price, tried
 from fmucorrect.discovery.ledger import move
-from fmucorrect.discovery.marks import PROMISING, Marks, Target, marks
+from fmucorrect.discovery.lines import line, stands
+from fmucorrect.discovery.marks import PROMISING, Marks, Target, marks, with_marks
+from fmucorrect.discovery.motion import motions
 from fmucorrect.discovery.problem import Problem
+from fmucorrect.discovery.proposals import Asked, asked
 from fmucorrect.discovery.search import Progress
 from fmucorrect.discovery.sets import LONG, extended
 from fmucorrect.discovery.shortlist import ShortList
@@ -26,6 +31,52 @@ SHAPES = 3
 """Single laws that are begun from all of their shapes, where nothing explains all."""
 RIVALS = 5
 """Candidates that are fitted in the place of each effect of a set of several."""
+
+
+@dataclass(frozen=True)
+class Around:
+    """What the candidates are looked for with. moves: of every joint, with the size of force that the residual asks for at
+    first. start: the FMU's own responses. marked: size of the residual at first, in units of the noise."""
+
+    problem: Problem
+    moves: Mapping[str, Motion]
+    start: list[np.ndarray]
+    marked: float
+
+    def curves(self, around: Fitted, moves: Mapping[str, Motion] | None = None) -> list[Curve]:
+        """All candidates beside a fitted set, first sizes by what it leaves."""
+        problem = self.problem
+        left = float(np.linalg.norm(around.linear)) / self.marked
+        moves = self.moves if moves is None else moves
+        near = {joint: replace(motion, mark=left * motion.mark) for joint, motion in moves.items()}
+        rest, step = problem.split(around.residual), problem.study.simulation.step_size
+
+        @cache
+        def turns(wave: float) -> bool:
+            frequencies = [trial.condition.speed / 3.6 / wave for trial in problem.trials]
+            return stands(problem.trials, rest, step, frequencies)
+
+        return candidates(problem, near, self.start, line(problem.trials, rest, step), turns)
+
+    def asked(self, base: Fitted) -> tuple[dict[str, Asked], list[Curve]]:
+        """The forces that the data ask for, and the laws' candidates by what joints go through with them."""
+        found = asked(self.problem, base, self.moves)
+        pushed = {
+            name: found[name].motion if name in found else replace(motion, mark=0.0)
+            for name, motion in self.moves.items()
+        }
+        return found, self.curves(base, pushed)
+
+
+@move
+def around(problem: Problem, base: Fitted) -> Around:
+    """What candidates are looked for with, beside a fitted base model."""
+    start = problem.responses(problem.nominal)
+    moves: Mapping[str, Motion] = {}
+    if problem.study.fmu is not None and problem.study.joints:
+        moves = motions(problem.study, [trial.condition for trial in problem.trials], problem.budget)
+        moves = with_marks(problem, moves, problem.stack(start), base.residual)
+    return Around(problem, moves, start, float(np.linalg.norm(base.residual)) or 1.0)
 
 
 @move

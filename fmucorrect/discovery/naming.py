@@ -6,14 +6,13 @@ import math
 from dataclasses import dataclass, replace
 
 from fmucorrect.discovery.budget import OutOfTime
-from fmucorrect.discovery.deepening import around
 from fmucorrect.discovery.ending import ended, likeliest, needed
 from fmucorrect.discovery.exchange import exchanged
 from fmucorrect.discovery.fit import GAINED, fit
 from fmucorrect.discovery.fitted import Fitted, Setting, begin, judge, tried
 from fmucorrect.discovery.held import held
 from fmucorrect.discovery.ledger import Compared
-from fmucorrect.discovery.look import at_other_places
+from fmucorrect.discovery.look import around, at_other_places
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.search import Progress, Search
 from fmucorrect.discovery.sets import LONG, settled

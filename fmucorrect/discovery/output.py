@@ -15,7 +15,7 @@ from fmucorrect.catalogue.signal import unit as signal_unit
 from fmucorrect.catalogue.text import latex, modelica
 from fmucorrect.discovery.confirm import Gap
 from fmucorrect.discovery.decide import Decision, held_out
-from fmucorrect.discovery.evenness import Uneven
+from fmucorrect.discovery.discrepancy import Uneven
 from fmucorrect.discovery.fitted import Fitted, Setting
 from fmucorrect.discovery.ledger import Compared
 from fmucorrect.discovery.model import Model, overrides, start_value, tolerance_of

@@ -22,8 +22,7 @@ from jaxtyping import Float64
 
 from fmucorrect.companions import files_of
 from fmucorrect.discovery.budget import Budget
-from fmucorrect.discovery.content import digest
-from fmucorrect.discovery.kept import Kept, code
+from fmucorrect.discovery.kept import Kept, code, digest
 from fmucorrect.discovery.ledger import Ledger
 from fmucorrect.discovery.model import AS_BEGUN, Model, Runner, runner, simulate, start_value, tolerance_of
 from fmucorrect.discovery.starts import fitted

@@ -19,9 +19,9 @@ from foreign import foreign
 from test_discover import CUBIC
 
 from fmucorrect.discovery import discover
-from fmucorrect.discovery.deepening import around
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.fitted import begin
+from fmucorrect.discovery.look import around
 from fmucorrect.discovery.naming import name
 from fmucorrect.discovery.problem import load
 from fmucorrect.discovery.sets import share_of
