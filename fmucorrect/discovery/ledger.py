@@ -58,7 +58,8 @@ class Compared:
 
 class Ledger:
     """Of one discovery. rows: of all fits, in their order. runs: of the FMU, by move, without those of the moves inside it.
-    ahead: what has not been looked at, in words by name. compared: what a search says is to be compared; the last counts."""
+    ahead: what has not been looked at, in words by name. compared: what a search says is to be compared, the last counts;
+    once it has ended, behind it what the verdict stands on."""
 
     def __init__(self) -> None:
         self.rows: list[Row] = []

@@ -136,5 +136,6 @@ def _ended(problem: Problem, naming: Naming) -> Naming:
         best = replace(best, surprise=least)
         beside = [*held(problem, setting, best), *told[1:]]
         told = [best, *(fitted for fitted in beside if names(fitted) != names(best))]
+    problem.ledger.compare(Compared(problem, naming.base, tuple(told), setting))
     problem.ledger.through("ending")
     return replace(naming, sets=tuple(told))
