@@ -18,8 +18,8 @@ import numpy as np
 from fmucorrect.discovery.candidates import adjustables
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.fitted import Fitted, Setting, judge, price
-from fmucorrect.discovery.form import FARTHEST, covariance, joint_covariance, put_back
-from fmucorrect.discovery.offsets import free, with_whole_offsets
+from fmucorrect.discovery.form import FARTHEST, covariance, free, joint_covariance, put_back, with_whole_offsets
+from fmucorrect.discovery.ledger import move
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.terms import OffsetTerm, Term
 from fmucorrect.discovery.worth import names
@@ -32,6 +32,7 @@ FEW = 2
 """Offsets of which all sets are tried."""
 
 
+@move
 def calibrated(problem: Problem, setting: Setting, around: Fitted) -> Fitted | None:
     """The members of `around` with those parameter offsets that are worth their price; None where none is, or where the
     solver gives up."""
@@ -39,7 +40,9 @@ def calibrated(problem: Problem, setting: Setting, around: Fitted) -> Fitted | N
     free = [term for term in adjustables(problem) if term.key not in have]
     if not free:
         return None
-    found = fit(problem, setting, replace(around.model, terms=(*around.model.terms, *free)), FREED, around.at)
+    found = fit(
+        problem, setting, replace(around.model, terms=(*around.model.terms, *free)), FREED, around.at, parent=around
+    )
     freed_again, least = False, 0
     while found is not None:
         kept, moves, base = _put_back(setting, found, least)
@@ -56,8 +59,7 @@ def calibrated(problem: Problem, setting: Setting, around: Fitted) -> Fitted | N
             continue
         else:
             break
-        setting = replace(setting, base=found.base)
-        found = fit(problem, setting, replace(found.model, terms=terms, base=base), REFITTED)
+        found = fit(problem, setting, replace(found.model, terms=terms, base=base), REFITTED, parent=found)
     return None if found is None or names(found) <= have else found
 
 

@@ -52,7 +52,7 @@ class Curve:
 
     @property
     def identity(self) -> tuple[object, ...]:
-        """What tells it from others (content.py)."""
+        """What tells it from others (kept.py)."""
         return self.effect, self.form, self.where, self.size, self.most, self.signed, self.numbers, self.make(self.size)
 
 

@@ -15,6 +15,7 @@ from fmucorrect.discovery.candidates import Curve
 from fmucorrect.discovery.fit import PROBE, both_sides, fit
 from fmucorrect.discovery.fitted import Fitted, Setting, explains, judge_at, price
 from fmucorrect.discovery.form import FARTHEST, normal, put_back, stepped
+from fmucorrect.discovery.ledger import move
 from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.sets import LONG
@@ -52,6 +53,7 @@ class _Listed:
         return self.new == other.new and self.out > other.out and self.cost <= other.cost
 
 
+@move
 def condensed(problem: Problem, setting: Setting, best: Fitted, curves: Sequence[Curve]) -> list[Fitted]:
     """The set with two or more of its members of one number (offsets of parameters, forces with a factor, a gain or a lag) in
     the place of which there is one other that is linear, or an error of a sensor or of what excites; or with one that takes
@@ -103,8 +105,7 @@ def condensed(problem: Problem, setting: Setting, best: Fitted, curves: Sequence
         if y is not None
     ]
     shown.sort(key=lambda item: item[0])
-    around = replace(setting, base=best.base)
-    fits = [fit(problem, around, model, LONG, y, rival=best.surprise) for _, model, y in shown[:FITTED]]
+    fits = [fit(problem, setting, model, LONG, y, best.surprise, best) for _, model, y in shown[:FITTED]]
     return [fitted for fitted in fits if fitted is not None]
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from fmucorrect import experiment, metrics
-from fmucorrect.discovery.cost import Spent
+from fmucorrect.discovery.budget import Budget
 from fmucorrect.discovery.fitted import Setting
 from fmucorrect.discovery.model import Model, runner, simulate, start_value
 from fmucorrect.discovery.nuisances import GAIN, LAG
@@ -76,13 +76,13 @@ def gaps(
     tolerated: Sequence[Adjustable],
     sensors: Float64[np.ndarray, "J 2"],
     substeps: int = 1,
-    spent: Spent | None = None,
+    budget: Budget | None = None,
 ) -> list[Gap]:
     """Every condition as the study has it, and with `model`. sensors: gain error and lag (s) of each channel, as the
-    development conditions tell them: `after` is shown through such sensors. spent: counts runs. Raises FmuError where the
+    development conditions tell them: `after` is shown through such sensors. budget: counts runs. Raises FmuError where the
     solver gives up."""
-    spent = spent or Spent()
-    return [_gap(study, library, condition, model, tolerated, sensors, substeps, spent) for condition in conditions]
+    budget = budget or Budget()
+    return [_gap(study, library, condition, model, tolerated, sensors, substeps, budget) for condition in conditions]
 
 
 def _gap(
@@ -93,12 +93,12 @@ def _gap(
     tolerated: Sequence[Adjustable],
     sensors: Float64[np.ndarray, "J 2"],
     substeps: int,
-    spent: Spent,
+    budget: Budget,
 ) -> Gap:
-    item = runner(study, condition, library, None, substeps, spent)
+    item = runner(study, condition, library, None, substeps, budget)
     pair = experiment.pair(study, condition)
     if condition.simulated is None and study.fmu is not None:
-        spent.add(len(pair.simulated) * study.simulation.step_size)
+        budget.add(len(pair.simulated) * study.simulation.step_size)
     t, rows, measured, before = pair.t_ns * 1e-9, pair.rows, pair.measured, pair.response
     step = study.simulation.step_size
     sigma, _, _ = sensor_noise(study, condition, measured, before, rows.start * step)

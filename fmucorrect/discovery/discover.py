@@ -20,17 +20,15 @@ from fmucorrect import experiment, outputs
 from fmucorrect.discovery import output
 from fmucorrect.discovery.augmented import Found, found_of, write_model
 from fmucorrect.discovery.confirm import Gap, carries_over, gaps, sensors_told
-from fmucorrect.discovery.constancy import TOO_MUCH, varying
 from fmucorrect.discovery.decide import CLOSE, Decision, decide
-from fmucorrect.discovery.doubt import cautions
+from fmucorrect.discovery.discrepancy import TOO_MUCH, TOO_UNEVEN, uneven, varying
+from fmucorrect.discovery.doubt import cautions, wrong_signs
 from fmucorrect.discovery.elsewhere import library, quietly
 from fmucorrect.discovery.errorbars import with_unlisted
-from fmucorrect.discovery.evenness import TOO_UNEVEN, uneven
 from fmucorrect.discovery.fitted import Setting
 from fmucorrect.discovery.kept import Kept
 from fmucorrect.discovery.learned import learn
 from fmucorrect.discovery.learned_report import file_row, learned_row, writable
-from fmucorrect.discovery.ledger import AHEAD
 from fmucorrect.discovery.located import Located, located
 from fmucorrect.discovery.motion import acting
 from fmucorrect.discovery.naming import Naming, Stopped, name
@@ -39,8 +37,8 @@ from fmucorrect.discovery.outputmap import output_maps
 from fmucorrect.discovery.pictures import free_picture, picture, units_at
 from fmucorrect.discovery.problem import Problem, load
 from fmucorrect.discovery.report import Report
-from fmucorrect.discovery.sets import Progress
-from fmucorrect.discovery.signs import wrong_signs
+from fmucorrect.discovery.search import Progress, Search
+from fmucorrect.discovery.stepwise import stepwise
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, SignalTerm
 from fmucorrect.discovery.where import Residual, where
 from fmucorrect.discovery.wording import rest, sentence
@@ -66,6 +64,7 @@ def discover(
     allow_damaged: bool = False,
     overwrite: bool = True,
     time_limit: float | None = None,
+    search: Search = stepwise,
 ) -> Report:
     """Everything of `fmucorrect discover`: returns the report, which is also OUT/report.json, with report.html beside it and,
     where something was found that an FMU can take, effects.toml, augmented.fmu and study.toml.
@@ -76,8 +75,8 @@ def discover(
     that the solver may take for one step, None for the study's own. allow_damaged: whether records that
     lost something are taken for what is there; the report's warnings say what they lost. time_limit: s of the clock after
     which the search ends with the verdict so far, None for none; the report then has `complete` false, and the same call goes
-    on where the search was. Of the evaluation conditions that learns nothing: they are no part of what is kept. Raises
-    StudyError, RecordError, SignalError, FmuError.
+    on where the search was. Of the evaluation conditions that learns nothing: they are no part of what is kept. search: what
+    looks for effects. Raises StudyError, RecordError, SignalError, FmuError.
     """
     ends = math.inf if time_limit is None else time.monotonic() + time_limit
     study = replace(load_study(study_file).with_step_timeout(step_timeout), allow_damaged=allow_damaged)
@@ -109,8 +108,8 @@ def discover(
         load(study, built, kept=kept, executor=executor, pairs=checked.pairs) as problem,
     ):
         lap("load")
-        problem.spent.until = ends
-        naming = name(problem, progress)
+        problem.budget.until = ends
+        naming = name(problem, progress, search)
         decision = decide(naming)
         lap("name")
         stopped = naming.stopped
@@ -118,7 +117,7 @@ def discover(
             report, found = _report(
                 study, seen, naming, decision, progress, lap, _completeness(study, stopped, time_limit)
             )
-        report["cost"] = {"runs": problem.spent.runs, "seconds": round(problem.spent.seconds, 1)}
+        report["cost"] = {"runs": problem.budget.runs, "seconds": round(problem.budget.seconds, 1)}
     written, notes = [], []
     if found is not None:
         progress("augmented FMU", 0, 1)
@@ -152,9 +151,7 @@ def _completeness(study: Study, stopped: Stopped | None, limit: float | None) ->
         return {"complete": True}
     seen = {trial.condition.name for trial in stopped.problem.trials}
     unseen = ", ".join(condition.name for condition in study.development if condition.name not in seen)
-    ahead = [
-        f"{AHEAD[stage]} ({unseen})" if stage == "conditions" and unseen else AHEAD[stage] for stage in stopped.ahead
-    ]
+    ahead = [f"{told} ({unseen})" if name == "conditions" and unseen else told for name, told in stopped.ahead.items()]
     return {"complete": False, "time_limit": limit, "not_looked_at": ahead}
 
 
@@ -210,7 +207,7 @@ def _report(
         problem.tolerated,
         sensors,
         problem.substeps,
-        problem.spent,
+        problem.budget,
     )
     shares, pieces = varying(problem.rows, naming.setting, best), uneven(problem, naming.setting, best)
     verdict = confirmed(decision, checked, shares, [0.0 if piece is None else piece.share for piece in pieces])

@@ -1,9 +1,10 @@
 """Doubt: what a verdict hangs on, in words: numbers far from what the study expects of them, sensors that moved alike, names
-whose size stands or falls with joints that the study takes for right."""
+whose size stands or falls with joints that the study takes for right, joints whose `sign` is wrong."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,9 +12,12 @@ import numpy as np
 from fmucorrect.discovery.errorbars import JOINT_ERROR
 from fmucorrect.discovery.fitted import Fitted
 from fmucorrect.discovery.form import FARTHEST
+from fmucorrect.discovery.motion import along
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.terms import OffsetTerm
+from fmucorrect.errors import FmuError
 from fmucorrect.report.discovery_text import at, plain, short
+from fmucorrect.study import Joint
 
 FAR = 3.0
 """Standard deviations from what is expected: one number in 370 is farther by chance."""
@@ -72,3 +76,47 @@ def _numbers(best: Fitted, wider: Fitted, rows: Sequence[Mapping[str, Any]]) -> 
                 f"joints that the study takes for right: if their forces are off by {100.0 * JOINT_ERROR:g} %, the "
                 f"{plain(term.main)} of {at(row)} is known {short(other[term.main] / one[term.main], 2)} times less well"
             )
+
+
+PULSE, SHOWN = 8, 64
+"""Steps of the push, half a sine: inertia alone answers to that. Steps that are simulated for it."""
+SEEN = 0.01
+"""Share of a joint's own travel that the push must move it by: what a solver does by itself is less."""
+FIRST, TRIES = 1e-3, 12
+"""N or N.m, and how often ten times as much is tried."""
+SURELY = 0.5
+"""Share of the work, as if all of it went one way, from which that is the way."""
+
+
+def wrong_signs(problem: Problem) -> Iterator[str]:
+    """Of the study's joints those whose force, pushed against a positive displacement, moves them towards one, in words."""
+    if problem.library is None or not problem.study.joints:
+        return
+    for joint in problem.study.joints:
+        with_it = _along(problem, joint)
+        if with_it is not None and with_it < -SURELY:
+            yield (
+                f"the `sign` of joint {joint.name!r}, which is {joint.sign}: a push on {joint.force} that should oppose a "
+                f"positive displacement made the joint go that way, so that {-joint.sign} would be right"
+            )
+
+
+def _along(problem: Problem, joint: Joint) -> float | None:
+    """The work that a push does, over what it would be if all of it went one way: 1 where it acts as it should, -1 where the
+    other way round; None where it moves nothing, or the solver gives up."""
+    trial = problem.trials[0]
+    stop = min(trial.rows.start + SHOWN, trial.rows.stop)
+    short = replace(trial, rows=slice(trial.rows.start, stop))
+    push = np.zeros(stop - trial.rows.start)
+    push[:PULSE] = np.sin(np.pi * (np.arange(PULSE) + 0.5) / PULSE)
+    try:
+        alone = along(problem, problem.nominal, trial, joint)["displacement"][trial.rows]
+        for force in FIRST * 10.0 ** np.arange(TRIES):
+            pushed = along(problem, problem.nominal, short, joint, force * push)["displacement"][short.rows]
+            moved = pushed - alone[: len(pushed)]
+            if np.abs(moved).max() > SEEN * np.ptp(alone):
+                way = np.diff(moved)[:PULSE]
+                return -float(push[:PULSE] @ way) / max(float(push[:PULSE] @ np.abs(way)), 1e-300)
+    except FmuError:
+        return None
+    return None

@@ -18,9 +18,9 @@ from fmucorrect import records
 from fmucorrect.clocks import begins
 from fmucorrect.companions import files_of
 from fmucorrect.discovery import native
-from fmucorrect.discovery.content import digest, packed, unpacked
+from fmucorrect.discovery.kept import digest, packed, unpacked
 from fmucorrect.discovery.model import Model
-from fmucorrect.discovery.ownfolder import own_folder
+from fmucorrect.discovery.native import own_folder
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.trials import Trial
 from fmucorrect.errors import RecordError
@@ -59,7 +59,7 @@ def many(problem: Problem, models: Sequence[Model], done: Callable[[int], object
     pieces = [packed(list(models[i : i + size])) for i in range(0, len(models), size)]
     parcel = packed(_parcel(problem))
     for rows, runs, seconds in problem.executor.map(work, [parcel] * len(pieces), pieces):
-        problem.spent.add(seconds, runs)
+        problem.budget.add(seconds, runs)
         for row in rows:
             done(1)
             yield row
@@ -124,7 +124,7 @@ def work(parcel: bytes, models: bytes) -> tuple[list[np.ndarray | None], int, fl
             for t in sent.trials
         )
         with quietly(), Problem(study, None, library(), trials, sent.tolerated, 1, sent.substeps) as problem:
-            return list(problem.many(unpacked(models))), problem.spent.runs, problem.spent.seconds
+            return list(problem.many(unpacked(models))), problem.budget.runs, problem.budget.seconds
 
 
 def library() -> Path:

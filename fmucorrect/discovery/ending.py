@@ -12,12 +12,13 @@ from fmucorrect.discovery.calibration import whole
 from fmucorrect.discovery.errorbars import spread
 from fmucorrect.discovery.fit import fit, sharpened
 from fmucorrect.discovery.fitted import Fitted, Setting, begin_as, judge, judge_at, with_sensors
+from fmucorrect.discovery.ledger import move
 from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.paring import spare, without
 from fmucorrect.discovery.problem import Problem
-from fmucorrect.discovery.sets import LONG, merged, share_of
+from fmucorrect.discovery.sets import LONG, share_of
 from fmucorrect.discovery.terms import ForceTerm, Term
-from fmucorrect.discovery.worth import WORTH, names
+from fmucorrect.discovery.worth import WORTH, merged, names
 
 WHOLE = 60.0
 """Seconds of a single tone that the numbers are fitted to at last: its end too, and how the model comes to rest behind it."""
@@ -33,6 +34,7 @@ PARTLY = 3.0
 """A variance of the error, over its least, up to which a part of the most likely set is too."""
 
 
+@move
 def likeliest(problem: Problem, setting: Setting, found: Sequence[Fitted]) -> list[Fitted]:
     """The sets, the most likely first. Where some are close, or a part of the first does nearly as much, they are fitted to
     their end first, by what their laws leave as guessed too: none shall be behind for a corner that is too round or a valley
@@ -56,7 +58,7 @@ def likeliest(problem: Problem, setting: Setting, found: Sequence[Fitted]) -> li
     best, *freed = [_all_fitted(problem, setting, fitted) for fitted in (first, *near, *parts)]
     for kept in smaller:  # their numbers may be better known beside the others
         rest_of_it = without(problem, best.model, tuple(term for term in best.model.terms if term.key in kept))
-        part = fit(problem, replace(setting, base=best.base), rest_of_it, LONG, rival=best.surprise)
+        part = fit(problem, setting, rest_of_it, LONG, rival=best.surprise, parent=best)
         if part is not None and part.s2 < PARTLY * setting.floor:
             freed.append(_all_fitted(problem, setting, part))
     freed = merged([best, *freed])
@@ -77,6 +79,7 @@ def _all_fitted(problem: Problem, setting: Setting, fitted: Fitted) -> Fitted:
     return _freed(problem, replace(setting, base=fitted.base), fitted)
 
 
+@move
 def ended(problem: Problem, setting: Setting, base: Fitted, best: Fitted) -> Fitted:
     """The same set, its numbers fitted to their end, and how well they are known (errorbars.py). Its surprise is no longer
     comparable with that of other sets.
@@ -93,6 +96,7 @@ def ended(problem: Problem, setting: Setting, base: Fitted, best: Fitted) -> Fit
     return later if later is not None and later.s2 - best.s2 < WORTH**2 * base.s2 else _known(problem, setting, best)
 
 
+@move
 def needed(problem: Problem, setting: Setting, base: Fitted, best: Fitted) -> Fitted:
     """An ended set without the members that can hardly be told from nothing, or from what a study expects of a parameter, if it
     is no less likely for it: along a valley (masses, springs and gains that grow together), or before a rounding was fitted
@@ -111,14 +115,14 @@ def _less(problem: Problem, setting: Setting, best: Fitted) -> Iterator[Fitted]:
     likely = judge(setting, best).surprise
     for term in spare(problem, setting, best):
         rest = tuple(t for t in best.model.terms if t is not term)
-        less = fit(problem, setting, without(problem, best.model, rest), LONG)
+        less = fit(problem, setting, without(problem, best.model, rest), LONG, parent=best)
         if less is not None and less.surprise < likely:
             yield less
 
 
 def _refitted(problem: Problem, setting: Setting, best: Fitted, model: Model, at: Float64[np.ndarray, " n"]) -> Fitted:
     """The model, whose evidence is `at`, fitted from there, or what was best before."""
-    fitted = fit(problem, setting, model, LONG, at)
+    fitted = fit(problem, setting, model, LONG, at, parent=best.number)
     return fitted if fitted is not None and fitted.surprise < best.surprise else best
 
 
@@ -137,7 +141,7 @@ def _further(problem: Problem, setting: Setting, best: Fitted) -> Fitted:
     Once more with all rows for independent, and from there as before."""
     if setting.share > FEW:
         return best
-    found = fit(problem, replace(setting, share=1.0), best.model, LONG, best.at)
+    found = fit(problem, replace(setting, share=1.0), best.model, LONG, best.at, parent=best.number)
     return best if found is None else _refitted(problem, setting, best, found.model, found.at)
 
 
@@ -148,7 +152,7 @@ def _later(problem: Problem, setting: Setting, best: Fitted) -> Fitted | None:
         return None
     with longer:
         own = begin_as(longer, setting, best.model)
-        fitted = fit(longer, own, best.model, LONG)
+        fitted = fit(longer, own, best.model, LONG, parent=best.number)
         if fitted is None:
             return None
         fitted = _known(longer, own, fitted)

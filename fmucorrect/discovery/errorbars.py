@@ -67,7 +67,7 @@ def with_unlisted(problem: Problem, setting: Setting, fitted: Fitted) -> Fitted:
     given = [joint for joint in given if joint.name not in named]
     if not given or not fitted.slopes.shape[1]:
         return fitted
-    moves = motions(problem.study, [trial.condition for trial in problem.trials], problem.spent)
+    moves = motions(problem.study, [trial.condition for trial in problem.trials], problem.budget)
     errors: list[Term] = []
     for joint in given:
         for effect, number, size in (

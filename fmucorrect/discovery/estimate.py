@@ -15,13 +15,13 @@ import numpy as np
 
 from fmucorrect.catalogue import CATALOGUE
 from fmucorrect.catalogue.signal import SIGNALS
+from fmucorrect.discovery.budget import Budget
 from fmucorrect.discovery.candidates import adjustables, may_act, parts, places
-from fmucorrect.discovery.cost import Spent
 from fmucorrect.discovery.elsewhere import library
 from fmucorrect.discovery.marks import PROMISING
 from fmucorrect.discovery.model import Model, runner, simulate
-from fmucorrect.discovery.naming import fewer
 from fmucorrect.discovery.problem import Problem, load
+from fmucorrect.discovery.stepwise import fewer
 from fmucorrect.errors import FmucorrectError
 from fmucorrect.experiment import Pair
 from fmucorrect.report.discovery_text import duration
@@ -82,13 +82,13 @@ def estimate(study: Study, pairs: Sequence[Pair]) -> Estimate | None:
 def _pace(path: Path, rows: int) -> float | None:
     """Seconds by the clock for one that is simulated, over so many rows of the first development condition; None where the FMU
     does not run."""
-    study, spent = load_study(path), Spent()
+    study, budget = load_study(path), Budget()
     condition = study.development[0]
     try:
-        with closing(runner(study, condition, library(), rows, spent=spent)) as item:
+        with closing(runner(study, condition, library(), rows, budget=budget)) as item:
             begun = time.perf_counter()
             simulate(study, item, condition, Model(), ())
-            return (time.perf_counter() - begun) / spent.seconds if spent.seconds > 0.0 else None
+            return (time.perf_counter() - begun) / budget.seconds if budget.seconds > 0.0 else None
     except (FmucorrectError, ImportError):
         return None
 

@@ -24,11 +24,12 @@ from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fit import PROBE, fit
 from fmucorrect.discovery.fitted import Fitted, Setting, tried
 from fmucorrect.discovery.form import FARTHEST, stepped
+from fmucorrect.discovery.ledger import move
 from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.problem import Problem
-from fmucorrect.discovery.sets import LONG, merged
+from fmucorrect.discovery.sets import LONG
 from fmucorrect.discovery.terms import OFFSET, ForceTerm, SignalTerm, Term, proportional
-from fmucorrect.discovery.worth import names
+from fmucorrect.discovery.worth import merged, names
 
 STAYS = 0.4
 """Share of what a member takes away that a candidate may leave, to first order: numbers that are off by a quarter are not quite
@@ -45,6 +46,7 @@ class _Column:
     change: Float64[np.ndarray, " n"]
 
 
+@move
 def exchanged(
     problem: Problem, setting: Setting, best: Fitted, curves: Sequence[Curve], found: Sequence[Fitted]
 ) -> list[Fitted]:
@@ -55,7 +57,6 @@ def exchanged(
     columns = list(_columns(problem, best, curves))
     ends = np.cumsum([0, *(len(term.estimated) for term in best.model.terms)])
     have, fits = {names(fitted) for fitted in found}, list[Fitted]()
-    around = replace(setting, base=best.base)
     for t, term in enumerate(best.model.terms):
         others = (*best.model.terms[:t], *best.model.terms[t + 1 :])
         own = best.slopes[:, ends[t] : ends[t + 1]]
@@ -67,8 +68,8 @@ def exchanged(
         beside = np.delete(best.slopes, range(ends[t], ends[t + 1]), axis=1)
         models = list(_alike(problem, setting, best, others, does, beside, columns))
         models = [model for model in models if frozenset(term.key for term in model.terms) not in have]
-        for start in merged(tried(problem, around, best, models))[:FITTED]:
-            fitted = fit(problem, around, start.model, LONG, start.at, rival=best.surprise)
+        for start in merged(tried(problem, setting, best, models))[:FITTED]:
+            fitted = fit(problem, setting, start.model, LONG, start.at, best.surprise, best)
             fits += [] if fitted is None else [fitted]
     return fits
 

@@ -8,12 +8,11 @@ import numpy as np
 from jaxtyping import Float64
 
 from fmucorrect.discovery.fitted import Fitted, Setting, explains, judge, judge_at
-from fmucorrect.discovery.form import FARTHEST, covariance, normal, step, stepped
+from fmucorrect.discovery.form import FARTHEST, covariance, normal, step, stepped, with_whole_offsets
 from fmucorrect.discovery.kept import remembered
 from fmucorrect.discovery.ledger import Entry
 from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.nuisances import PERTURBED, sensitivities
-from fmucorrect.discovery.offsets import with_whole_offsets
 from fmucorrect.discovery.problem import Problem
 
 PROBE, FINEST = 0.02, 1e-3
@@ -38,22 +37,39 @@ def fit(
     iterations: int,
     start: Float64[np.ndarray, " n"] | None = None,
     rival: float = np.inf,
+    parent: Fitted | int | None = None,
 ) -> Fitted | None:
     """The members' numbers and the base parameters, from those of `model`; None where the solver gives up at once.
 
     Levenberg and Marquardt's method (1944, 1963) on the posterior, sensors integrated out. Sensitivities to the base
     parameters are those of the setting until one of them has moved by STALE. start: the model's evidence, where known.
-    rival: a surprise that is to be beaten; a fit that will not come near it ends early.
+    rival: a surprise that is to be beaten; a fit that will not come near it ends early. parent: what the model was made from,
+    whose sensitivities to the base parameters go before the setting's; of a fit to other conditions its number.
     The result stands in the problem's ledger, too.
     """
-    found = _fitted(problem, setting, model, iterations, start, rival)
-    if found is not None:
-        problem.ledger.add(problem.trials, Entry(found, setting, problem.substeps))
-    return found
+    if isinstance(parent, Fitted):
+        setting, parent = replace(setting, base=parent.base), parent.number
+    found, runs = _fitted(problem, setting, model, iterations, start, rival)
+    if found is None:
+        return None
+    return problem.ledger.add(problem.trials, Entry(found, setting, problem.substeps), parent, runs)
 
 
 @remembered
 def _fitted(
+    problem: Problem,
+    setting: Setting,
+    model: Model,
+    iterations: int,
+    start: Float64[np.ndarray, " n"] | None,
+    rival: float,
+) -> tuple[Fitted | None, int]:
+    """What `fit` gives, and how many runs of the FMU it took."""
+    before = problem.budget.runs
+    return _moved(problem, setting, model, iterations, start, rival), problem.budget.runs - before
+
+
+def _moved(
     problem: Problem,
     setting: Setting,
     model: Model,

@@ -44,7 +44,7 @@ class Fitted:
     """A set of effects in the loop. model: the FMU with it. at: (n,) its evidence. residual: measured less that. s2: the
     error's variance, in units of the noise. surprise: -2 log p, with what the members cost. base: (n, A) sensitivities to
     the base parameters, near the model. slopes: (n, p) those to the members' coordinates. covariance: (p, p) of these, all
-    that is not known exactly integrated out."""
+    that is not known exactly integrated out. number: in the ledger, of the fit."""
 
     model: Model
     at: Float64[np.ndarray, " n"]
@@ -55,6 +55,7 @@ class Fitted:
     around: tuple[float, ...]
     slopes: Float64[np.ndarray, "_ p"] = field(default_factory=lambda: np.zeros((0, 0)))
     covariance: Float64[np.ndarray, "_ _"] = field(default_factory=lambda: np.zeros((0, 0)))
+    number: int | None = None
 
     @property
     def linear(self) -> Float64[np.ndarray, " n"]:

@@ -12,6 +12,7 @@ from fmucorrect.catalogue import CATALOGUE
 from fmucorrect.discovery.candidates import may_act
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.fitted import Fitted, Setting, judge_at
+from fmucorrect.discovery.ledger import move
 from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.motion import along, peak
 from fmucorrect.discovery.problem import Problem
@@ -27,6 +28,7 @@ SOFTER = (1.0, 0.5, 0.25, 0.125)
 """Shares of the spring's stiffness that are tried: a law with a state bears less of it at the same coupling step."""
 
 
+@move
 def held(problem: Problem, setting: Setting, best: Fitted) -> list[Fitted]:
     """Where a spring of the set holds its joint still and its give 1/k cannot be told from none, the set with a law in its
     place that holds it as well (Law.holds): all that these data tell is that the joint does not move.
@@ -54,7 +56,7 @@ def held(problem: Problem, setting: Setting, best: Fitted) -> list[Fitted]:
         shown = [(model, y) for model, y in zip(models, problem.many(models), strict=True) if y is not None]
         if shown:
             model, y = min(shown, key=lambda pair: judge_at(own, best, *pair).surprise)
-            fitted = fit(problem, own, model, 0, y)  # for its sensitivities
+            fitted = fit(problem, setting, model, 0, y, parent=best)  # for its sensitivities
             if fitted is not None and fitted.s2 < LITTLE * best.s2:
                 less = (stiffness / std[term.main]) ** 2
                 found.append(replace(fitted, surprise=best.surprise + less, covariance=_given(fitted, t)))

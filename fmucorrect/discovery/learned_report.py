@@ -40,7 +40,7 @@ def learned_row(problem: Problem, setting: Setting, learned: Learned, condition:
             problem.tolerated,
             sensors,
             problem.substeps,
-            problem.spent,
+            problem.budget,
         )
         rms, peak = acting(problem, learned.model, term)
         unit, length = units_at(problem, term.joints[0])

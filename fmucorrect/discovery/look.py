@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
-from fmucorrect.discovery.candidates import Curve, may_act, parts, places
+from fmucorrect.catalogue.motion import Motion
+from fmucorrect.discovery.candidates import Curve, candidates, may_act, parts, places
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.fitted import EXPLAINED, Fitted, Setting, price, tried
-from fmucorrect.discovery.marks import PROMISING, Marks, Target, marks
+from fmucorrect.discovery.ledger import move
+from fmucorrect.discovery.lines import line, stands
+from fmucorrect.discovery.marks import PROMISING, Marks, Target, marks, with_marks
+from fmucorrect.discovery.motion import motions
 from fmucorrect.discovery.problem import Problem
-from fmucorrect.discovery.search import Search
-from fmucorrect.discovery.sets import LONG, Progress, extended, merged
+from fmucorrect.discovery.proposals import Asked, asked
+from fmucorrect.discovery.search import Progress
+from fmucorrect.discovery.sets import LONG, extended
+from fmucorrect.discovery.shortlist import ShortList
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, Term, proportional
-from fmucorrect.discovery.worth import admissible, first_of, names
+from fmucorrect.discovery.worth import admissible, first_of, merged, names
 
 APART = 40.0
 """How far behind the same law at another place may be for its numbers to be fitted there."""
@@ -26,6 +33,53 @@ RIVALS = 5
 """Candidates that are fitted in the place of each effect of a set of several."""
 
 
+@dataclass(frozen=True)
+class Around:
+    """What the candidates are looked for with. moves: of every joint, with the size of force that the residual asks for at
+    first. start: the FMU's own responses. marked: size of the residual at first, in units of the noise."""
+
+    problem: Problem
+    moves: Mapping[str, Motion]
+    start: list[np.ndarray]
+    marked: float
+
+    def curves(self, around: Fitted, moves: Mapping[str, Motion] | None = None) -> list[Curve]:
+        """All candidates beside a fitted set, first sizes by what it leaves."""
+        problem = self.problem
+        left = float(np.linalg.norm(around.linear)) / self.marked
+        moves = self.moves if moves is None else moves
+        near = {joint: replace(motion, mark=left * motion.mark) for joint, motion in moves.items()}
+        rest, step = problem.split(around.residual), problem.study.simulation.step_size
+
+        @cache
+        def turns(wave: float) -> bool:
+            frequencies = [trial.condition.speed / 3.6 / wave for trial in problem.trials]
+            return stands(problem.trials, rest, step, frequencies)
+
+        return candidates(problem, near, self.start, line(problem.trials, rest, step), turns)
+
+    def asked(self, base: Fitted) -> tuple[dict[str, Asked], list[Curve]]:
+        """The forces that the data ask for, and the laws' candidates by what joints go through with them."""
+        found = asked(self.problem, base, self.moves)
+        pushed = {
+            name: found[name].motion if name in found else replace(motion, mark=0.0)
+            for name, motion in self.moves.items()
+        }
+        return found, self.curves(base, pushed)
+
+
+@move
+def around(problem: Problem, base: Fitted) -> Around:
+    """What candidates are looked for with, beside a fitted base model."""
+    start = problem.responses(problem.nominal)
+    moves: Mapping[str, Motion] = {}
+    if problem.study.fmu is not None and problem.study.joints:
+        moves = motions(problem.study, [trial.condition for trial in problem.trials], problem.budget)
+        moves = with_marks(problem, moves, problem.stack(start), base.residual)
+    return Around(problem, moves, start, float(np.linalg.norm(base.residual)) or 1.0)
+
+
+@move
 def rivals(
     problem: Problem,
     setting: Setting,
@@ -52,7 +106,7 @@ def rivals(
         beside = np.delete(best.slopes, range(ends[t], ends[t + 1]), axis=1)
         columns = np.concatenate([best.base, setting.sensors.columns, beside], axis=1)
         rest = setting.measured - without + best.base @ np.asarray(best.model.base)
-        search = Search(rest, Nuisances(columns), marks, setting.share, penalty, setting.floor)
+        search = ShortList(rest, Nuisances(columns), marks, setting.share, penalty, setting.floor)
         listed = [item for item in search.best((RIVALS + 4,)) if marks.curves[item.members[0].curve].key not in have]
         for i, item in enumerate(listed[:RIVALS]):
             progress("rivals", i, RIVALS)
@@ -60,11 +114,12 @@ def rivals(
             term = marks.curves[place.curve].term(place.size)
             if term is not None:
                 model = replace(best.model, terms=(*others, term))
-                fitted = fit(problem, replace(setting, base=best.base), model, 8, rival=best.surprise)
+                fitted = fit(problem, setting, model, 8, rival=best.surprise, parent=best)
                 fits += [] if fitted is None else [fitted]
     return fits
 
 
+@move
 def look(
     problem: Problem,
     setting: Setting,
@@ -89,12 +144,12 @@ def look(
 
     found = marks(problem, around.model, around.at, target, free, done)
     penalty = [price(setting, curve.numbers) for curve in found.curves]
-    search = Search(around.linear, whole, found, setting.share, penalty, setting.floor)
+    search = ShortList(around.linear, whole, found, setting.share, penalty, setting.floor)
     fits: list[Fitted] = []
     for i, term in enumerate(begun):
         progress("afresh", i, len(begun))
         model = replace(around.model, terms=(*around.model.terms, term))
-        fitted = fit(problem, setting, model, LONG, rival=first_of([around, *fits]).surprise)
+        fitted = fit(problem, setting, model, LONG, rival=first_of([around, *fits]).surprise, parent=around)
         fits += [] if fitted is None else [fitted]
     best = search.best(listed)
     single = [item for item in best if len(item.members) == 1]
@@ -111,7 +166,7 @@ def look(
         if any(term is None for term in terms):
             continue
         model = replace(around.model, terms=(*around.model.terms, *(term for term in terms if term is not None)))
-        fitted = fit(problem, setting, model, 8, rival=first_of([around, *fits]).surprise)
+        fitted = fit(problem, setting, model, 8, rival=first_of([around, *fits]).surprise, parent=around)
         if fitted is not None:
             fits.append(fitted)
     return found, merged(fits)
@@ -122,6 +177,7 @@ def _is_open(setting: Setting, fits: Sequence[Fitted]) -> bool:
     return min((f.s2 for f in fits), default=np.inf) >= EXPLAINED * setting.floor
 
 
+@move
 def at_other_places(problem: Problem, setting: Setting, best: Fitted) -> list[Fitted]:
     """The best set with one of its laws at another place instead, or with another one of parameters that are scaled together:
     joints that move alike cannot be told apart."""
@@ -132,10 +188,11 @@ def at_other_places(problem: Problem, setting: Setting, best: Fitted) -> list[Fi
         if other.key not in names(best)
     ]
     found = [there for there in tried(problem, setting, best, moved) if there.surprise < best.surprise + APART]
-    fitted = [fit(problem, replace(setting, base=best.base), f.model, 4, f.at) for f in merged(found)[:RIVALS]]
+    fitted = [fit(problem, setting, f.model, 4, f.at, parent=best) for f in merged(found)[:RIVALS]]
     return [f for f in fitted if f is not None]
 
 
+@move
 def regrouped(problem: Problem, setting: Setting, best: Fitted) -> list[Fitted]:
     """The best set with a law at one joint of its group instead, or at a group of its joint, each fitted from there."""
     fits: list[Fitted] = []
@@ -144,7 +201,7 @@ def regrouped(problem: Problem, setting: Setting, best: Fitted) -> list[Fitted]:
             own, new = _joints(term), _joints(other)
             if (own < new or new < own) and other.key not in names(best):
                 model = replace(best.model, terms=(*best.model.terms[:t], other, *best.model.terms[t + 1 :]))
-                fitted = fit(problem, replace(setting, base=best.base), model, LONG, rival=best.surprise)
+                fitted = fit(problem, setting, model, LONG, rival=best.surprise, parent=best)
                 fits += [] if fitted is None else [fitted]
     return fits
 

@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 from jaxtyping import Float64
 
-from fmucorrect.discovery.cost import Spent
+from fmucorrect.discovery.budget import Budget
 from fmucorrect.discovery.logged import Logged
 from fmucorrect.discovery.simulator import Simulator
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, SignalTerm, Term
@@ -39,14 +39,14 @@ def runner(
     library: Path | None,
     rows: int | None = None,
     substeps: int = 1,
-    spent: Spent | None = None,
+    budget: Budget | None = None,
 ) -> Runner:
-    """What simulates a condition: the FMU, or its simulated record. rows: how many, None for all that were measured. spent:
+    """What simulates a condition: the FMU, or its simulated record. rows: how many, None for all that were measured. budget:
     counts runs of the FMU."""
     if condition.simulated is not None or study.fmu is None or library is None:
         return Logged(study, condition)
     duration = None if rows is None else (rows - 1) * study.simulation.step_size
-    return Simulator(study, condition, library, duration, substeps, spent=spent)
+    return Simulator(study, condition, library, duration, substeps, budget=budget)
 
 
 def simulate(

@@ -13,7 +13,7 @@ from fmucorrect import sources
 from fmucorrect.catalogue import PORTS
 from fmucorrect.catalogue.motion import Motion
 from fmucorrect.catalogue.numeric import force, step
-from fmucorrect.discovery.cost import Spent
+from fmucorrect.discovery.budget import Budget
 from fmucorrect.discovery.located import Pushed
 from fmucorrect.discovery.model import Model, simulate
 from fmucorrect.discovery.problem import Problem
@@ -29,8 +29,8 @@ Series = dict[str, Float64[np.ndarray, " _"]]
 """What a law reads at a joint, by the names of its inputs, SI."""
 
 
-def motions(study: Study, conditions: Sequence[Condition], spent: Spent | None = None) -> dict[str, Motion]:
-    """The motion of every joint, over all of `conditions`, without any law in the loop. spent: counts runs."""
+def motions(study: Study, conditions: Sequence[Condition], budget: Budget | None = None) -> dict[str, Motion]:
+    """The motion of every joint, over all of `conditions`, without any law in the loop. budget: counts runs."""
     assert study.simulation.fmu is not None
     names = ports(study.joints)
     channels = tuple(Channel(name, unit="") for name in names)
@@ -40,7 +40,7 @@ def motions(study: Study, conditions: Sequence[Condition], spent: Spent | None =
         with sources.solver(study, channels, given[0].names) as stepper:
             result = run(stepper, replace(condition, simulated=None), given)
             assert result is not None
-            (spent or Spent()).add(len(result) * study.simulation.step_size)
+            (budget or Budget()).add(len(result) * study.simulation.step_size)
             column = dict(zip(names, result.values.T, strict=True))
             parts.append({joint.name: shown(stepper.description, joint, column) for joint in study.joints})
     return {

@@ -15,16 +15,16 @@ from fmucorrect.catalogue.signal import unit as signal_unit
 from fmucorrect.catalogue.text import latex, modelica
 from fmucorrect.discovery.confirm import Gap
 from fmucorrect.discovery.decide import Decision, held_out
-from fmucorrect.discovery.evenness import Uneven
+from fmucorrect.discovery.discrepancy import Uneven
 from fmucorrect.discovery.fitted import Fitted, Setting
+from fmucorrect.discovery.ledger import Compared
 from fmucorrect.discovery.model import Model, overrides, start_value, tolerance_of
-from fmucorrect.discovery.naming import Naming, Searched
+from fmucorrect.discovery.naming import Naming
 from fmucorrect.discovery.nuisances import GAIN, LAG
 from fmucorrect.discovery.pictures import units_at
 from fmucorrect.discovery.problem import Problem
-from fmucorrect.discovery.sets import merged
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, SignalTerm, Term
-from fmucorrect.discovery.worth import names
+from fmucorrect.discovery.worth import merged, names
 from fmucorrect.signals import Channel
 from fmucorrect.study import Study
 from fmucorrect.wrapping.laws import functions
@@ -150,10 +150,10 @@ def candidate_rows(problem: Problem, naming: Naming, decision: Decision) -> list
 
 
 def _given_up(
-    searched: Searched, best: frozenset[tuple[str, str]], have: set[frozenset[tuple[str, str]]]
+    searched: Compared, best: frozenset[tuple[str, str]], have: set[frozenset[tuple[str, str]]]
 ) -> list[dict[str, Any]]:
     """What was behind the best set when the search ended; not what is that set and more."""
-    fits = {names(fitted): fitted for fitted in merged(searched.sets)}
+    fits = {names(fitted): fitted for fitted in merged([searched.base, *searched.sets])}
     if best not in fits:
         return []
     return [

@@ -12,11 +12,12 @@ from fmucorrect.discovery.candidates import may_act
 from fmucorrect.discovery.fit import HOPELESS, fit
 from fmucorrect.discovery.fitted import Fitted, Setting, price
 from fmucorrect.discovery.form import FARTHEST
+from fmucorrect.discovery.ledger import move
 from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.problem import Problem
-from fmucorrect.discovery.sets import LONG, REFITTED, merged
+from fmucorrect.discovery.sets import LONG, REFITTED
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, Term, linear, moved
-from fmucorrect.discovery.worth import admissible, first_of, names
+from fmucorrect.discovery.worth import admissible, first_of, merged, names
 from fmucorrect.study import Adjustable
 
 BEHIND = 4.0
@@ -32,6 +33,7 @@ def _forms(terms: Sequence[Term]) -> frozenset[tuple[str, str]]:
     return frozenset((t.law.label if isinstance(t, ForceTerm) else t.effect, t.where) for t in terms)
 
 
+@move
 def pared(problem: Problem, setting: Setting, base: Fitted, found: Sequence[Fitted]) -> tuple[Fitted, list[Fitted]]:
     """The base and all sets, with those that are simpler than the best one by one step, and so on until the best one needs all
     that it has; and one without what it can spare, or with a law that its own contains, that is behind it by less than a member
@@ -60,7 +62,7 @@ def pared(problem: Problem, setting: Setting, base: Fitted, found: Sequence[Fitt
             if any(_at_least(setting, terms, fitted) > best.surprise + HOPELESS for fitted in tried):
                 continue
             less = without(problem, one.model, terms)
-            fitted = fit(problem, replace(setting, base=one.base), less, LONG, rival=best.surprise)
+            fitted = fit(problem, setting, less, LONG, rival=best.surprise, parent=one)
             fits += [] if fitted is None else [fitted]
         if not fits:
             fits = _caught_up(problem, setting, best, found, caught)
@@ -71,6 +73,7 @@ def pared(problem: Problem, setting: Setting, base: Fitted, found: Sequence[Fitt
         found += [fitted for fitted in fits if fitted.model.terms]
 
 
+@move
 def _caught_up(
     problem: Problem,
     setting: Setting,
@@ -92,7 +95,7 @@ def _caught_up(
         terms = tuple(own.get(term.key) or _all_of(term, z) for term in more.model.terms)
         gone = {t.adjustable for t in terms if isinstance(t, OffsetTerm) and t.key not in own}
         base = tuple(0.0 if a in gone else moves for a, moves in z.items())
-        fitted = fit(problem, replace(setting, base=best.base), Model(terms, base), LONG, rival=best.surprise)
+        fitted = fit(problem, setting, Model(terms, base), LONG, rival=best.surprise, parent=best)
         fits += [] if fitted is None else [fitted]
     return fits
 
@@ -114,6 +117,7 @@ def without(problem: Problem, model: Model, terms: tuple[Term, ...]) -> Model:
     return Model(terms, tuple(float(z) for z in np.clip(base, low, high)))
 
 
+@move
 def _linear_part(problem: Problem, setting: Setting, base: Fitted, found: Sequence[Fitted]) -> list[Fitted]:
     """Of the most likely set, where it has anything else: by what that leaves is judged whether the rest is worth it."""
     best = first_of([base, *found])
@@ -121,7 +125,7 @@ def _linear_part(problem: Problem, setting: Setting, base: Fitted, found: Sequen
     have = {names(fitted) for fitted in found}
     if not terms or len(terms) == len(best.model.terms) or frozenset(term.key for term in terms) in have:
         return []
-    fitted = fit(problem, replace(setting, base=best.base), replace(best.model, terms=terms), LONG)
+    fitted = fit(problem, setting, replace(best.model, terms=terms), LONG, parent=best)
     return [] if fitted is None else [fitted]
 
 

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64
 
-from fmucorrect.discovery.inversion import Inverted, invert
-from fmucorrect.discovery.located import Located, Pushed, answer, bare, evidence
+from fmucorrect.discovery.located import Inverted, Located, Pushed, answer, bare, evidence, invert
 from fmucorrect.discovery.model import Model, simulate
 from fmucorrect.discovery.motion import along, halfway, law_along
 from fmucorrect.discovery.problem import Problem

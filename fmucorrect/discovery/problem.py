@@ -21,9 +21,8 @@ import numpy as np
 from jaxtyping import Float64
 
 from fmucorrect.companions import files_of
-from fmucorrect.discovery.content import digest
-from fmucorrect.discovery.cost import Spent
-from fmucorrect.discovery.kept import Kept, code
+from fmucorrect.discovery.budget import Budget
+from fmucorrect.discovery.kept import Kept, code, digest
 from fmucorrect.discovery.ledger import Ledger
 from fmucorrect.discovery.model import AS_BEGUN, Model, Runner, runner, simulate, start_value, tolerance_of
 from fmucorrect.discovery.starts import fitted
@@ -43,7 +42,7 @@ class Problem:
 
     fmu: the study's, None where it has none. trials: their data. tolerated: adjustables that may differ by their tolerance
     anyway. workers: threads that simulate. substeps: couplings of laws and FMU in a communication step. kept: what was found
-    already. executor: simulates large batches. spent: counts runs of the FMU. ledger: of all fits of this discovery.
+    already. executor: simulates large batches. budget: counts runs of the FMU. ledger: of all fits of this discovery.
     """
 
     study: Study
@@ -55,7 +54,7 @@ class Problem:
     substeps: int = 1
     kept: Kept | None = None
     executor: Executor | None = None
-    spent: Spent = field(default_factory=Spent)
+    budget: Budget = field(default_factory=Budget)
     ledger: Ledger = field(default_factory=Ledger)
     _free: list[SimpleQueue[Runner]] = field(default_factory=lambda: [])
 
@@ -151,7 +150,7 @@ class Problem:
 
     def _runner(self, k: int) -> Runner:
         trial = self.trials[k]
-        return runner(self.study, trial.condition, self.library, trial.rows.stop, self.substeps, self.spent)
+        return runner(self.study, trial.condition, self.library, trial.rows.stop, self.substeps, self.budget)
 
     def _ready(self) -> list[SimpleQueue[Runner]]:
         """Every condition's simulators, one a worker."""
@@ -264,8 +263,8 @@ def load(
     fmu = None if study.fmu is None else open_fmu(study.fmu).known(study.simulation.units, study.simulation.tolerance)
     tolerated = tuple(a for a in study.adjustable if a.tolerated) if fmu else ()
     workers = workers or min(os.cpu_count() or 1, 8)
-    spent = Spent()
+    budget = Budget()
     for trial in trials:
         if fmu is not None and trial.condition.simulated is None:
-            spent.add(trial.rows.stop * study.simulation.step_size)
-    return Problem(study, fmu, library, trials, tolerated, workers, 1, kept, executor, spent).with_starts()
+            budget.add(trial.rows.stop * study.simulation.step_size)
+    return Problem(study, fmu, library, trials, tolerated, workers, 1, kept, executor, budget).with_starts()

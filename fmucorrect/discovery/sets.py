@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,10 +12,12 @@ from fmucorrect.discovery.candidates import may_act
 from fmucorrect.discovery.evidence import independent
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.fitted import Fitted, Setting, judge, judge_at, with_sensors
+from fmucorrect.discovery.ledger import move
 from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.problem import Problem
+from fmucorrect.discovery.search import Progress
 from fmucorrect.discovery.terms import ForceTerm, SignalTerm, Term, linear
-from fmucorrect.discovery.worth import first_of, names
+from fmucorrect.discovery.worth import first_of, merged, names
 
 MOST = 3
 """Forces at once, and effects of sensors and excitation at once, beside parameters that are off."""
@@ -39,10 +41,8 @@ EXTENDED = 6
 LONG = 20
 """Iterations of a fit that begins far from its end."""
 
-Progress = Callable[[str, int, int], object]
-"""Told the stage, what is done and how much there is to do."""
 
-
+@move
 def extended(problem: Problem, setting: Setting, found: Sequence[Fitted]) -> list[Fitted]:
     """The likeliest sets with a law that contains one of theirs in its place, begun with numbers that do about the same."""
     fits: list[Fitted] = []
@@ -51,7 +51,7 @@ def extended(problem: Problem, setting: Setting, found: Sequence[Fitted]) -> lis
             for new in _containing(term):
                 terms = (*old.model.terms[:t], new, *old.model.terms[t + 1 :])
                 model, rival = replace(old.model, terms=terms), first_of([*found, *fits]).surprise
-                fitted = fit(problem, replace(setting, base=old.base), model, LONG, rival=rival)
+                fitted = fit(problem, setting, model, LONG, rival=rival, parent=old)
                 fits += [] if fitted is None else [fitted]
     return fits
 
@@ -66,6 +66,7 @@ def _containing(term: Term) -> Iterator[ForceTerm]:
                     yield ForceTerm(law, term.where, term.joints, new)
 
 
+@move
 def finer(
     problem: Problem, setting: Setting, base: Fitted, found: list[Fitted], progress: Progress
 ) -> tuple[Setting, list[Fitted]]:
@@ -87,7 +88,7 @@ def finer(
         likely = [blunt, *(fitted for fitted in found if fitted is not blunt)][:REFITTED]
         for i, old in enumerate(likely):
             progress("finer coupling", i, len(likely))
-            new = fit(problem, replace(setting, base=old.base), old.model if hangs else _sharper(old.model), 5)
+            new = fit(problem, setting, old.model if hangs else _sharper(old.model), 5, parent=old)
             again += [] if new is None else [new]
         close = [f for f in found if f.surprise < best.surprise + CLOSE and not any(f is old for old in likely)]
         for old, y in zip(close, problem.many([f.model for f in close]), strict=True):
@@ -144,6 +145,7 @@ def _coupling(fine: Problem, fitted: Fitted) -> float:
     return 0.0 if y is None else float(np.sqrt(np.mean((y - fitted.at) ** 2)))
 
 
+@move
 def settled(
     problem: Problem, setting: Setting, base: Fitted, found: list[Fitted]
 ) -> tuple[Setting, Fitted, list[Fitted]]:
@@ -188,11 +190,3 @@ def distinct(found: Sequence[Fitted]) -> list[Fitted]:
     for fitted in found:
         kept += [] if any(alike(one, fitted) for one in kept) else [fitted]
     return kept
-
-
-def merged(fits: Sequence[Fitted]) -> list[Fitted]:
-    """The best fit of every set of names, sorted."""
-    best: dict[frozenset[tuple[str, str]], Fitted] = {}
-    for fitted in sorted(fits, key=lambda f: f.surprise):
-        best.setdefault(names(fitted), fitted)
-    return list(best.values())

@@ -15,9 +15,8 @@ from jaxtyping import Float64
 
 from fmucorrect import sources
 from fmucorrect.catalogue import CATALOGUE, Law
-from fmucorrect.discovery.cost import Spent
+from fmucorrect.discovery.budget import Budget
 from fmucorrect.discovery.native import LAWS, Placed, Road, Solver
-from fmucorrect.discovery.resting import RESTS, STILL, ends, spans, still
 from fmucorrect.errors import FmuError
 from fmucorrect.fmu import FmuDescription, Variable
 from fmucorrect.fmu.feedthrough import feedthrough
@@ -26,6 +25,27 @@ from fmucorrect.study import Joint, Study
 from fmucorrect.wrapping.generated import Place
 from fmucorrect.wrapping.laws import Wire
 from fmucorrect.wrapping.places import places
+
+STILL, RESTS = 1e-9, 1e-3
+"""Share of a response's range that may move at rest: in rows that are left out, before a record."""
+
+
+def spans(y: Float64[np.ndarray, "T J"]) -> Float64[np.ndarray, " J"]:
+    """Peak to peak by column; turned first, since NumPy goes along short rows at a tenth of the pace."""
+    return np.ptp(np.ascontiguousarray(y.T), axis=1)
+
+
+def still(y: Float64[np.ndarray, "T J"], rows: int, most: Float64[np.ndarray, " J"]) -> bool:
+    """Whether nothing moves by more than that in the first rows."""
+    return bool((spans(y[:rows]) <= most).all())
+
+
+def ends(y: Float64[np.ndarray, "T J"]) -> bool:
+    """Whether a motion comes to an end: no channel goes on one way, in the last quarter still by half as much as at first."""
+    steps = np.diff([part.mean(0) for part in np.array_split(y, 4)], axis=0)
+    one_way = (np.sign(steps) == np.sign(steps[0])).all(0)
+    return not bool((one_way & (np.abs(steps[-1]) > 0.5 * np.abs(steps[0]))).any())
+
 
 RUN_IN = 8.0
 """Seconds that a constant or periodic force has acted before a record begins."""
@@ -50,7 +70,7 @@ class Simulator:
 
     library: what native.build made. times: (T,) s, of every row that run() gives. substeps: in how many
     the solver takes each of the study's steps, inputs held, laws asked in each: the wrapped FMU's coupling_step.
-    extra: names of further FMU inputs, 0 unless run() is given others: columns of `inputs` behind the condition's own. spent:
+    extra: names of further FMU inputs, 0 unless run() is given others: columns of `inputs` behind the condition's own. budget:
     counts what runs.
     """
 
@@ -62,12 +82,12 @@ class Simulator:
         duration: float | None = None,
         substeps: int = 1,
         extra: Sequence[str] = (),
-        spent: Spent | None = None,
+        budget: Budget | None = None,
     ) -> None:
         if substeps < 1:
             raise ValueError(f"substeps must be at least 1, got {substeps}")
         sources.fmu_of(study)  # what is missing is told before what drives it
-        self._substeps, self._spent = substeps, spent or Spent()
+        self._substeps, self._budget = substeps, budget or Budget()
         chunk = join(list(sources.inputs(study, condition, duration)))
         self._condition, self._step_ns = condition, study.simulation.step_ns
         self._names = (*chunk.names, *(name for name in dict.fromkeys(extra) if name not in chunk.names))
@@ -227,7 +247,7 @@ class Simulator:
             len(forces),
             pushed.ctypes.data,
         )
-        self._spent.add(steps * self._step_ns / NANOSECONDS)
+        self._budget.add(steps * self._step_ns / NANOSECONDS)
         reached = self._march(ctypes.byref(solver), ctypes.byref(road), placed, c_long(len(laws)))
         del kept
         native.raise_error()

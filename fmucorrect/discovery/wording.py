@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 
 from fmucorrect.discovery.confirm import Gap
-from fmucorrect.discovery.constancy import TOO_MUCH
 from fmucorrect.discovery.decide import Decision
-from fmucorrect.discovery.evenness import TOO_UNEVEN
+from fmucorrect.discovery.discrepancy import TOO_MUCH, TOO_UNEVEN
 from fmucorrect.discovery.fitted import Setting, stands_out
 from fmucorrect.discovery.sets import MOST
 from fmucorrect.discovery.terms import OF_FACTOR, OFFSET

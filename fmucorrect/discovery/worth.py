@@ -32,6 +32,14 @@ def first_of(found: Sequence[Fitted]) -> Fitted:
     return min(found, key=lambda fitted: fitted.surprise)
 
 
+def merged(fits: Sequence[Fitted]) -> list[Fitted]:
+    """The best fit of every set of names, sorted."""
+    best: dict[frozenset[tuple[str, str]], Fitted] = {}
+    for fitted in sorted(fits, key=lambda f: f.surprise):
+        best.setdefault(names(fitted), fitted)
+    return list(best.values())
+
+
 def admissible(setting: Setting, base: Fitted, found: Sequence[Fitted]) -> list[Fitted]:
     """The base and all sets whose every effect is worth it: no smaller set in `found` leaves about as little."""
     kept, linear_ones = [base], [base]
@@ -107,6 +115,12 @@ def credible(setting: Setting, found: Sequence[Fitted]) -> list[Fitted]:
         return rest <= 0.0 or less.s2 - more.s2 >= DOUBT * rest
 
     return [more for more in found if all(believed(more, less) for less in found if names(less) < names(more))]
+
+
+def believed(setting: Setting, base: Fitted, found: Sequence[Fitted]) -> list[Fitted]:
+    """The sets whose every effect is worth it and credible, the best fit of each."""
+    kept = [fitted for fitted in merged(admissible(setting, base, found)) if fitted.model.terms]
+    return credible(setting, kept)
 
 
 def _simpler(less: Fitted, more: Fitted) -> bool:

@@ -8,11 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from test_nexttest import CONDITIONS, problem_of, setting_of, term
 
-from fmucorrect.discovery.afresh import asked, is_far, starts
 from fmucorrect.discovery.candidates import candidates
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.form import FARTHEST, within_bounds
 from fmucorrect.discovery.motion import motions
+from fmucorrect.discovery.proposals import asked, is_far, starts
 from fmucorrect.discovery.sets import extended
 from fmucorrect.discovery.terms import coordinates, moved, room
 

@@ -7,13 +7,13 @@ pytest.importorskip("sympy")
 
 from one_mass import measured_on, term_at
 
-from fmucorrect.discovery.again import begun_again
 from fmucorrect.discovery.candidates import candidates
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.fitted import begin
 from fmucorrect.discovery.marks import with_marks
 from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.motion import motions
+from fmucorrect.discovery.proposals import begun_again
 from fmucorrect.discovery.worth import first_of, names
 
 TRUE = {"friction_force": 0.05, "breakaway_force": 0.12, "stribeck_velocity": 8e-3, "smoothing_velocity": 4e-4}

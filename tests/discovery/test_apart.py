@@ -8,14 +8,13 @@ pytest.importorskip("sympy")
 
 from one_mass import JOINT, MASS, NOISE, SWEEP, T, shown, silent, term_at, write
 
-from fmucorrect.discovery.afresh import Asked, asked
-from fmucorrect.discovery.apart import apart, laws_of
 from fmucorrect.discovery.candidates import candidates
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.fitted import begin
 from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.motion import motions
 from fmucorrect.discovery.problem import load
+from fmucorrect.discovery.proposals import Asked, apart, asked, laws_of
 from fmucorrect.discovery.terms import ForceTerm
 from fmucorrect.study import load_study
 

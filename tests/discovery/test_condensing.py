@@ -15,10 +15,10 @@ from fmucorrect.discovery.candidates import adjustables, candidates
 from fmucorrect.discovery.condensing import condensed
 from fmucorrect.discovery.fit import both_sides, fit
 from fmucorrect.discovery.fitted import begin, price
+from fmucorrect.discovery.form import free, with_whole_offsets
 from fmucorrect.discovery.marks import with_marks
 from fmucorrect.discovery.model import Model, overrides
 from fmucorrect.discovery.motion import motions
-from fmucorrect.discovery.offsets import free, with_whole_offsets
 from fmucorrect.discovery.problem import load
 from fmucorrect.discovery.terms import ForceTerm, SignalTerm, linear, proportional
 from fmucorrect.discovery.worth import first_of

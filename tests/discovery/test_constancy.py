@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from fmucorrect.catalogue import CATALOGUE
-from fmucorrect.discovery.constancy import TOO_MUCH, VARIES, varying
 from fmucorrect.discovery.decide import Decision
 from fmucorrect.discovery.discover import confirmed
-from fmucorrect.discovery.evenness import TOO_UNEVEN
+from fmucorrect.discovery.discrepancy import TOO_MUCH, TOO_UNEVEN, VARIES, varying
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fitted import Fitted, Setting
 from fmucorrect.discovery.model import Model

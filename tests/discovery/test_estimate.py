@@ -13,7 +13,7 @@ from test_discover import cubic, write_study
 
 from fmucorrect.cli import main
 from fmucorrect.discovery import estimate
-from fmucorrect.discovery.deepening import around
+from fmucorrect.discovery.look import around
 from fmucorrect.discovery.problem import load
 from fmucorrect.study import load_study
 

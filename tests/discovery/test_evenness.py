@@ -3,7 +3,7 @@
 import numpy as np
 from one_mass import JOINT, MASS, NOISE, SWEEP, T, shown, sweep, term_at, write
 
-from fmucorrect.discovery.evenness import PIECES, TOO_UNEVEN, uneven
+from fmucorrect.discovery.discrepancy import PIECES, TOO_UNEVEN, uneven
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.fitted import begin, stands_out
 from fmucorrect.discovery.model import Model

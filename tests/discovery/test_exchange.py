@@ -12,9 +12,9 @@ from one_mass import HEAD, JOINT, MASS, NOISE, STEP, SWEEP, T, begun, sweep, ter
 from scipy.integrate import solve_ivp
 
 from fmucorrect.discovery.decide import decide
-from fmucorrect.discovery.deepening import around
 from fmucorrect.discovery.exchange import exchanged
 from fmucorrect.discovery.fit import fit
+from fmucorrect.discovery.look import around
 from fmucorrect.discovery.naming import name
 from fmucorrect.discovery.problem import load
 from fmucorrect.study import load_study

@@ -9,9 +9,9 @@ from one_mass import measured_on, term_at
 
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.fitted import begin
-from fmucorrect.discovery.joined import joined
 from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.motion import motions
+from fmucorrect.discovery.proposals import joined
 from fmucorrect.discovery.worth import first_of
 
 CUBIC = 4e8  # N/m3, as much as the spring itself at 1.6 mm

@@ -14,8 +14,7 @@ from test_discover import cubic, write_study
 from fmucorrect.catalogue import CATALOGUE
 from fmucorrect.catalogue.signal import SIGNALS
 from fmucorrect.discovery import discover, fit
-from fmucorrect.discovery.content import digest, packed, unpacked
-from fmucorrect.discovery.kept import Kept, remembered
+from fmucorrect.discovery.kept import Kept, digest, packed, remembered, unpacked
 from fmucorrect.discovery.problem import load
 from fmucorrect.study import load_study
 

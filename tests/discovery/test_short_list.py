@@ -6,7 +6,7 @@ import pytest
 from fmucorrect.discovery.candidates import Curve
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.marks import Marks
-from fmucorrect.discovery.search import Search
+from fmucorrect.discovery.shortlist import ShortList
 
 ROWS = 400
 
@@ -25,7 +25,7 @@ def searched():
     r = 2.0 * columns[:, 0] - 0.5 * columns[:, 1] + rng.normal(size=ROWS)
     span = tuple((i, i + 1) for i in range(len(curves)))
     marks = Marks(curves, columns.astype(np.float32), span, ((1.0,),) * len(curves))
-    search = Search(r, Nuisances(np.zeros((ROWS, 0))), marks, 1.0, [6.0] * len(curves))
+    search = ShortList(r, Nuisances(np.zeros((ROWS, 0))), marks, 1.0, [6.0] * len(curves))
     return curves, search, search.best((3, 3, 2))
 
 

@@ -8,8 +8,8 @@ pytest.importorskip("sympy")
 
 from one_mass import HEAD, JOINT, STEP, T, write
 
+from fmucorrect.discovery.doubt import wrong_signs
 from fmucorrect.discovery.problem import load
-from fmucorrect.discovery.signs import wrong_signs
 from fmucorrect.study import load_study
 
 

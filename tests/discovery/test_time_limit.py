@@ -12,13 +12,13 @@ pytest.importorskip("sympy")
 from click.testing import CliRunner
 from one_mass import T
 from test_discover import cubic, friction, write_study
-from test_naming import problem_of
 from test_resuming import without_times
+from test_stepwise import problem_of
 
 from fmucorrect.cli import main
-from fmucorrect.discovery import cost, discover, naming
+from fmucorrect.discovery import budget, discover, naming, stepwise
 from fmucorrect.discovery.decide import decide
-from fmucorrect.discovery.ledger import AHEAD
+from fmucorrect.discovery.stepwise import AHEAD
 from fmucorrect.report.discovery_page import lead
 
 MB = 1e6
@@ -28,7 +28,7 @@ MB = 1e6
 def over_at(monkeypatch):
     """Lets the time be over where a stage begins its number-th piece: its progress."""
     now = [0.0]
-    monkeypatch.setattr(cost, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    monkeypatch.setattr(budget, "time", SimpleNamespace(monotonic=lambda: now[0]))
 
     def at(stage, number):
         now[0] = 0.0
@@ -117,7 +117,7 @@ def test_ctrl_c_says_that_the_same_command_goes_on(found, tmp_path, monkeypatch)
     def broken_off(*args):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("fmucorrect.discovery.naming.calibrated", broken_off)
+    monkeypatch.setattr("fmucorrect.discovery.stepwise.calibrated", broken_off)
     run = CliRunner().invoke(main, ["discover", str(folder / "study.toml"), "-o", str(tmp_path / "o")])
     assert run.exit_code == 130
     assert "the same command goes on" in run.output
@@ -127,10 +127,10 @@ def test_ctrl_c_says_that_the_same_command_goes_on(found, tmp_path, monkeypatch)
 def test_a_verdict_stands_on_all_conditions_once_the_likeliest_set_was_fitted_to_them(
     library, tmp_path, monkeypatch, over_at, begun, conditions
 ):
-    monkeypatch.setattr(naming, "QUICK", 2 * len(T))
-    monkeypatch.setattr(naming, "PLACES", 1)
+    monkeypatch.setattr(stepwise, "QUICK", 2 * len(T))
+    monkeypatch.setattr(stepwise, "PLACES", 1)
     with problem_of(tmp_path, library) as problem:
-        problem.spent.until = 1e9
+        problem.budget.until = 1e9
         over, seen = over_at("behind it", 0), []
 
         def progress(name, done, total):
@@ -145,4 +145,4 @@ def test_a_verdict_stands_on_all_conditions_once_the_likeliest_set_was_fitted_to
         assert "conditions" in found.stopped.ahead
         assert ("sets" in found.stopped.ahead) == (conditions == 2)
         assert {term.key for term in decide(found).best.model.terms} == {("cubic_stiffness", "joint 1")}
-        assert problem.spent.until == float("inf")
+        assert problem.budget.until == float("inf")

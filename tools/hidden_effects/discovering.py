@@ -20,26 +20,35 @@ KEPT = ("report.json", "effects.toml", "run.json", "study.toml")
 """What comes back from a worker of a cluster; pages and FMUs stay there."""
 
 _CALL = """
-import json, sys, time
+import json, pathlib, sys, time
 begun = time.perf_counter()
 from fmucorrect.discovery import discover
+more = {}
+if sys.argv[3:]:
+    sys.path.append(sys.argv[3])
+    from recording import FILE, Recorded, write
+    more = {"search": Recorded()}
 ready = time.perf_counter()
-discover(sys.argv[1], sys.argv[2])
+discover(sys.argv[1], sys.argv[2], **more)
 done = time.perf_counter()
+if more:
+    write(more["search"].ledger, pathlib.Path(sys.argv[2]) / FILE)
 print("TIMES " + json.dumps({"seconds": done - ready, "loading": ready - begun}))
 """
 """The one place that calls the package under test."""
 
 
-def run_case(study: Path, out: Path) -> dict:
+def run_case(study: Path, out: Path, ledger: bool = False) -> dict:
     """Discovers from one study into `out`. What is kept of the run, also in out/run.json: seconds (without Python's
     start), wall, peak MB of the process (its children's, where larger), error (the last lines of what it said, or
-    None)."""
+    None). ledger: whether to leave that too, for rescore.py."""
     out.mkdir(parents=True, exist_ok=True)
     begun = time.perf_counter()
     with tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace") as said:
         process = subprocess.Popen(
-            [sys.executable, "-c", _CALL, str(study), str(out)], stdout=said, stderr=subprocess.STDOUT
+            [sys.executable, "-c", _CALL, str(study), str(out), *([str(Path(__file__).parent)] if ledger else [])],
+            stdout=said,
+            stderr=subprocess.STDOUT,
         )
         code, peak = _wait(process)
         said.seek(0)
@@ -65,11 +74,13 @@ def _wait(process: subprocess.Popen) -> tuple[int, float]:
         time.sleep(0.05)
 
 
-def discover_here(names: Sequence[str], folder: Path, workers: int) -> Iterator[tuple[str, dict]]:
+def discover_here(
+    names: Sequence[str], folder: Path, workers: int, ledgers: bool = False
+) -> Iterator[tuple[str, dict]]:
     """Case after case on this machine, `workers` at a time; yields as they end."""
     with ThreadPoolExecutor(workers) as pool:
         jobs = {
-            pool.submit(run_case, folder / "cases" / name / "study.toml", folder / "results" / name): name
+            pool.submit(run_case, folder / "cases" / name / "study.toml", folder / "results" / name, ledgers): name
             for name in names
         }
         for job in as_completed(jobs):

@@ -62,13 +62,13 @@ def generate_one(spec: Spec, folder: Path) -> str:
     return f"{spec.name} {spec.bench} {spec.kind} ({time.perf_counter() - begun:.1f} s): {'; '.join(told)}"
 
 
-def discover(names: Sequence[str], folder: Path, workers: int, scheduler: str) -> None:
+def discover(names: Sequence[str], folder: Path, workers: int, scheduler: str, ledgers: bool) -> None:
     """Reports that are not there yet."""
     left = [name for name in names if not (folder / "results" / name / "run.json").is_file()]
     run = (
         discovering.discover_there(left, folder, scheduler)
         if scheduler
-        else discovering.discover_here(left, folder, workers)
+        else discovering.discover_here(left, folder, workers, ledgers)
     )
     for i, (name, result) in enumerate(run):
         told = (result["error"] or "").splitlines()[-1:] or [f"{result['seconds']:.1f} s, {result['peak_mb']:.0f} MB"]
@@ -86,6 +86,7 @@ def main() -> None:
     )
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--scheduler", default="", metavar="ADDRESS", help="of a dask scheduler")
+    parser.add_argument("--ledgers", action="store_true", help="keep what every search fitted, for rescore.py")
     parser.add_argument("--generate-only", action="store_true")
     parser.add_argument("--score-only", action="store_true")
     parser.add_argument("--look-again", action="store_true", help="simulate the tests that ambiguous reports ask for")
@@ -106,7 +107,7 @@ def main() -> None:
     if args.generate_only:
         return
     if not args.score_only:
-        discover(names, args.out, args.workers, args.scheduler)
+        discover(names, args.out, args.workers, args.scheduler, args.ledgers)
     after = looking_again.look(names, args.out, args.workers) if args.look_again else None
     print(write_score(args.out, names, after))
 

@@ -32,13 +32,18 @@ def cases(folder: Path, names: Sequence[str] | None = None) -> list[Case]:
             continue
         label = json.loads(path.read_text(encoding="utf-8"))
         report = read_report(folder / "results" / path.stem / "report.json")
-        study = load_study(folder / "cases" / path.stem / "study.toml")
-        sets = {group.name: frozenset(group.joints) for group in study.groups}
-        sets |= {name: frozenset(row.parameters) for row in study.adjustable for name in row.parameters}
-        places = Places(sets)
+        places = places_of(folder / "cases" / path.stem / "study.toml")
         run_told = json.loads(run.read_text(encoding="utf-8"))
         found.append({"label": label, "report": report, "run": run_told, "judged": judge(label, report, places)})
     return found
+
+
+def places_of(study_file: Path) -> Places:
+    """What stands behind the names of a study."""
+    study = load_study(study_file)
+    sets = {group.name: frozenset(group.joints) for group in study.groups}
+    sets |= {name: frozenset(row.parameters) for row in study.adjustable for name in row.parameters}
+    return Places(sets)
 
 
 def read_report(path: Path) -> dict[str, Any] | None:

@@ -11,7 +11,7 @@ class OutOfTime(Exception):
     """A search may not simulate any longer."""
 
 
-class Spent:
+class Budget:
     """Counts runs; shared by threads. runs: of the FMU, those of the registration included. seconds: simulated in them. until:
     time.monotonic() from which on no run begins any more."""
 

@@ -10,11 +10,12 @@ pytest.importorskip("sympy")
 
 from one_mass import APART, JOINT, MASS, NOISE, STEP, SWEEP, T, begun, shown, sweep, term_at, write
 
-from fmucorrect.discovery import naming
+from fmucorrect.discovery import stepwise
 from fmucorrect.discovery.fit import fit
+from fmucorrect.discovery.ledger import Compared
 from fmucorrect.discovery.model import Model
-from fmucorrect.discovery.naming import Naming
 from fmucorrect.discovery.problem import load
+from fmucorrect.discovery.worth import believed, first_of
 from fmucorrect.study import load_study
 
 PEAKS = (0.3, 0.4, 0.5, 0.6, 0.7)  # N
@@ -60,24 +61,30 @@ def by_few(problem, *sets):
     with problem.few(2 * len(T)) as few:
         assert len(few.trials) == 2
         setting, base = begun(few)
-        return Naming(base, tuple(fit(few, setting, replace(few.nominal, terms=terms), 20) for terms in sets), setting)
+        fits = tuple(fit(few, setting, replace(few.nominal, terms=terms), 20) for terms in sets)
+        return Compared(few, base, fits, setting)
+
+
+def best(compared):
+    """The likeliest of the sets that are worth it."""
+    return first_of([compared.base, *believed(compared.setting, compared.base, compared.sets)])
 
 
 def test_what_few_conditions_leave_open_is_decided_by_all(library, tmp_path):
     with problem_of(tmp_path, library, friction=FRICTION) as problem:
         spring, friction = spring_of(problem.study), friction_of(problem.study, FRICTION)
         few = by_few(problem, (spring,), (spring, friction))
-        by_all = naming._on_all(problem, few, lambda stage, done, total: None)
-    assert naming._believed(few).best is few.sets[0]
-    assert {term.key for term in by_all.best.model.terms} == {spring.key, friction.key}
+        by_all = stepwise._on_all(problem, few, lambda stage, done, total: None)
+    assert best(few) is few.sets[0]
+    assert {term.key for term in best(by_all).model.terms} == {spring.key, friction.key}
 
 
 def test_a_sensor_that_few_conditions_do_not_show_is_found_in_all(library, tmp_path):
     with problem_of(tmp_path, library, offset=OFFSET) as problem:
         spring = spring_of(problem.study)
-        by_all = naming._on_all(problem, by_few(problem, (spring,)), lambda stage, done, total: None)
-    assert {term.key for term in by_all.best.model.terms} == {spring.key, ("sensor_offset", "x1")}
-    assert by_all.best.model.terms[1].values["offset"] == pytest.approx(OFFSET * NOISE, rel=0.1)
+        by_all = stepwise._on_all(problem, by_few(problem, (spring,)), lambda stage, done, total: None)
+    assert {term.key for term in best(by_all).model.terms} == {spring.key, ("sensor_offset", "x1")}
+    assert best(by_all).model.terms[1].values["offset"] == pytest.approx(OFFSET * NOISE, rel=0.1)
 
 
 def test_a_lag_of_the_excitation_that_few_conditions_do_not_show_is_found_in_all(library, tmp_path):
@@ -85,15 +92,15 @@ def test_a_lag_of_the_excitation_that_few_conditions_do_not_show_is_found_in_all
     with problem_of(tmp_path, library, late=LATE) as problem:
         spring = spring_of(problem.study)
         few = by_few(problem, (spring,))
-        by_all = naming._on_all(problem, few, lambda stage, done, total: None)
-    assert {term.key for term in by_all.best.model.terms} == {spring.key, ("excitation_lag", "excitation")}
-    assert by_all.best.model.terms[1].values["lag"] == pytest.approx(LATE * STEP, abs=0.5e-3)
+        by_all = stepwise._on_all(problem, few, lambda stage, done, total: None)
+    assert {term.key for term in best(by_all).model.terms} == {spring.key, ("excitation_lag", "excitation")}
+    assert best(by_all).model.terms[1].values["lag"] == pytest.approx(LATE * STEP, abs=0.5e-3)
 
 
 def test_a_hum_that_few_conditions_do_not_show_is_found_in_all(library, tmp_path):
     with problem_of(tmp_path, library, hum=HUM) as problem:
         spring = spring_of(problem.study)
-        by_all = naming._on_all(problem, by_few(problem, (spring,)), lambda stage, done, total: None)
-    assert {term.key for term in by_all.best.model.terms} == {spring.key, ("periodic_force", "joint 1")}
-    assert by_all.best.model.terms[1].values["amplitude"] == pytest.approx(HUM, rel=0.1)
-    assert by_all.best.model.terms[1].values["frequency"] == pytest.approx(HERTZ, rel=1e-3)
+        by_all = stepwise._on_all(problem, by_few(problem, (spring,)), lambda stage, done, total: None)
+    assert {term.key for term in best(by_all).model.terms} == {spring.key, ("periodic_force", "joint 1")}
+    assert best(by_all).model.terms[1].values["amplitude"] == pytest.approx(HUM, rel=0.1)
+    assert best(by_all).model.terms[1].values["frequency"] == pytest.approx(HERTZ, rel=1e-3)
