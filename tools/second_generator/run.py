@@ -44,17 +44,14 @@ def main() -> None:
         for spec in suite(args.seed)
         if not patterns or any(fnmatch(text, p) for text in (spec.name, spec.kind) for p in patterns)
     ]
-    if not args.score_only:
-        for spec in specs:
-            if not (args.out / "labels" / f"{spec.name}.json").is_file():
-                write(make(spec), args.out)
-        for i, spec in enumerate(specs if not args.generate_only else []):
-            result = args.out / "results" / spec.name
-            if not (result / "run.json").is_file():
-                told = run_case(args.out / "cases" / spec.name / "study.toml", result)
-                took = f"{told['seconds']:.0f} s"
-                error = (told["error"] or took).splitlines()[-1]
-                print(f"{i + 1}/{len(specs)} {spec.name}: {error}", flush=True)
+    for i, spec in enumerate(specs if not args.score_only else []):
+        if not (args.out / "labels" / f"{spec.name}.json").is_file():
+            write(make(spec), args.out)
+        result = args.out / "results" / spec.name
+        if not args.generate_only and not (result / "run.json").is_file():
+            told = run_case(args.out / "cases" / spec.name / "study.toml", result)
+            took = f"{told['seconds']:.0f} s"
+            print(f"{i + 1}/{len(specs)} {spec.name}: {(told['error'] or took).splitlines()[-1]}", flush=True)
     if args.generate_only:
         return
     found = scored(args.out, [spec.name for spec in specs], args.seed, len(suite(args.seed)))
