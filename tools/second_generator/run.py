@@ -27,6 +27,9 @@ from score import scored, words
 from secret import make
 from studies import write
 
+LIMIT = 4.0 * 3600.0
+"""s of the clock, after which a case is given up; a machine that does other things too is slow."""
+
 
 def main() -> None:
     """The command line."""
@@ -49,7 +52,7 @@ def main() -> None:
             write(make(spec), args.out)
         result = args.out / "results" / spec.name
         if not args.generate_only and not (result / "run.json").is_file():
-            told = run_case(args.out / "cases" / spec.name / "study.toml", result)
+            told = run_case(args.out / "cases" / spec.name / "study.toml", result, LIMIT)
             took = f"{told['seconds']:.0f} s"
             print(f"{i + 1}/{len(specs)} {spec.name}: {(told['error'] or took).splitlines()[-1]}", flush=True)
     if args.generate_only:
