@@ -45,7 +45,9 @@ def scored(folder: Path, names: Sequence[str], seed: int, planned: int) -> dict[
         "medians": {
             "main parameter, relative error": statistics.median(errors) if errors else None,
             "held-out gap after over noise floor, of named": statistics.median(gaps) if gaps else None,
-            "seconds a case": statistics.median(c["run"]["seconds"] for c in found) if found else None,
+            "seconds a case, beside other work": statistics.median(c["run"]["seconds"] for c in found)
+            if found
+            else None,
         },
         "probability": {"claims": len(claims), "largest distance from frequency": unreliable(claims)},
         "cases": [_row(c) for c in found],
