@@ -38,10 +38,10 @@ print("TIMES " + json.dumps({"seconds": done - ready, "loading": ready - begun})
 """The one place that calls the package under test."""
 
 
-def run_case(study: Path, out: Path, ledger: bool = False) -> dict:
-    """Discovers from one study into `out`. What is kept of the run, also in out/run.json: seconds (without Python's
-    start), wall, peak MB of the process (its children's, where larger), error (the last lines of what it said, or
-    None). ledger: whether to leave that too, for rescore.py."""
+def run_case(study: Path, out: Path, ledger: bool = False, limit: float = LIMIT) -> dict:
+    """Discovers from one study into `out`, for `limit` s of the clock at most. What is kept of the run, also in
+    out/run.json: seconds (without Python's start), wall, peak MB of the process (its children's, where larger), error (the
+    last lines of what it said, or None). ledger: whether to leave that too, for rescore.py."""
     out.mkdir(parents=True, exist_ok=True)
     begun = time.perf_counter()
     with tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace") as said:
@@ -50,7 +50,7 @@ def run_case(study: Path, out: Path, ledger: bool = False) -> dict:
             stdout=said,
             stderr=subprocess.STDOUT,
         )
-        code, peak = _wait(process)
+        code, peak = _wait(process, limit)
         said.seek(0)
         text = said.read()
     times = next((json.loads(line[6:]) for line in text.splitlines() if line.startswith("TIMES ")), {})
@@ -61,15 +61,15 @@ def run_case(study: Path, out: Path, ledger: bool = False) -> dict:
     return result
 
 
-def _wait(process: subprocess.Popen) -> tuple[int, float]:
-    """Exit code, killed beyond LIMIT, and peak memory in MB."""
+def _wait(process: subprocess.Popen, limit: float) -> tuple[int, float]:
+    """Exit code, killed beyond `limit` s, and peak memory in MB."""
     begun = time.perf_counter()
     while True:
         pid, status, usage = os.wait4(process.pid, os.WNOHANG)
         if pid:
             process.returncode = os.waitstatus_to_exitcode(status)
             return process.returncode, usage.ru_maxrss / 1024.0
-        if time.perf_counter() - begun > LIMIT:
+        if time.perf_counter() - begun > limit:
             process.kill()
         time.sleep(0.05)
 

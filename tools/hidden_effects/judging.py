@@ -171,7 +171,9 @@ def _places_right(named: Sequence[Row], hidden: Sequence[Row], places: Places) -
 
 
 def _off(label: Row) -> dict[str, float]:
-    """By how much the base parameters are off by themselves."""
+    """By how much the base parameters are off by themselves; another generator's label has it."""
+    if "off" in label:
+        return label["off"]
     on = bench(label["spec"]["bench"])
     return {name: value - on.value(name, {}) for name, value in label["parameters"].items()}
 
