@@ -52,7 +52,7 @@ def main() -> None:
             write(make(spec), args.out)
         result = args.out / "results" / spec.name
         if not args.generate_only and not (result / "run.json").is_file():
-            told = run_case(args.out / "cases" / spec.name / "study.toml", result, LIMIT)
+            told = run_case(args.out / "cases" / spec.name / "study.toml", result, limit=LIMIT)
             took = f"{told['seconds']:.0f} s"
             print(f"{i + 1}/{len(specs)} {spec.name}: {(told['error'] or took).splitlines()[-1]}", flush=True)
     if args.generate_only:
