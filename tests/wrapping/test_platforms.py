@@ -21,8 +21,8 @@ from fmucorrect.wrapping.package import Wrapped
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="libraries for Linux are loaded")
 
-CLOSE = 1e-5
-"""mm"""
+CLOSE = 1e-4
+"""mm: what the wrapper's proof allows of responses of 10 mm"""
 STEPS = 400
 CC = shutil.which("gcc") or shutil.which("cc") or ""
 SANITIZED = ("-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
