@@ -35,7 +35,7 @@ def by_radius(found: RunningSafety) -> go.Figure:
     radii = sorted(found.speeds, key=lambda radius: (radius == 0.0, radius))
     labels = [f"{radius:g} m" if radius else "straight" for radius in radii]
     seen: set[str] = set()
-    for k, (quantity, _, factor) in enumerate(QUANTITIES):
+    for k, (quantity, title, factor) in enumerate(QUANTITIES):
         place: dict[str, Any] = {"row": 1 + k // 2, "col": 1 + k % 2}
         some = [value for value in found.assessment.values if value.quantity == quantity]
         if not some:
@@ -51,7 +51,7 @@ def by_radius(found: RunningSafety) -> go.Figure:
                 mode="lines+markers",
                 line={"color": SIDES[side], "width": 1.6},
                 marker={"size": 8},
-                hovertemplate="%{x}: %{y:.3f}",
+                hovertemplate=f"%{{x}}: %{{y:.3f}} {title.partition(', ')[2]}",
                 **place,
             )
             seen.add(side)
@@ -89,7 +89,7 @@ def histories(found: RunningSafety, radius: float) -> go.Figure:
                 showlegend=row == 1,
                 mode="lines",
                 line={"color": CYCLE[k % len(CYCLE)], "width": 1.2},
-                hovertemplate="%{y:.3f}",
+                hovertemplate="%{y:.3f}" + " kN" * (row < 3),
                 row=row,
                 col=1,
             )

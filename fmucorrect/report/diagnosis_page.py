@@ -93,7 +93,7 @@ def coherence(diagnosis: Diagnosis) -> go.Figure:
             look = {"color": palette[item.condition], "width": 1.6, "dash": dash}
             x, y = item.frequencies.astype(np.float32), item.coherence.astype(np.float32)
             label, first = f"{item.condition}, {item.role}", item.condition not in named
-            line(figure, row, label, look, first, x=x, y=y, hovertemplate="%{y:.3f}")
+            line(figure, row, label, look, first, x=x, y=y, hovertemplate="coherence %{y:.3f}")
             named.add(item.condition)
         # after the curves: plotly leaves an empty panel out
         if diagnosis.band and name in diagnosis.channels:

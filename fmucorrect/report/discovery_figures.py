@@ -97,7 +97,7 @@ def dependence(values: Sequence[Mapping[str, Any]], key: str, title: str, propor
         mode="markers",
         marker={"color": CORRECTED, "size": 9},
         text=[escape(str(item.get("condition", ""))) for item in found],
-        hovertemplate="%{text}: %{y:.3g} at %{x:.3g}<extra></extra>",
+        hovertemplate=f"%{{text}}: residual %{{y:.3g}} at %{{x:.3g}} {title.partition(', ')[2]}<extra></extra>",
         showlegend=False,
     )
     plain_style(figure, 270)
@@ -118,7 +118,7 @@ def over_time(values: Mapping[str, Mapping[str, Any]]) -> go.Figure:
         look = {"color": palette[str(name)], "width": 1.5}
         count = min(len(t), len(rms))
         step = max(1, -(-count // 1000))
-        common: dict[str, Any] = {"mode": "lines", "line": look, "hovertemplate": "%{y:.3g}"}
+        common: dict[str, Any] = {"mode": "lines", "line": look, "hovertemplate": "residual %{y:.3g} rms"}
         figure.add_scatter(x=t[:count:step], y=rms[:count:step], name=escape(str(name)), **common)
     plain_style(figure, max(250, 32 * len(values) + 118))
     figure.update_layout(margin={"t": 56, "b": 46}, hovermode="x unified", legend={"y": 1.0})
@@ -181,6 +181,7 @@ def series(item: Mapping[str, Any], chosen: Sequence[str], points: int) -> go.Fi
     changed = any(np.isfinite(numbers(mapping(channels[name]).get("after"))).any() for name in names)
     for row, name in enumerate(names, start=1):
         channel = mapping(channels[name])
+        unit = escape(pretty(str(channel.get("unit") or "")))
         for key, (colour, width) in looks.items():
             y = numbers(channel.get(key))
             count = min(len(y), len(t))
@@ -188,9 +189,9 @@ def series(item: Mapping[str, Any], chosen: Sequence[str], points: int) -> go.Fi
                 data: dict[str, Any] = {"x": t[:count:step].astype(np.float32), "y": y[:count:step].astype(np.float32)}
                 look = {"color": colour, "width": width}
                 label = key if changed or key != "before" else "simulated"
-                line(figure, row, label, look, key not in seen, hovertemplate="%{y:.3g}", **data)
+                line(figure, row, label, look, key not in seen, hovertemplate=f"%{{y:.3g}} {unit}", **data)
                 seen.add(key)
-        figure.update_yaxes(title_text=escape(pretty(str(channel.get("unit") or ""))), row=row, col=1)
+        figure.update_yaxes(title_text=unit, row=row, col=1)
     figure.update_xaxes(title_text="time, s", row=len(names), col=1)
     figure.update_layout(hovermode="x unified", modebar={"remove": [_SHARE]})
     return figure

@@ -82,8 +82,13 @@ def _section(found: Mapping[str, Any], title: str, given: str, unit: str) -> go.
     figure = go.Figure()
     x = (at / each).tolist()
     band = [*((force + std) / size), *((force - std) / size)[::-1]]
-    figure.add_scatter(x=[*x, *x[::-1]], y=band, fill="toself", fillcolor=BAND, line={"width": 0}, name="± one std")
-    figure.add_scatter(x=x, y=(force / size).tolist(), name="learned", line={"color": CORRECTED, "width": 2.2})
+    figure.add_scatter(
+        x=[*x, *x[::-1]], y=band, fill="toself", fillcolor=BAND, line={"width": 0}, name="± one std", hoverinfo="skip"
+    )
+    hover = f"%{{y:.3g}} {force_label} at %{{x:.3g}} {label}"
+    figure.add_scatter(
+        x=x, y=(force / size).tolist(), name="learned", hovertemplate=hover, line={"color": CORRECTED, "width": 2.2}
+    )
     plain_style(figure, 300)
     figure.update_layout(margin={"t": 40, "b": 46}, legend={"y": 1.0})
     figure.update_xaxes(title_text=f"{title}, {label}", zeroline=True)

@@ -37,7 +37,7 @@ class DiscoveryPage(Page):
         """An equation in plain text, several one a line or separated by semicolons."""
         lines = [line.strip() for line in text.replace(";", "\n").splitlines() if line.strip()]
         body = "<br>".join(map(markup, lines))
-        self._parts.append(f'<div class="equation" tabindex="0" role="region" aria-label="equation">{body}</div>')
+        self._parts.append(f'<div class="equation" tabindex="0" role="group" aria-label="equation">{body}</div>')
 
     def text_block(self, text: str) -> None:
         """A paragraph."""

@@ -40,19 +40,21 @@ def pictures(picture: Mapping[str, Any]) -> list[go.Figure]:
 
 def _picture(x: np.ndarray, force: np.ndarray, law: np.ndarray, title: str, vertical: str) -> go.Figure:
     figure = go.Figure()
+    across, along = (text.partition(", ")[2] for text in (title, vertical))
+    hover = f"%{{y:.3g}} {along} at %{{x:.3g}} {across}"
     count = min(len(x), len(force))
     if count:
         marker = {"color": MEASURED, "size": 5, "opacity": 0.75}
-        common: dict[str, Any] = {"mode": "markers", "marker": marker, "hovertemplate": "%{y:.3g} at %{x:.3g}"}
+        common: dict[str, Any] = {"mode": "markers", "marker": marker, "hovertemplate": hover}
         figure.add_scatter(x=x[:count], y=force[:count], name="what the data ask for", **common)
     count = min(len(x), len(law))
     if count and np.isfinite(law[:count]).any():
-        across, along, mode = _path(x[:count], law[:count])
-        look: dict[str, Any] = {"mode": mode, "name": "the law", "hovertemplate": "%{y:.3g} at %{x:.3g}"}
-        width = 2.2 if np.all(np.diff(across) >= 0.0) else 1.3
+        places, forces, mode = _path(x[:count], law[:count])
+        look: dict[str, Any] = {"mode": mode, "name": "the law", "hovertemplate": hover}
+        width = 2.2 if np.all(np.diff(places) >= 0.0) else 1.3
         look |= {"line": {"color": CORRECTED, "width": width}} if mode == "lines" else {}
         look |= {"marker": {"color": CORRECTED, "size": 4}} if mode == "markers" else {}
-        figure.add_scatter(x=across, y=along, **look)
+        figure.add_scatter(x=places, y=forces, **look)
     plain_style(figure, 340)
     figure.update_layout(margin={"t": 40, "b": 46}, legend={"y": 1.0})
     figure.update_xaxes(title_text=title, zeroline=True, zerolinecolor="#8a94a1")

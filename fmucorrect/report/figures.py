@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from html import escape
 from typing import Any
 
 import numpy as np
@@ -105,7 +106,9 @@ def bars(comparison: Comparison) -> go.Figure:
     before, after = comparison.before, comparison.after
     names = [*(channel.name for channel in comparison.channels), "mean"]
     figure = make_subplots(1, 2, subplot_titles=("NRMSE, %", "R²"), horizontal_spacing=0.1)
-    for column, (key, form) in enumerate((("nrmse", ".2f"), ("r2", ".3f")), start=1):
+    for column, (key, form, hover) in enumerate(
+        (("nrmse", ".2f", "%{x}: NRMSE %{text} %"), ("r2", ".3f", "%{x}: R² %{text}")), start=1
+    ):
         for label, scores, colour in (("simulated", before, SIMULATED), ("corrected", after, CORRECTED)):
             values = getattr(scores, key)
             values = [*values.tolist(), float(values.mean())]
@@ -118,6 +121,7 @@ def bars(comparison: Comparison) -> go.Figure:
                     text=[format(value, form) for value in values],
                     textposition="outside",
                     cliponaxis=False,
+                    hovertemplate=hover,
                     showlegend=column == 1,
                     legendgroup=label,
                 ),
@@ -168,8 +172,9 @@ def _add(figure: go.Figure, comparison: Comparison, j: int, y: np.ndarray, name:
     options.setdefault("showlegend", j == 0)
     start = comparison.t_ns[0] / NANOSECONDS
     step = thinning(comparison) * float(np.median(np.diff(comparison.t_ns))) / NANOSECONDS
+    hover = f"%{{y:.3f}} {escape(comparison.channels[j].unit)}"
     trace = go.Scatter(
-        x0=start, dx=step, y=y.astype(np.float32), name=name, mode="lines", hovertemplate="%{y:.3f}", **options
+        x0=start, dx=step, y=y.astype(np.float32), name=name, mode="lines", hovertemplate=hover, **options
     )
     figure.add_trace(trace, row=j + 1, col=1)
 

@@ -154,7 +154,7 @@ class Page:
                 body += f"<tr{name}>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>"
         body = f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
         self._parts.append(
-            f'<div class="scroll" tabindex="0" role="region" aria-label="table of {escape(self._where())}">{body}</div>'
+            f'<div class="scroll" tabindex="0" role="group" aria-label="table of {escape(self._where())}">{body}</div>'
         )
 
     def figure(self, figure: Figure, views: Sequence[tuple[str, View]] = ()) -> None:

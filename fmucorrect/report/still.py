@@ -44,6 +44,11 @@ class _Axis:
 
     def fit(self, values: Float[np.ndarray, " N"], zero: bool) -> None:
         """Choose the ends: what is given, else what the values span. zero: whether bars stand on it."""
+        self._choose(values, zero)
+        if self.given.autorange == "reversed":
+            self.ends = self.ends[::-1]
+
+    def _choose(self, values: Float[np.ndarray, " N"], zero: bool) -> None:
         if self.given.range is not None:
             self.ends = float(self.given.range[0]), float(self.given.range[1])
             return

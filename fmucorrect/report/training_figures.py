@@ -195,7 +195,10 @@ def overlay(
     step = max(1, -(-len(t) // points))
     x = {"x0": float(t[0]), "dx": step * float(np.median(np.diff(t)))}
     for curve in curves:
-        seen: dict[str, Any] = {"visible": True if curve.shown else "legendonly", "hovertemplate": "%{y:.3f}"}
+        seen: dict[str, Any] = {
+            "visible": True if curve.shown else "legendonly",
+            "hovertemplate": f"%{{y:.3f}} {escape(unit)}",
+        }
         look = {"color": curve.colour, "width": curve.width}
         for j in range(len(channels)):
             y = curve.values[::step, j].astype(np.float32)
@@ -267,7 +270,7 @@ def channel_bars(cases: Sequence[Bars], channels: Sequence[str]) -> go.Figure:
                 legendgroup=case.label,
                 showlegend=row == 1,
                 visible=True if case.shown else "legendonly",
-                hovertemplate="%{y:.4f}",
+                hovertemplate="%{x}: %{y:.4f}" + " %" * (key != "r2"),
                 row=row,
                 col=1,
             )
@@ -315,7 +318,7 @@ def _loss(
     seen: set[str],
     width: float = 1.4,
 ) -> None:
-    shape = {"mode": "lines" if len(x) > 1 else "markers", "hovertemplate": "%{y:.4g} at %{x}"}
+    shape = {"mode": "lines" if len(x) > 1 else "markers", "hovertemplate": "%{y:.4g} at epoch %{x}"}
     line(figure, row, name, {"color": colour, "width": width}, name not in seen, x=x, y=y, **shape)
     seen.add(name)
 

@@ -410,7 +410,7 @@ def _differences(variants: Sequence[tuple[str, np.ndarray]], verdicts: Sequence[
     labels = [escape(label) for label, _ in variants]
     for label, (_, values), verdict in zip(labels, variants, verdicts, strict=True):
         colour = shades.get(verdict, figures.MEASURED)
-        common: dict[str, Any] = {"showlegend": False, "hovertemplate": "%{x:+.4f}<extra></extra>"}
+        common: dict[str, Any] = {"showlegend": False, "hovertemplate": "%{y}: %{x:+.4f} % points<extra></extra>"}
         figure.add_bar(
             x=[values.mean()], y=[label], orientation="h", marker_color=colour, opacity=0.35, width=0.5, **common
         )
