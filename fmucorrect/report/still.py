@@ -40,13 +40,13 @@ class _Axis:
         """low, high: pixels of its ends. names: of a category axis, [] for numbers."""
         self.given, self.names, self.log = given, list(names), given.type == "log"
         self._pixels = (low, high)
-        self.ends = (0.0, 1.0)
+        self.ends: tuple[float, float] = (0.0, 1.0)
 
     def fit(self, values: Float[np.ndarray, " N"], zero: bool) -> None:
         """Choose the ends: what is given, else what the values span. zero: whether bars stand on it."""
         self._choose(values, zero)
         if self.given.autorange == "reversed":
-            self.ends = self.ends[::-1]
+            self.ends = self.ends[1], self.ends[0]
 
     def _choose(self, values: Float[np.ndarray, " N"], zero: bool) -> None:
         if self.given.range is not None:
