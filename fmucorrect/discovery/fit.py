@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from fmucorrect.discovery.fitted import Fitted, Setting, explains, judge, judge_at
-from fmucorrect.discovery.form import FARTHEST, covariance, hope, normal, step, stepped, with_whole_offsets
+from fmucorrect.discovery.form import FARTHEST, covariance, normal, step, stepped, with_whole_offsets
 from fmucorrect.discovery.kept import remembered
 from fmucorrect.discovery.ledger import Entry
 from fmucorrect.discovery.model import Model
@@ -23,9 +23,6 @@ HOPE, HOPELESS = 8.0, 60.0
 """A fit is given up when so many more gains like its last one would leave it so far behind its rival."""
 GAINED = 0.3
 """A step that lowers the surprise by less is the last one."""
-LEFT = 0.03
-"""None is tried that promises less, and one that does what the form promised to within this is the last one, too: where it is a
-parabola, one step is all."""
 LAST = 6
 """Steps with sensitivities from both sides."""
 SLOW, HOLDS = 3.0, 0.3
@@ -89,18 +86,18 @@ def _moved(
     slopes = _slopes(problem, state, np.full(numbers, PROBE))
     sure = False  # whether the sensitivities to base parameters have been looked at
     for iteration in range(iterations):
-        gained, hoped = 0.0, hope(setting, state, slopes)
-        for _ in range(5 if hoped >= LEFT else 0):
+        gained = 0.0
+        for _ in range(5):
             tried = better(problem, setting, state, step(setting, state, slopes, reach, damping))
             if tried is not None:
                 gained = state.surprise - tried.surprise
                 state, damping = tried, max(damping / 6.0, 1e-6)
                 break
             damping = max(damping, 1e-3) * 10.0
-        anew, kept = False, iteration > 0 and abs(hoped - gained) < LEFT  # at first the sensitivities are coarse
-        if (gained < SLOW or kept) and not sure and state.surprise < rival + HOPELESS:
+        anew = False
+        if gained < SLOW and not sure and state.surprise < rival + HOPELESS:
             anew, sure = not _holds(problem, state), True
-        if not anew and (gained < GAINED or kept):
+        if not anew and gained < GAINED:
             break
         if not anew and iteration >= 2 and state.surprise - HOPE * gained > rival + HOPELESS:
             break
@@ -122,15 +119,16 @@ def sharpened(problem: Problem, setting: Setting, state: Fitted, rival: float = 
     for _ in range(most):
         slopes, base = both_sides(problem, state, probes(setting, state, state.slopes))
         state = replace(state, slopes=slopes, base=base, around=state.model.base)
-        gained, hoped = 0.0, hope(setting, state, slopes)
-        if hoped < LEFT or state.surprise - hoped > rival + HOPELESS:
+        H, g = normal(setting, state, slopes)
+        gained = 0.0
+        if not len(g) or state.surprise - float(g @ np.linalg.pinv(H, hermitian=True) @ g) > rival + HOPELESS:
             break
         for damping in np.logspace(-8.0, 0.0, 9):
             tried = better(problem, setting, state, step(setting, state, slopes, reach, float(damping)))
             if tried is not None:
                 gained, state = state.surprise - tried.surprise, _whole(problem, setting, tried)
                 break
-        if gained < GAINED or abs(hoped - gained) < LEFT:
+        if gained < GAINED:
             break
     return state
 

@@ -46,12 +46,6 @@ def normal(
     return H, g
 
 
-def hope(setting: Setting, state: Fitted, slopes: Float64[np.ndarray, "n p"]) -> float:
-    """By how much the form's best step lowers the surprise, in -2 log p."""
-    H, g = normal(setting, state, slopes)
-    return float(g @ np.linalg.pinv(H, hermitian=True) @ g) if len(g) else 0.0
-
-
 def step(
     setting: Setting,
     state: Fitted,
