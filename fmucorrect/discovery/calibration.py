@@ -17,8 +17,16 @@ import numpy as np
 
 from fmucorrect.discovery.candidates import adjustables
 from fmucorrect.discovery.fit import fit
-from fmucorrect.discovery.fitted import Fitted, Setting, judge, price
-from fmucorrect.discovery.form import FARTHEST, covariance, free, joint_covariance, put_back, with_whole_offsets
+from fmucorrect.discovery.fitted import Fitted, Setting, explains, judge, price
+from fmucorrect.discovery.form import (
+    FARTHEST,
+    covariance,
+    free,
+    joint_covariance,
+    put_back,
+    released,
+    with_whole_offsets,
+)
 from fmucorrect.discovery.ledger import move
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.terms import OffsetTerm, Term
@@ -38,8 +46,9 @@ def calibrated(problem: Problem, setting: Setting, around: Fitted) -> Fitted | N
     solver gives up."""
     have = {term.key for term in around.model.terms}
     free = [term for term in adjustables(problem) if term.key not in have]
-    if not free:
-        return None
+    held = all(term.adjustable in problem.tolerated for term in free)
+    if not free or (held and explains(setting, around) and released(setting, around) < price(setting, 1)):
+        return None  # all of them together would gain less than one costs
     found = fit(
         problem, setting, replace(around.model, terms=(*around.model.terms, *free)), FREED, around.at, parent=around
     )

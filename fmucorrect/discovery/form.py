@@ -13,7 +13,8 @@ from jaxtyping import Bool, Float64
 from fmucorrect.discovery.fitted import Fitted, Setting
 from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.problem import Problem
-from fmucorrect.discovery.terms import OffsetTerm, Term, coordinates, moved, room
+from fmucorrect.discovery.terms import OffsetTerm, coordinates, moved, room
+from fmucorrect.study import Adjustable
 
 LONGEST = 0.8
 """Longest step of a logarithm at once; of any other coordinate, and of a base parameter in tolerances, twice that."""
@@ -99,6 +100,15 @@ def joint_covariance(setting: Setting, state: Fitted) -> Float64[np.ndarray, "q 
     return np.linalg.pinv(H, hermitian=True)
 
 
+def released(setting: Setting, state: Fitted) -> float:
+    """What the surprise would fall by if nothing held the base parameters, to first order: their prior taken away, with C the
+    covariance of all and z where they are, that is z' (I - C)^-1 z."""
+    count = state.slopes.shape[1]
+    C = joint_covariance(setting, state)[count:, count:]
+    z = np.asarray(state.model.base)
+    return float(z @ np.linalg.pinv(np.eye(len(z)) - C, hermitian=True) @ z)
+
+
 def put_back(
     C: Float64[np.ndarray, "q q"], out: list[int], x: Float64[np.ndarray, " m"]
 ) -> tuple[float, Float64[np.ndarray, " q"]]:
@@ -113,18 +123,15 @@ def put_back(
 def with_whole_offsets(problem: Problem, model: Model) -> Model:
     """The same model, every offset with all of its parameter's move in it, its tolerance as it was at first. Parameters that
     conditions set themselves stay as they are, and what an offset may not be."""
-    own = _own(problem)
-    z = dict(zip(problem.tolerated, model.base, strict=True))
-
-    def told(term: Term) -> Term:
-        if not isinstance(term, OffsetTerm) or own & {*term.adjustable.parameters}:
-            return term
-        value = term.values["value"] + z.get(term.adjustable, 0.0) * term.scale
-        return replace(term, values={"value": value}) if term.low <= value <= term.high else term
-
-    terms = tuple(told(term) for term in model.terms)
-    gone = {new.adjustable for new in terms if isinstance(new, OffsetTerm) and new not in model.terms}
-    return Model(terms, tuple(0.0 if a in gone else x for a, x in z.items()))
+    own, z = _own(problem), dict(zip(problem.tolerated, model.base, strict=True))
+    terms, gone = list(model.terms), set[Adjustable]()
+    for i, term in enumerate(terms):
+        if isinstance(term, OffsetTerm) and not own & {*term.adjustable.parameters}:
+            value = term.values["value"] + z.get(term.adjustable, 0.0) * term.scale
+            if term.low <= value <= term.high:
+                terms[i] = replace(term, values={"value": value})
+                gone.add(term.adjustable)
+    return Model(tuple(terms), tuple(0.0 if a in gone else x for a, x in z.items()))
 
 
 def free(problem: Problem, model: Model) -> Bool[np.ndarray, " A"]:

@@ -44,6 +44,8 @@ def pared(problem: Problem, setting: Setting, base: Fitted, found: Sequence[Fitt
     found = [*found, *_linear_part(problem, setting, base, found)]
     tried: list[Fitted] = []
     done: set[frozenset[tuple[str, str]]] = set()
+    own = [row for row in problem.ledger.rows if row.move.endswith("pared") and row.substeps == problem.substeps]
+    before = {(row.parent, _forms(row.model.terms)) for row in own}  # from the same numbers it would end at the same
     caught: set[frozenset[tuple[str, str]]] = set()
     while True:
         best = first_of(admissible(setting, base, found))
@@ -56,7 +58,7 @@ def pared(problem: Problem, setting: Setting, base: Fitted, found: Sequence[Fitt
                 (close, terms) for terms in _with_less(close.model.terms) if len(terms) == len(close.model.terms)
             ]
         for one, terms in simpler:
-            if _forms(terms) in done:
+            if _forms(terms) in done or (one.number, _forms(terms)) in before:
                 continue
             done.add(_forms(terms))
             if any(_at_least(setting, terms, fitted) > best.surprise + HOPELESS for fitted in tried):
