@@ -9,7 +9,7 @@ from fmucorrect.discovery.budget import OutOfTime
 from fmucorrect.discovery.ending import ended, likeliest, needed
 from fmucorrect.discovery.exchange import exchanged
 from fmucorrect.discovery.fit import GAINED, fit
-from fmucorrect.discovery.fitted import Fitted, Setting, begin, explains, judge, tried
+from fmucorrect.discovery.fitted import Fitted, Setting, begin, judge, tried
 from fmucorrect.discovery.held import held
 from fmucorrect.discovery.ledger import Compared
 from fmucorrect.discovery.look import around, at_other_places
@@ -121,10 +121,6 @@ def _finished(problem: Problem, naming: Naming) -> Naming:
 def _ended(problem: Problem, naming: Naming) -> Naming:
     """With what is only at other places, what is alike, and the likeliest sets fitted to their end."""
     setting = naming.setting
-    if naming.best is naming.base and explains(setting, naming.base):  # nothing is there that could be named
-        problem.ledger.compare(Compared(problem, naming.base, naming.sets, setting))
-        problem.ledger.through("ending")
-        return naming
     close = [fitted for fitted in naming.sets if fitted.surprise < naming.best.surprise + NEAR][:TWINS]
     found = merged([*naming.sets, *(twin for fitted in close for twin in at_other_places(problem, setting, fitted))])
     if naming.sets:
