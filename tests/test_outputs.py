@@ -353,7 +353,7 @@ def through(plant: object, out: Path, corrected: bool, place: Path, rows: int = 
     from fmucorrect import bundle
 
     model = bundle.load(place / "corrector.onnx") if corrected else None
-    session._write("run", plant, model, Condition("x", speed=385.0), drive(rows), out, None, {}, {}, None)  # type: ignore[arg-type]
+    session._write("run", plant, model, Condition("x", speed=385.0), drive(rows), out, None, {}, {}, None, None)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("corrected", [False, True])

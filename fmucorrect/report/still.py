@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 WIDTH = 1120
 """Of the picture; the page scales it to what room there is."""
 
-POINTS = 300
+POINTS = 200
 """Most points of a curve: as pairs of the least and the most in each part, what two pixels can show."""
 
 _COLOURS = ("#1668b0", "#d1642a", "#1b7f4b", "#b0459b", "#c79a00", "#5b6675")
@@ -217,7 +217,7 @@ class _Still:
         """Draw a curve or points; gives the pixels, which the next one may fill up to."""
         x, y = self._points(trace)
         colour, mode = self._colour(trace), str(trace.mode or "lines")
-        if "lines" in mode:
+        if "lines" in mode and "markers" not in mode:  # each marker may have a colour of its own
             x, y = _thinned(*_seen(x, y, self._axes[trace.xaxis or "x"].ends))
         across = self._axes[trace.xaxis or "x"].pixels(x)
         along = self._axes[trace.yaxis or "y"].pixels(y)

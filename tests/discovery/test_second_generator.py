@@ -21,9 +21,9 @@ from drives import RUNS  # noqa: E402
 from effects import CUBIC, FRICTION, IWAN, LUGRE, MAXWELL, ORIFICE, PLAY, STOP  # noqa: E402
 from judging import judge  # noqa: E402
 from machines import FINE, STEP, Law, plant, truth  # noqa: E402
-from score import scored  # noqa: E402
 from secret import make, motion  # noqa: E402
 from studies import write  # noqa: E402
+from tally import scored  # noqa: E402
 
 BOGIE = plant("bogie")
 MASS = 50.0  # kg

@@ -23,9 +23,9 @@ sys.path.append(
 
 from discovering import run_case
 from draws import suite
-from score import scored, words
 from secret import make
 from studies import write
+from tally import scored, words
 
 LIMIT = 4.0 * 3600.0
 """s of the clock, after which a case is given up; a machine that does other things too is slow."""
