@@ -54,7 +54,9 @@ class DiscoveryPage(Page):
 
     def fold(self, summary: str, text: str) -> None:
         """Text as it stands that unfolds at a click."""
-        self._parts.append(f"<details><summary>{escape(summary)}</summary><pre>{escape(text.rstrip())}</pre></details>")
+        self._parts.append(
+            f'<details><summary>{escape(summary)}</summary><pre tabindex="0">{escape(text.rstrip())}</pre></details>'
+        )
 
     def side_by_side(self, figures: Sequence[Figure]) -> None:
         """Figures in two columns where there is room."""

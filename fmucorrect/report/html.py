@@ -196,7 +196,7 @@ class Page:
 
     def commands(self, text: str) -> None:
         """Lines to type."""
-        self._parts.append(f"<pre>{escape(text)}</pre>")
+        self._parts.append(f'<pre tabindex="0">{escape(text)}</pre>')
 
     def caution(self, text: str) -> None:
         """What the reader must know before believing figures."""
