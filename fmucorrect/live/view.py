@@ -5,7 +5,7 @@
 
 Every sample is a message of /simulation, and with a corrector of /corrected (corrected values, standard deviations and
 status) and of /band. What cannot be published in a small share of the run's time is left out, the oldest first: the view
-never holds the run up.
+holds the run up as little as it can.
 """
 
 from __future__ import annotations
