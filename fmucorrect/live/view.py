@@ -166,9 +166,8 @@ class Live:
             rows = oldest.rows(0, min(_SLICE, len(oldest)))
             if len(rows) < len(oldest):
                 self._queue.appendleft(oldest.rows(len(rows), len(oldest)))
-            stamps = np.maximum(
-                rows.t_ns, 0
-            ).tolist()  # the protocol knows no time before zero; the messages' own stamps do
+            # the protocol knows no time before zero; the messages' own stamps do
+            stamps = np.maximum(rows.t_ns, 0).tolist()
             for topic, part in topics_of(rows).items():
                 channel, kind = self._topics[topic]
                 if channel.has_sinks():

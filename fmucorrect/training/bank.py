@@ -10,7 +10,7 @@ simulation lacks.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -33,8 +33,6 @@ SLOWEST = 0.01
 """Share of the power of what the simulation lacks that lies below the slowest motion of it."""
 DAMPING = 0.25
 """Damping ratio of all oscillators at first: neighbours on the logarithmic scale of frequencies overlap."""
-
-
 SHARE = 4.0
 """What is remembered dies out within one part in so many of the shortest record: of what is slower a record says too little.
 Where the data of others were cut into short records, a filter without that bound erred four times as much as the simulation in
@@ -99,11 +97,14 @@ class Bank:
         """(q, p) of all rows of the simulation but the first, at which no step has ended yet."""
         return _features(item, self.centre, self.size, self.poles) / self.feature
 
+    def measured(self, item: Samples) -> Float64[np.ndarray, "N F"]:
+        """(q, p) of the measured rows; zeros at one before which nothing was simulated."""
+        found = self.features(item)[-len(item.simulated) :]
+        return np.pad(found, ((len(item.simulated) - len(found), 0), (0, 0)))
+
     def past(self, item: Samples) -> Float64[np.ndarray, "N P"]:
         """At the measured rows, as the head's state has it."""
-        count = len(item.simulated)
-        past = (self.features(item) * self.feature)[-count:, len(self.centre) :]
-        return np.concatenate([np.zeros((count - len(past), past.shape[1])), past])
+        return (self.measured(item) * self.feature)[:, len(self.centre) :]
 
     def weights(self, inputs: int) -> tuple[Tensor, Tensor, Tensor]:
         """Its own step, what x = (two rows, condition) drives it with, and a constant; double. inputs: length of x."""
@@ -158,6 +159,12 @@ def answers(x: np.ndarray, poles: np.ndarray) -> np.ndarray:
     for i, pole in enumerate(poles):
         said[:, i] = answer(x, pole)
     return said
+
+
+def remembered(t: Mapping[str, Tensor], x: Float[Tensor, "N X"], state: Float[Tensor, "N S"]) -> tuple[Tensor, Tensor]:
+    """What a head's bank has come to, by its tensors A, G and g (Bank.weights), and what is seen then: x beside it."""
+    past = torch.addmm(torch.addmm(t["g"], x, t["G"]), state, t["A"])
+    return past, torch.cat([x, past], 1)
 
 
 def rotation(poles: np.ndarray, copies: int) -> Float[Tensor, "S S"]:

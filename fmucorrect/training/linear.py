@@ -16,7 +16,7 @@ from jaxtyping import Float, Float64
 from torch import Tensor, nn
 
 from fmucorrect.training import ridge
-from fmucorrect.training.bank import ROWS, Bank, bank, pace
+from fmucorrect.training.bank import ROWS, Bank, bank, pace, remembered
 from fmucorrect.training.data import Samples, Sizes
 from fmucorrect.training.deployed import Said
 
@@ -105,8 +105,7 @@ class LinearHead(nn.Module):
     def forward(self, x: Float[Tensor, "N X"], state: Float[Tensor, "N S"] | None = None) -> Said:
         t, past, seen = dict(self.named_buffers()), None, x
         if state is not None:
-            past = torch.addmm(torch.addmm(t["g"], x, t["G"]), state, t["A"])
-            seen = torch.cat([x, past], 1)
+            past, seen = remembered(t, x, state)
         response = torch.addmm(t["l"], seen, t["L"])
         if self.sloped:
             speed = torch.addmm(t["d"], x[:, self.last.stop :], t["c"])
@@ -132,15 +131,8 @@ def amplitude(development: Sequence[Samples], sizes: Sizes) -> Filter:
 def fit_filter(development: Sequence[Samples], folds: Sequence[Sequence[int]], sizes: Sizes, stride: int) -> Filter:
     """Penalty, and whether the weights follow the speed, by what is left out (ridge.fit)."""
     memory = bank(development, pace(development), OSCILLATORS)
-    each: list[ridge.Normal] = []
-    for item in development:
-        features = memory.features(item)[-len(item.simulated) :]
-        missing = len(item.simulated) - len(
-            features
-        )  # the first row, where nothing was simulated before it was measured
-        each.append(
-            ridge.normal(np.pad(features, ((missing, 0), (0, 0)))[::stride], item, slice(None, None, stride), sizes)
-        )
+    every = slice(None, None, stride)
+    each = [ridge.normal(memory.measured(item)[every], item, every, sizes) for item in development]
     speeds = len({item.speed for item in development}) > 2
     weights, sloped = ridge.fit(each, folds, (False, True)[: 1 + speeds]).solved
     return Filter(weights * sizes.response, sloped * sizes.response, sizes.speed, memory)

@@ -35,9 +35,9 @@ GOLDEN = 8
 @dataclass(frozen=True)
 class Trained:
     """A finished training. content: the bundle file's bytes. corrector: the same in torch, for comparison. fitted: what it
-    says without envelope. guard: None where nothing is corrected.
-    fallback: None where nothing is left of it when the motion is new. curves: of the refit, all members. trials: of the
-    search, in order. distilled: one network for an ensemble, deployed or not. warnings: of the gate."""
+    says without envelope. guard: None where nothing is corrected. fallback: None where nothing is left of it when the motion
+    is new. curves: of the refit, all members. trials: of the search, in order. distilled: one network for an ensemble,
+    deployed or not. warnings: of the gate."""
 
     content: bytes
     corrector: Corrector

@@ -24,7 +24,7 @@ from jaxtyping import Float, Float64
 from torch import Tensor, nn
 
 from fmucorrect.study_training import Training
-from fmucorrect.training.bank import DAMPING, ROWS, Bank, Pace, answer, answers, bank, pace, rotation
+from fmucorrect.training.bank import DAMPING, ROWS, Bank, Pace, answer, answers, bank, pace, remembered, rotation
 from fmucorrect.training.data import Samples, Sizes
 from fmucorrect.training.deployed import Said, bias, spread, weight
 from fmucorrect.training.loop import Curve, Run, Terms, minimise, one_cycle
@@ -312,8 +312,7 @@ class RecurrentHead(nn.Module):
     def forward(self, x: Float[Tensor, "N X"], state: Float[Tensor, "N S"] | None = None) -> Said:
         assert state is not None
         t = dict(self.named_buffers())
-        past = torch.addmm(torch.addmm(t["g"], x, t["G"]), state, t["A"])
-        seen = torch.cat([x, past], 1)
+        past, seen = remembered(t, x, state)
         hidden = torch.tanh(torch.addmm(t["h"], seen, t["H"]))
         hidden = torch.tanh(torch.addmm(t["k"], hidden, t["K"]))
         missing = torch.addmm(t["o"], hidden, t["U"])
