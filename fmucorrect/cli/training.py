@@ -125,7 +125,8 @@ def _where_it_ends(done: Results) -> Guarded:
         for item in done.evaluations
     ]
     rows = verdicts.guarded(guard, selection, done.evaluations)
-    return Guarded(verdicts.guard_words(guard, done.trained.fallback), rows, done.envelope, places)
+    linear = done.trained.corrector.head.linear
+    return Guarded(verdicts.guard_words(guard, done.trained.fallback, linear), rows, done.envelope, places)
 
 
 @click.command()

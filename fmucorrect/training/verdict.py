@@ -120,20 +120,21 @@ def flagged_in_motion(guard: Guard, item: Comparison) -> float:
     return float((item.status[item.excited] == Status.OUTSIDE).mean()) if left is None else left
 
 
-def guard_words(guard: Guard, fallback: Fallback | None) -> str:
-    """What the guard does, and how often it errs."""
-    to = "to the bare simulation"
+def guard_words(guard: Guard, fallback: Fallback | None, linear: bool) -> str:
+    """What the guard does, and how often it errs. linear: whether the corrector is a linear filter itself."""
+    then = "it fades to the bare simulation"
     if fallback is not None:
         bare, left = fallback.figures.values()
-        to = (
-            "to a linear filter, which was better than the simulation at every condition that was left out (NRMSE "
-            f"{bare:.3g} -> {left:.3g} %); the band is then that of the bare simulation, and under another declared condition "
-            "nothing is corrected"
+        then = "it goes on as it is, a linear filter" if linear else "it fades to a linear filter"
+        then += (
+            ", since one of what it sees was better than the simulation at every condition that was left out (NRMSE "
+            f"{bare:.3g} -> {left:.3g} %); the band is then that of the bare simulation, and under another declared "
+            "condition nothing is corrected"
         )
     return (
         "The corrector looks at the motion, too: farther from the motions of development than conditions were that had been "
         f"left out (threshold {guard.threshold:.3g}, so that at most {100 * FALSE_ALARMS:.1f} % of any one's rows in motion "
-        f"are flagged), it fades {to}. "
+        f"are flagged), {then}. "
         f"False alarms: {100 * guard.false_alarms:.1f} % of the rows in motion of conditions that were left out. "
         f"Misses: {100 * guard.misses:.0f} % of the rows in motion of motions made of those of development (half the size, "
         "slower, faster, random). Where it flags few of these, they were no news to it: who has driven over random roads has "
