@@ -26,6 +26,7 @@ from fmucorrect.training.data import samples
 from fmucorrect.training.protocol import Trained, train
 from fmucorrect.training.results import save
 
+Models = Callable[[Family], tuple[Trained, Path]]
 SEES = '\n[training.corrector]\nsees = ["wind", "flag"]\n'
 SLOW = "flag"
 """Seen as well, and never moves."""
@@ -73,7 +74,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
 
 
 @pytest.fixture(scope="module")
-def model_of(study: Study, tmp_path_factory: pytest.TempPathFactory) -> Callable[[Family], tuple[Trained, Path]]:
+def model_of(study: Study, tmp_path_factory: pytest.TempPathFactory) -> Models:
     made: dict[Family, tuple[Trained, Path]] = {}
 
     def model(family: Family) -> tuple[Trained, Path]:
@@ -85,7 +86,7 @@ def model_of(study: Study, tmp_path_factory: pytest.TempPathFactory) -> Callable
     return model
 
 
-def test_what_it_sees_makes_it_better(study: Study, model_of, tmp_path: Path) -> None:
+def test_what_it_sees_makes_it_better(study: Study, model_of: Models, tmp_path: Path) -> None:
     item = pair(study, study.evaluation[0])
     blind = evaluate(item, bundle.load(save(quick(study, ("linear",), ()), tmp_path)))
     seeing = evaluate(item, bundle.load(model_of("linear")[1]))
@@ -94,7 +95,7 @@ def test_what_it_sees_makes_it_better(study: Study, model_of, tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("family", ["linear", "window", "recurrent"])
-def test_every_family_says_in_onnx_what_was_fitted(family: Family, study: Study, model_of) -> None:
+def test_every_family_says_in_onnx_what_was_fitted(family: Family, study: Study, model_of: Models) -> None:
     made, path = model_of(family)
     assert made.selection.family == family
     model = bundle.load(path)
@@ -108,7 +109,7 @@ def test_every_family_says_in_onnx_what_was_fitted(family: Family, study: Study,
     close(said.corrected[inside][known], made.fitted.predict(data)[known], 5e-5)
 
 
-def test_other_units_of_what_is_seen_change_nothing(study: Study, model_of, tmp_path: Path) -> None:
+def test_other_units_of_what_is_seen_change_nothing(study: Study, model_of: Models, tmp_path: Path) -> None:
     other = load_study(make(tmp_path, "kN"))
     one, two = (
         evaluate(pair(s, s.evaluation[0]), bundle.load(path)).corrected
@@ -117,7 +118,7 @@ def test_other_units_of_what_is_seen_change_nothing(study: Study, model_of, tmp_
     close(two, one, 1e-3)
 
 
-def test_a_run_writes_what_a_replay_of_it_needs(study: Study, model_of, tmp_path: Path) -> None:
+def test_a_run_writes_what_a_replay_of_it_needs(study: Study, model_of: Models, tmp_path: Path) -> None:
     """The study's correctors may see less by now: what is streamed is what this one sees."""
     model, condition = bundle.load(model_of("linear")[1]), study.evaluation[0]
     text = study.path.read_text(encoding="utf-8").replace('["wind", "flag"]', "[]")
@@ -133,7 +134,7 @@ def test_a_run_writes_what_a_replay_of_it_needs(study: Study, model_of, tmp_path
     assert np.array_equal(one, two)
 
 
-def test_a_log_without_it_is_refused(study: Study, model_of, tmp_path: Path) -> None:
+def test_a_log_without_it_is_refused(study: Study, model_of: Models, tmp_path: Path) -> None:
     model, log = bundle.load(model_of("linear")[1]), study.evaluation[0].simulated
     assert log is not None
     with writer(tmp_path / "narrow.mcap") as out:
