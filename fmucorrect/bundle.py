@@ -1,13 +1,15 @@
 """The bundle: one ONNX file that holds a corrector, what it was trained on, and a golden pair that proves it.
 
-Inputs `window` float32 (N, W, J), oldest row first, in the channels' units; `condition` float32 (N, 3): speed km/h,
+Inputs `window` float32 (N, W, V), oldest row first, the channels in their units and then what else it sees (V = J where
+that is nothing); `condition` float32 (N, 3): speed km/h,
 amplitude deg, frequency Hz; `time` float64 (N, 1): s since the excitation began. Outputs `corrected`, `baseline` and
 `sigma` float32 (N, J) in the channels' units, `in_envelope` float32 (N, 1) in [0, 1]; further outputs may follow.
 `metadata_props["fmucorrect"]` is JSON (bundle_metadata.py); `metadata_props["fmucorrect_sha256"]`, the last field of the
 file, seals everything before it.
 
-Format 2, for what remembers more than a window: one more input `state` and one more output `next_state`, float32 (N, S). The
-state is zero at first; it moves on at the first sample whose window is full, and once at each one after.
+Format 2, for what sees more than the channels (the metadata name it, `sees`), or remembers more than a window: then there is
+one more input `state` and one more output `next_state`, float32 (N, S). The state is zero at first; it moves on at the first
+sample whose window is full, and once at each one after.
 """
 
 from __future__ import annotations
@@ -93,6 +95,10 @@ class Bundle:
         return self.info.channels
 
     @property
+    def sees(self) -> tuple[Channel, ...]:
+        return self.info.sees
+
+    @property
     def rows(self) -> int:
         return self.info.rows
 
@@ -116,10 +122,10 @@ class Run:
     def __init__(self, session: onnxruntime.InferenceSession, info: Info, where: str) -> None:
         self._session, self._where, self._recurrent = session, where, info.state > 0
         self._count = count = len(info.channels)
-        self.window = Window(info.rows, count)
+        self.window = Window(info.rows, len(info.seen))
         self.condition, self.seconds = np.zeros((1, 3), np.float32), np.zeros((1, 1))
         self._said = np.zeros(2 * count + 1, np.float32)  # corrected, sigma, in_envelope
-        self._corrected, self._last = self._said[None, :count], self.window.array[:, -1]
+        self._corrected, self._last = self._said[None, :count], self.window.array[:, -1, :count]
         self.answer = Correction(np.zeros((1, count), np.float32), self._said[None, count:-1], self._said[-1:])
         self._states = np.zeros((2, 1, info.state), np.float32)
         self._turn = 0  # of the two, the one that is the state now
@@ -160,12 +166,12 @@ class Run:
 
     def correct(
         self,
-        windows: Float32[np.ndarray, "N W J"],
+        windows: Float32[np.ndarray, "N W V"],
         condition: Float32[np.ndarray, "3"],
         seconds: Float64[np.ndarray, " N"],
     ) -> Correction:
         said = (self._in_turn if self._recurrent else self._at_once)(windows, condition, seconds)
-        delta = said[:, : self._count] - windows[: len(said), -1]
+        delta = said[:, : self._count] - windows[: len(said), -1, : self._count]
         sound = len(said)
         if not np.isfinite(said).all() or not np.isfinite(self.state).all():
             wrong = np.flatnonzero(~np.isfinite(said).all(1))
@@ -197,9 +203,9 @@ class Run:
 
     def _at_once(self, windows: np.ndarray, condition: np.ndarray, seconds: np.ndarray) -> np.ndarray:
         """The same in as few calls as there is room for in the cache."""
-        count, rows, channels = windows.shape
+        count, channels = len(windows), self._count
         said = np.empty((count, len(self._said)), np.float32)
-        block = np.empty((min(count, CHUNK), rows, channels), np.float32)
+        block = np.empty((min(count, CHUNK), *windows.shape[1:]), np.float32)
         conditions = np.tile(condition, (len(block), 1))
         for start in range(0, count, CHUNK):
             part = said[start : start + CHUNK]

@@ -17,10 +17,12 @@ from fmucorrect.errors import BundleError, unrepeated
 from fmucorrect.signals import Channel
 
 FORMATS = (1, 2)
-"""2: there is a state; without one a bundle is of format 1, which older versions read."""
+"""2: there is a state, or it sees more than the channels; else a bundle is of format 1, which older versions read."""
 OUTPUTS = ("corrected", "baseline", "sigma", "in_envelope")
 STATE, NEXT_STATE = "state", "next_state"
 """A further input and output of format 2."""
+SEES = "sees"
+"""A further table of format 2."""
 
 LONGEST = 1000
 """Characters of a name or another short text: names go into C, XML and tables."""
@@ -60,7 +62,8 @@ class Info:
     four corners outer low, inner low, inner high, outer high: inside the inner ones the correction is whole, beyond the
     outer ones it is nothing. conditions: those trained on, with the FMU start values of each. parameters: FMU start values
     of all of them, in the FMU's own units. units: of variables that the FMU leaves without one, as the study knew them.
-    evaluation: figures, for people. state: S, numbers that the network hands on from sample to sample, 0 for none.
+    evaluation: figures, for people. state: S, numbers that the network hands on from sample to sample, 0 for none. sees: what
+    it sees beside the channels.
     """
 
     name: str
@@ -76,11 +79,17 @@ class Info:
     parameters: Mapping[str, float] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     state: int = 0
+    sees: tuple[Channel, ...] = ()
+
+    @property
+    def seen(self) -> tuple[Channel, ...]:
+        """V, the window's columns: the channels, then what else it sees."""
+        return self.channels + self.sees
 
     @property
     def inputs(self) -> dict[str, tuple[int, ...]]:
         """The network's inputs and the shape of one row of each."""
-        found = {"window": (self.rows, len(self.channels)), "condition": (3,), "time": (1,)}
+        found = {"window": (self.rows, len(self.seen)), "condition": (3,), "time": (1,)}
         return found | ({STATE: (self.state,)} if self.state else {})
 
     @property
@@ -130,9 +139,10 @@ class Info:
         return Trained(low - margin, high + margin, f"{low:g}" if low == high else f"{low:g} to {high:g}")
 
     def to_json(self) -> dict[str, Any]:
-        data = {"format": 2 if self.state else 1, **asdict(self)}
-        if not self.state:
-            del data[STATE]
+        data = {"format": 2 if self.state or self.sees else 1, **asdict(self)}
+        for key in (STATE, SEES):
+            if not data[key]:
+                del data[key]
         return data
 
     @staticmethod
@@ -143,9 +153,10 @@ class Info:
             raise BundleError("bundle of another format", where=where, expected="1 or 2", got=_shown(version))
         top = _Table(dict(data), where, "")
         channels = tuple(_channel(row) for row in top.rows("channels", CHANNELS))
-        names = [channel.name for channel in channels]
-        if not channels or len(set(names)) < len(names):
-            top.wrong("channels", "one row or more, each with a name of its own", names)
+        sees = tuple(_channel(row) for row in top.rows(SEES, CHANNELS)) if version == 2 and SEES in data else ()
+        names, every = ([channel.name for channel in rows] for rows in (channels, channels + sees))
+        if not channels or len(set(every)) < len(every):
+            top.wrong("channels", "one row or more, each with a name of its own", every)
         rows, step_ns = top.whole("rows", ROWS), top.whole("step_ns", LONGEST_STEP)
         return Info(
             name=top.text("name"),
@@ -160,7 +171,8 @@ class Info:
             evaluation=top.table("evaluation").data,
             parameters=top.table("parameters").all(_Table.number) if "parameters" in data else {},
             units=top.table("units").all(_Table.text) if "units" in data else {},
-            state=top.whole(STATE, STATES) if version == 2 else 0,
+            state=top.whole(STATE, STATES) if version == 2 and (STATE in data or not sees) else 0,
+            sees=sees,
         )
 
 

@@ -141,9 +141,9 @@ STEPS = ("open", "simulate and correct", "again, one sample a call", "compare", 
 
 def simulate(study: Study, condition: Condition, model: Bundle) -> Record:
     """The FMU of the study through the corrector: plant, then corrected, sigma and status columns."""
-    stepper = CorrectedStepper(sources.plant(study, condition), model)
+    stepper = CorrectedStepper(sources.plant(study, condition, sees=model.sees), model)
     try:
-        result = run(stepper, condition, sources.inputs(study, condition))
+        result = run(stepper, condition, sources.inputs(study, condition, sees=model.sees))
     finally:
         stepper.close()
     assert result is not None
@@ -152,7 +152,7 @@ def simulate(study: Study, condition: Condition, model: Bundle) -> Record:
 
 def one_by_one(study: Study, condition: Condition, model: Bundle, batch: Record) -> Online:
     """Step the FMU and the corrector as an online host does, one sample a call, and compare with `batch`."""
-    stepper = CorrectedStepper(sources.plant(study, condition, isolated=False), model)
+    stepper = CorrectedStepper(sources.plant(study, condition, sees=model.sees, isolated=False), model)
     names = [f"{channel.name}_corrected" for channel in model.channels]
     values, clock, at = np.empty((len(batch), len(names))), np.empty(len(batch)), 0
     try:

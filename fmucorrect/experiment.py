@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -58,6 +58,10 @@ class Pair:
     def t_ns(self) -> Int64[np.ndarray, " N"]:
         return self.simulated.t_ns[self.rows]
 
+    def seen(self, sees: Sequence[str]) -> tuple[Channel, ...]:
+        """What a corrector sees beside the channels, as it was simulated. Raises RecordError where it was not."""
+        return tuple(self.simulated.channels[self.simulated.index(name)] for name in sees)
+
     @property
     def response(self) -> Float64[np.ndarray, "N J"]:
         """The simulated response at the rows that were measured."""
@@ -65,11 +69,12 @@ class Pair:
 
 
 def simulate(study: Study, condition: Condition, known: Clock | None = None) -> Record:
-    """The uncorrected simulated response of a condition, the excitation behind the channels. known: its clock, where the
-    caller has it already."""
-    stepper = sources.plant(study, condition)
+    """The uncorrected simulated response of a condition; behind the channels what its correctors see, and the excitation.
+    known: its clock, where the caller has it already."""
+    sees = sources.seen(study)
+    stepper = sources.plant(study, condition, sees=sees)
     try:
-        result = run(stepper, condition, sources.inputs(study, condition, known=known))
+        result = run(stepper, condition, sources.inputs(study, condition, known=known, sees=sees))
     finally:
         stepper.close()
     assert result is not None

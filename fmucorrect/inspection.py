@@ -224,7 +224,7 @@ def _against(model: Bundle, other: Thing, reading: Reading) -> Iterator[str]:
     if isinstance(other, Study):
         yield from _study_against(model, other)
     elif isinstance(other, FmuDescription):
-        for channel in model.channels:
+        for channel in model.info.seen:
             name = channel.simulation or channel.name
             yield from _column(name, channel.unit, other.units, "variable", other.defined)
     elif isinstance(other, Contents):
@@ -252,7 +252,7 @@ def _record_against(model: Bundle, contents: Contents, reading: Reading) -> Iter
     topic = sources.default_topic(path, reading)
     chosen = [item for item in contents.topics if topic in (None, item.topic.name)]
     there = record_columns(Contents(contents.path, contents.format, tuple(chosen), contents.truncated))
-    for name, channel in zip(sources.columns(path, model.channels, topic, reading), model.channels, strict=True):
+    for name, channel in zip(sources.columns(path, model.info.seen, topic, reading), model.info.seen, strict=True):
         yield from _column(name, channel.unit, there, "column")
     for item in chosen:
         step = views.mean_step_ns(item.extent.rows, item.extent.start_ns, item.extent.stop_ns)

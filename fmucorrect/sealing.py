@@ -3,9 +3,9 @@
     model = fc.seal("my_network.onnx", study, "corrector.onnx")
     fc.run(fc.CorrectedStepper(plant, model), condition, inputs)     # and fmucorrect wrap, replay, compare as with ours
 
-The network needs `window` float32 (N, W, J) in and `corrected` float32 (N, J) out, in the units of the study's channels; W is
-taken from it. It may read `condition` and `time`, and have `state` and `next_state`, as bundle.py says. What it does not say is
-filled in from the study:
+The network needs `window` float32 (N, W, V) in and `corrected` float32 (N, J) out, in the units of the study's channels; W is
+taken from it. V = J, or more where the study's [training.corrector] sees names more, in that order. It may read `condition` and
+`time`, and have `state` and `next_state`, as bundle.py says. What it does not say is filled in from the study:
 
 - `baseline`: the window's last row, the simulation as it is.
 - `sigma`: the rms of what is left between corrected and measured in the study's development conditions. Where the network was
@@ -55,7 +55,7 @@ def seal(model: str | Path | onnx.ModelProto, study: Study, path: str | Path) ->
     """
     path = Path(path)
     where = str(model) if isinstance(model, str | Path) else str(path)
-    network = _Network.read(model, where, len(study.channels))
+    network = _Network.read(model, where, len(study.channels) + len(study.training.corrector.sees))
     pairs = screen(study).pairs
     info = replace(about(study, pairs), rows=network.rows, state=network.state)
     if not network.says("in_envelope"):
@@ -94,6 +94,7 @@ def about(study: Study, pairs: Sequence[Pair]) -> Info:
         conditions=tuple(map(_trained_on, study.development)),
         parameters=dict(study.parameters),
         units=dict(study.simulation.units),
+        sees=tuple(map(_for_bundle, pairs[0].seen(study.training.corrector.sees))),
         study_hash=study.hash,
         versions={"fmucorrect": fmucorrect.__version__, **{name: version(name) for name in ("onnx", "numpy")}},
     )
@@ -136,8 +137,8 @@ class _Network:
         self._model, self.rows, self.state = model, rows, state
 
     @staticmethod
-    def read(model: str | Path | onnx.ModelProto, where: str, channels: int) -> _Network:
-        """Raises BundleError for what is no corrector of this many channels."""
+    def read(model: str | Path | onnx.ModelProto, where: str, columns: int) -> _Network:
+        """Raises BundleError for what is no corrector with so many columns in its window."""
         try:
             found = (
                 onnx.load(model)
@@ -162,9 +163,9 @@ class _Network:
                 remedy="Name them so when you export it.",
             )
         window, state = shapes["window"], shapes.get("state", [0, 0])
-        if len(window) != 3 or window[1] < 1 or window[2] != channels:
+        if len(window) != 3 or window[1] < 1 or window[2] != columns:
             raise BundleError(
-                "input 'window' has another shape", where=where, expected=f"(N, W, {channels})", got=window
+                "input 'window' has another shape", where=where, expected=f"(N, W, {columns})", got=window
             )
         if ("state" in shapes) != ("next_state" in shapes) or len(state) != 2 or ("state" in shapes and state[1] < 1):
             raise BundleError(
@@ -196,6 +197,9 @@ class _Network:
             return output
 
         last = add("Gather", ["window", constant("last", np.int64(info.rows - 1))], "sealing_newest", axis=1)
+        if info.sees:
+            columns = constant("channels", np.arange(len(info.channels)))
+            last = add("Gather", [last, columns], "sealing_simulated", axis=1)
         if "baseline" not in said:
             add("Identity", [last], "baseline")
         if "in_envelope" not in said:
@@ -238,8 +242,8 @@ def _declare(graph: onnx.GraphProto, info: Info) -> None:
 
 def _golden(item: Pair, info: Info) -> dict[str, np.ndarray]:
     """Inputs of the golden pair: real ones, and states of the order of 1."""
-    channels = len(info.channels)
-    windows = Window(info.rows, channels).extend(item.simulated.values[:, :channels])
+    simulated = item.simulated.select([channel.name for channel in info.seen])
+    windows = Window(info.rows, len(info.seen)).extend(simulated.values)
     picked = np.linspace(0, len(windows) - 1, _GOLDEN).astype(int)
     t_ns = item.simulated.t_ns[info.rows - 1 :][picked]
     inputs = {

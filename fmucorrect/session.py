@@ -126,8 +126,9 @@ def run_study(
     known = clock(study, condition) if duration is None and condition.simulated is None and study.fmu else None
     begun = begins(study, condition) if known is None else known.origin_ns
     condition = replace(condition, begins_ns=begun, parameters=given)
-    plant = sources.plant(study, condition)
-    inputs = sources.inputs(study, condition, duration, known)
+    sees = () if corrector is None else corrector.sees
+    plant = sources.plant(study, condition, sees=sees)
+    inputs = sources.inputs(study, condition, duration, known, sees)
     source = condition.simulated or study.fmu
     return _write("run", plant, corrector, condition, inputs, out, progress, told, by, source, live)
 
@@ -155,7 +156,7 @@ def replay_log(
     """
     read = [("the log", log), ("the corrector", _path(corrector)), *also_read]
     _check(out, read, "replay", overwrite, live)
-    channels = corrector.channels
+    channels = (*corrector.channels, *corrector.sees)
     damage = records.describe(log, reading).damage
     if damage and not allow_damaged:
         raise records.damaged(str(log), damage)

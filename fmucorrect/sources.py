@@ -29,13 +29,11 @@ SIMULATION, CORRECTED = "/simulation", "/corrected"
 """The topics of a simulated response, and of what a corrector made of it, in the files written here."""
 
 
-def plant(study: Study, condition: Condition, *, isolated: bool = True) -> Stepper:
-    """The plant of a condition; the excitation, where the study names one, is a response of its own behind the channels.
-
-    isolated: whether a solver runs in a process of its own; without, it can take this one with it, and a call a sample costs
-    less.
+def plant(study: Study, condition: Condition, *, sees: Sequence[Channel] = (), isolated: bool = True) -> Stepper:
+    """The plant of a condition. sees: what a corrector sees beside its channels. isolated: whether a solver runs in a process
+    of its own; without, it can take this one with it, and a call a sample costs less.
     """
-    channels = (*study.channels, *excitation_channel(study))
+    channels = responses(study, sees)
     fmu = study.fmu
     if condition.simulated is not None or fmu is None:
         return ReplayStepper(channels)
@@ -119,13 +117,18 @@ def driving(study: Study, condition: Condition) -> tuple[Variable, ...]:
 
 
 def inputs(
-    study: Study, condition: Condition, duration: float | None = None, known: Clock | None = None
+    study: Study,
+    condition: Condition,
+    duration: float | None = None,
+    known: Clock | None = None,
+    sees: Sequence[Channel] = (),
 ) -> Iterator[Record]:
-    """What drives the plant of a condition, chunk by chunk. known: its clock, where the caller has it already."""
+    """What drives the plant of a condition, chunk by chunk. known: its clock, where the caller has it already. sees: as the
+    plant's."""
     if condition.simulated is not None or study.simulation.fmu is None:
         if condition.simulated is None:
             raise RecordError(f"condition {condition.name!r} has neither an FMU nor a simulated record")
-        channels = (*study.channels, *excitation_channel(study))
+        channels = responses(study, sees)
         damaged, reading = study.allow_damaged, condition.reading
         yield from log_inputs(
             condition.simulated, channels, reading=reading, allow_damaged=damaged, known=defined(study)
@@ -202,6 +205,19 @@ def excitation_channel(study: Study) -> tuple[Channel, ...]:
     return (
         Channel(excitation.simulation, unit="", simulation=excitation.simulation, measurement=excitation.measurement),
     )
+
+
+def seen(study: Study) -> tuple[Channel, ...]:
+    """What the study's correctors see beside its channels ([training.corrector] sees), in the units of the FMU or the log."""
+    return tuple(Channel(name, unit="", simulation=name) for name in study.training.corrector.sees)
+
+
+def responses(study: Study, sees: Sequence[Channel]) -> tuple[Channel, ...]:
+    """What a plant of the study gives: its channels, behind them what a corrector sees, and the recorded excitation; each name
+    once."""
+    found = {channel.name: channel for channel in (*excitation_channel(study), *sees)}
+    first = {channel.name: channel for channel in study.channels}
+    return (*study.channels, *(channel for name, channel in found.items() if name not in first))
 
 
 def expected_rows(study: Study, condition: Condition, duration: float | None = None) -> int:

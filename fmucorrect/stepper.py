@@ -112,7 +112,7 @@ class CorrectorRun(Protocol):
 
     def correct(
         self,
-        windows: Float32[np.ndarray, "N W J"],
+        windows: Float32[np.ndarray, "N W V"],
         condition: Float32[np.ndarray, " 3"],
         seconds: Float64[np.ndarray, " N"],
     ) -> Correction:
@@ -125,12 +125,15 @@ class CorrectorRun(Protocol):
 class Corrector(Protocol):
     """What CorrectedStepper asks of a corrector; `bundle.Bundle` is the one that ships. Any number of runs share it.
 
-    channels: J channels with their units. rows: W. step_ns: sample time. uncorrected: (J,) standard deviation of the
-    uncorrected simulation against measurement, said while there is no correction.
+    channels: J channels with their units. sees: what else it sees; the channels and these are the V columns of its window.
+    rows: W. step_ns: sample time. uncorrected: (J,) standard deviation of the uncorrected simulation against measurement, said
+    while there is no correction.
     """
 
     @property
     def channels(self) -> tuple[Channel, ...]: ...
+    @property
+    def sees(self) -> tuple[Channel, ...]: ...
     @property
     def rows(self) -> int: ...
     @property
@@ -175,14 +178,14 @@ def streamed(stepper: Stepper, records: Iterable[Record]) -> Generator[Record]:
 
 @final
 class Window:
-    """The last W rows of the simulation response, (W, J) float32, oldest first; full, or warming up.
+    """The last W rows of what a corrector sees of the simulation, (W, V) float32, oldest first; full, or warming up.
 
-    This is the one definition of a window: push() for a row, extend() for many. `array` is (1, W, J) and stays where it
+    This is the one definition of a window: push() for a row, extend() for many. `array` is (1, W, V) and stays where it
     is in memory, so that a corrector can be bound to it.
     """
 
-    def __init__(self, rows: int, channels: int) -> None:
-        self.array: Float32[np.ndarray, "1 W J"] = np.zeros((1, rows, channels), np.float32)
+    def __init__(self, rows: int, columns: int) -> None:
+        self.array: Float32[np.ndarray, "1 W V"] = np.zeros((1, rows, columns), np.float32)
         self._rows = rows
         self._seen = 0
         self._last = self.array[0, -1]
@@ -208,7 +211,7 @@ class Window:
         self._seen += 1
         return self._seen >= self._rows
 
-    def extend(self, values: Float64[np.ndarray, "T J"]) -> Float32[np.ndarray, "N W J"]:
+    def extend(self, values: Float64[np.ndarray, "T V"]) -> Float32[np.ndarray, "N W V"]:
         """Append T rows. Returns the N <= T windows that end in the last N of these rows (a read-only view)."""
         known = min(self._seen, self._rows - 1)
         history = np.concatenate([self.array[0, self._rows - known :], values.astype(np.float32)])
@@ -253,14 +256,16 @@ class ReplayStepper:
 class CorrectedStepper:
     """A plant and a corrector as one Stepper.
 
-    Raises SignalError where the plant lacks a channel of the corrector or has it in another unit, where samples do not
-    come at the corrector's sample time, and where the plant's response is NaN or Inf (naming channel and time).
+    Raises SignalError where the plant lacks what the corrector sees or has it in another unit, where samples do not
+    come at the corrector's sample time, and where what it sees is NaN or Inf (naming channel and time).
     """
 
     def __init__(self, plant: Stepper, corrector: Corrector) -> None:
         self._plant, self._corrector, self._step_ns = plant, corrector, corrector.step_ns
-        self._columns = _match(plant.channels, corrector.channels)
+        self._seen = (*corrector.channels, *corrector.sees)
+        self._columns = _match(plant.channels, self._seen)
         self._same = self._columns == list(range(len(plant.channels)))
+        self._count, self._more = len(corrector.channels), len(corrector.sees) > 0
         self._run = run = corrector.start()
         self._window, self._seconds, self._correct = run.window, run.seconds, run.step
         self._delta, self._sigma, self._inside = run.answer.delta[0], run.answer.sigma[0], run.answer.inside
@@ -280,15 +285,17 @@ class CorrectedStepper:
         self._last_ns = None
 
     def step(self, t_ns: int, u: Row) -> Step:
-        simulated = self._plant.step(t_ns, u).simulated
+        seen = simulated = self._plant.step(t_ns, u).simulated
         if not self._same:
-            simulated = simulated[self._columns]
+            seen = simulated = simulated[self._columns]
         if self._last_ns is not None and t_ns - self._last_ns != self._step_ns:
             raise self._wrong_step(t_ns - self._last_ns, t_ns)
-        if not math.isfinite(sum(simulated.tolist())):
-            raise self._not_finite(simulated[None], np.array([t_ns]))
+        if not math.isfinite(sum(seen.tolist())):
+            raise self._not_finite(seen[None], np.array([t_ns]))
         self._last_ns = t_ns
-        if not self._window.push(simulated):
+        if self._more:
+            simulated = seen[: self._count]
+        if not self._window.push(seen):
             return Step(t_ns, simulated, simulated, self._uncorrected, Status.WARMUP)
         self._seconds[0, 0] = (t_ns - self._start_ns) / NANOSECONDS
         if not self._correct():
@@ -318,15 +325,15 @@ class CorrectedStepper:
 
     def _corrected(self, plant: Record) -> Record:
         """The plant's rows with their correction. An error at one of them carries those before it, corrected."""
-        simulated = plant.values if self._same else plant.values[:, self._columns]
-        if wrong := self._wrong(plant.t_ns, simulated):
+        seen = plant.values if self._same else plant.values[:, self._columns]
+        if wrong := self._wrong(plant.t_ns, seen):
             row, error = wrong
             error.finished = self._corrected(plant.rows(0, row)) if row else None
             raise error
         self._last_ns = int(plant.t_ns[-1])
-        windows = self._window.extend(simulated)
+        windows = self._window.extend(seen)
         start = len(plant) - len(windows)
-        corrected, sigma = simulated.copy(), np.tile(self._uncorrected, (len(plant), 1))
+        corrected, sigma = seen[:, : self._count].copy(), np.tile(self._uncorrected, (len(plant), 1))
         status = np.full(len(plant), float(Status.WARMUP))
         done = start
         if len(windows):
@@ -350,20 +357,20 @@ class CorrectedStepper:
     def close(self) -> None:
         self._plant.close()
 
-    def _wrong(self, t_ns: np.ndarray, simulated: np.ndarray) -> tuple[int, SignalError] | None:
+    def _wrong(self, t_ns: np.ndarray, seen: np.ndarray) -> tuple[int, SignalError] | None:
         """The first row that cannot be corrected, and why."""
         steps = np.diff(t_ns, prepend=t_ns[0] - self._step_ns if self._last_ns is None else self._last_ns)
-        late, broken = np.flatnonzero(steps != self._step_ns), np.flatnonzero(~np.isfinite(simulated).all(axis=1))
+        late, broken = np.flatnonzero(steps != self._step_ns), np.flatnonzero(~np.isfinite(seen).all(axis=1))
         if len(broken) and (not len(late) or broken[0] <= late[0]):
-            return int(broken[0]), self._not_finite(simulated, t_ns)
+            return int(broken[0]), self._not_finite(seen, t_ns)
         if len(late):
             return int(late[0]), self._wrong_step(int(steps[late[0]]), int(t_ns[late[0]]))
         return None
 
-    def _not_finite(self, simulated: np.ndarray, t_ns: np.ndarray) -> SignalError:
-        row, column = np.argwhere(~np.isfinite(simulated))[0]
+    def _not_finite(self, seen: np.ndarray, t_ns: np.ndarray) -> SignalError:
+        row, column = np.argwhere(~np.isfinite(seen))[0]
         return SignalError(
-            f"channel {self.channels[column].name!r} is {simulated[row, column]} at t = {t_ns[row] / NANOSECONDS:.9g} s",
+            f"channel {self._seen[column].name!r} is {seen[row, column]} at t = {t_ns[row] / NANOSECONDS:.9g} s",
             expected="finite numbers",
             remedy="Look at the simulation there; a corrector is never fed what the solver could not compute.",
         )

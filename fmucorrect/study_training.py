@@ -115,7 +115,8 @@ FAMILIES: tuple[Family, ...] = get_args(Family)
 
 @dataclass(frozen=True)
 class Corrector:
-    """[training.corrector], what `train` fits and exports. families: those that are tried, beside nothing at all, which always
+    """[training.corrector], what `train` fits and exports. sees: variables of the FMU, its inputs and outputs, that a corrector
+    is given beside the channels, which it always sees. families: those that are tried, beside nothing at all, which always
     is; leaving conditions out chooses.
 
     The others are of the family "window": the paper's chain on histories instead of raw time, an ensemble. baseline_width:
@@ -129,6 +130,7 @@ class Corrector:
     none, the numbers of the study hold.
     """
 
+    sees: tuple[str, ...] = ()
     families: Annotated[tuple[Family, ...], MinLen(1)] = FAMILIES
     baseline_width: Count = 16
     baseline_epochs: Count = 30

@@ -75,7 +75,8 @@ def _rows(document: Mapping[str, Any], table: str) -> list[dict[str, Any]]:
 
 
 def _names(training: Training, document: Mapping[str, Any]) -> Iterator[tuple[Location, str]]:
-    """Channels and conditions that [training.proposed] names and the study does not have; bands that end before they begin."""
+    """Channels and conditions that [training.proposed] names and the study does not have; what `sees` names beside the channels
+    and need not; bands that end before they begin."""
     place = ("training", "proposed")
     proposed = training.proposed
     channels = [row.get("name") for row in _rows(document, "channels")]
@@ -83,6 +84,13 @@ def _names(training: Training, document: Mapping[str, Any]) -> Iterator[tuple[Lo
     for name in proposed.acceleration_channels or ():
         if name not in channels:
             yield (*place, "acceleration_channels"), f"there is no channel {name!r}{nearest(name, map(str, channels))}"
+    known = {str(row.get(key)) for row in _rows(document, "channels") for key in ("name", "simulation")}
+    for i, name in enumerate(sees := training.corrector.sees):
+        if not name or name in sees[:i] or name in known:
+            what = (
+                "is a channel, which is always seen" if name in known else "stands there twice" if name else "is empty"
+            )
+            yield ("training", "corrector", "sees"), f"{name!r} {what}"
     for name in proposed.bands:
         if name not in conditions:
             yield (*place, "bands"), f"there is no condition {name!r}{nearest(name, map(str, conditions))}"

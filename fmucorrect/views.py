@@ -71,6 +71,7 @@ def _bundle(model: Bundle) -> dict[str, Any]:
         "kind": "corrector (ONNX bundle)",
         "name": info.name,
         "channels": {channel.name: channel.unit for channel in info.channels},
+        **({"sees": {channel.name: channel.unit for channel in info.sees}} if info.sees else {}),
         "window": info.rows,
         **({"state": info.state} if info.state else {}),
         "step": info.step_ns / NANOSECONDS,

@@ -36,6 +36,10 @@ class Withheld:
         return self._corrector.channels
 
     @property
+    def sees(self) -> tuple[Channel, ...]:
+        return self._corrector.sees
+
+    @property
     def rows(self) -> int:
         return self._corrector.rows
 
@@ -48,15 +52,15 @@ class Withheld:
         return self._corrector.uncorrected
 
     def start(self) -> WithheldRun:
-        return WithheldRun(self._corrector.rows, self.uncorrected)
+        return WithheldRun(self._corrector.rows, len(self.channels) + len(self.sees), self.uncorrected)
 
 
 @final
 class WithheldRun:
     """A stepper.CorrectorRun."""
 
-    def __init__(self, rows: int, uncorrected: Float32[np.ndarray, " J"]) -> None:
-        self.window = Window(rows, len(uncorrected))
+    def __init__(self, rows: int, columns: int, uncorrected: Float32[np.ndarray, " J"]) -> None:
+        self.window = Window(rows, columns)
         self.condition, self.seconds = np.zeros((1, 3), np.float32), np.zeros((1, 1))
         self.state = np.zeros(0, np.float32)
         self.answer = Correction(
@@ -71,7 +75,7 @@ class WithheldRun:
 
     def correct(
         self,
-        windows: Float32[np.ndarray, "N W J"],
+        windows: Float32[np.ndarray, "N W V"],
         condition: Float32[np.ndarray, " 3"],
         seconds: Float64[np.ndarray, " N"],
     ) -> Correction:

@@ -38,6 +38,36 @@ def make(
     return _sealed(path, graph, info)
 
 
+def make_seeing(
+    path: Path, weights: np.ndarray, channels: tuple[Channel, ...], sees: tuple[Channel, ...], rows: int, step_ns: int
+) -> Path:
+    """A bundle of format 2 that sees more than its channels: added is the window's oldest row times weights, (V, J)."""
+    count = len(channels)
+    constants = {
+        "first": np.array(0, np.int64),
+        "last": np.array(rows - 1, np.int64),
+        "channels": np.arange(count),
+        "weights": weights.astype(np.float32),
+        "spread": np.full((1, count), 0.1, np.float32),
+        "one": np.ones((1, 1), np.float32),
+    }
+    nodes = [
+        helper.make_node("Gather", ["window", "first"], ["oldest"], axis=1),
+        helper.make_node("Gather", ["window", "last"], ["row"], axis=1),
+        helper.make_node("Gather", ["row", "channels"], ["newest"], axis=1),
+        helper.make_node("MatMul", ["oldest", "weights"], ["delta"]),
+        helper.make_node("Add", ["newest", "delta"], ["corrected"]),
+        helper.make_node("Identity", ["newest"], ["baseline"]),
+        helper.make_node("ReduceSum", ["newest", "each"], ["sum"], keepdims=1),
+        helper.make_node("Mul", ["sum", "zero"], ["nothing"]),
+        helper.make_node("Add", ["nothing", "one"], ["in_envelope"]),
+        helper.make_node("Mul", ["in_envelope", "spread"], ["sigma"]),
+    ]
+    constants |= {"each": np.array([1], np.int64), "zero": np.zeros((1, 1), np.float32)}
+    graph = model(nodes, constants, rows, count, columns=len(weights))
+    return _sealed(path, graph, replace(_info("seeing", channels, rows, step_ns, 500.0), sees=sees))
+
+
 def _info(name: str, channels: tuple[Channel, ...], rows: int, step_ns: int, last_speed: float, state: int = 0) -> Info:
     return Info(
         name=name,
@@ -55,7 +85,7 @@ def _info(name: str, channels: tuple[Channel, ...], rows: int, step_ns: int, las
 
 def _sealed(path: Path, graph: bytes, info: Info) -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(seal(graph, info, golden_pair(graph, info.rows, len(info.channels), info.state)))
+    path.write_bytes(seal(graph, info, golden_pair(graph, info.rows, len(info.seen), info.state)))
     return path
 
 
@@ -145,14 +175,16 @@ def _recurrent(bank: Filter, count: int, rows: int, last_speed: float) -> bytes:
     return model(nodes, constants, rows, count, len(bank.a))
 
 
-def model(nodes: list[Any], constants: dict[str, Any], rows: int, count: int, states: int = 0) -> bytes:
-    """A graph with the inputs and outputs of a bundle."""
+def model(
+    nodes: list[Any], constants: dict[str, Any], rows: int, count: int, states: int = 0, columns: int = 0
+) -> bytes:
+    """A graph with the inputs and outputs of a bundle. columns: of the window, where these are more than the channels."""
 
     def tensor(name: str, kind: int, *shape: int):
         return helper.make_tensor_value_info(name, kind, ["N", *shape])
 
     inputs = [
-        tensor("window", TensorProto.FLOAT, rows, count),
+        tensor("window", TensorProto.FLOAT, rows, columns or count),
         tensor("condition", TensorProto.FLOAT, 3),
         tensor("time", TensorProto.DOUBLE, 1),
     ]

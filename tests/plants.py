@@ -57,6 +57,7 @@ class LinearCorrector:
     def __init__(self, rows: int = 5, scale: float = 0.1, limit: float = 1e9, step_ns: int = STEP_NS) -> None:
         self.rows, self.step_ns, self.channels = rows, step_ns, CHANNELS
         self.uncorrected = np.array([0.3, 0.4], np.float32)
+        self.sees = ()
         self._weights = (scale * np.linspace(-1.0, 1.0, rows)).astype(np.float32)
         self._limit = limit
 

@@ -55,7 +55,7 @@ def pace(development: Sequence[Samples]) -> Pace:
     frequency = np.fft.rfftfreq(count, step)
     motion, lacking = np.zeros(len(frequency)), np.zeros(len(frequency))
     for item in development:
-        velocity = np.diff(item.whole, axis=0)
+        velocity = np.diff(item.whole[:, : item.simulated.shape[1]], axis=0)
         motion += _spectrum(velocity / (velocity.std(axis=0) + 1e-300), count)
         rest = item.measured - item.simulated
         lacking += _spectrum((rest - rest.mean(axis=0)) / (rest.std(axis=0) + 1e-300), count)
@@ -79,18 +79,18 @@ def _below(frequency: np.ndarray, power: np.ndarray, share: float) -> float:
 
 @dataclass(frozen=True)
 class Bank:
-    """step: s. centre, size: (J,) of the simulation. poles: (P,) at the sample time. feature: (J + 2 P J,) sizes of (q, p), the
-    real parts of all p before the imaginary ones."""
+    """step: s. centre, size: (V,) of what is seen of the simulation, q here. poles: (P,) at the sample time. feature:
+    (V + 2 P V,) sizes of (q, p), the real parts of all p before the imaginary ones."""
 
     step: float
-    centre: Float64[np.ndarray, " J"]
-    size: Float64[np.ndarray, " J"]
+    centre: Float64[np.ndarray, " V"]
+    size: Float64[np.ndarray, " V"]
     poles: Complex128[np.ndarray, " P"]
     feature: Float64[np.ndarray, " F"]
 
     @property
     def numbers(self) -> int:
-        """Of its state, 2 P J."""
+        """Of its state, 2 P V."""
         return len(self.feature) - len(self.centre)
 
     def features(self, item: Samples) -> Float64[np.ndarray, "R F"]:
@@ -134,6 +134,7 @@ def bank(development: Sequence[Samples], chosen: Pace, count: int) -> Bank:
     step = development[0].step
     whole = np.concatenate([item.whole for item in development])
     centre, size = whole.mean(axis=0), whole.std(axis=0)
+    size = np.where(size > 0.0, size, 1.0)  # of what never moves
     omega = 1.0 / np.geomspace(chosen.fast, chosen.slow, count)
     poles = np.exp(step * omega * (-DAMPING + 1j * math.sqrt(1.0 - DAMPING**2)))
     raw = np.concatenate([_features(item, centre, size, poles) for item in development]).std(axis=0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from fmucorrect.bundle import Bundle
+from fmucorrect.bundle import Bundle, Info
 from fmucorrect.comparison import BAND_90, Comparison
 from fmucorrect.errors import one_line
 from fmucorrect.training.distilled import WORSE, Distilled
@@ -28,6 +28,12 @@ def _code(text: str) -> str:
     return one_line(text).replace("`", "'").replace("|", "/")
 
 
+def _beside(info: Info) -> str:
+    """What it sees beside the channels, in words."""
+    seen = [f"{_plain(channel.name)} ({_plain(channel.unit)})" for channel in info.sees]
+    return f" of these and of {', '.join(seen)}" if seen else ""
+
+
 def card(trained: Trained, bundle: Bundle, evaluations: Sequence[Comparison], command: str) -> str:
     """The card as Markdown. command: what made the model."""
     info, settings, selection = bundle.info, trained.training, trained.selection
@@ -39,7 +45,7 @@ def card(trained: Trained, bundle: Bundle, evaluations: Sequence[Comparison], co
         verdict(selection, evaluations),
         "",
         f"Corrects {', '.join(names)} ({unit}) of a simulation sampled every {info.step_ns / 1e6:g} ms, from "
-        f"the last {info.rows} samples{', its own state' * bool(info.state)} and the operating condition. "
+        f"the last {info.rows} samples{_beside(info)}{', its own state' * bool(info.state)} and the operating condition. "
         f"Made by `{_code(command)}`.",
         "",
         *_seen(trained),

@@ -32,7 +32,7 @@ from fmucorrect.training.compare_table import (
 )
 from fmucorrect.training.data import Samples, samples, sizes
 from fmucorrect.training.families import refit
-from fmucorrect.training.protocol import screened, total_epochs
+from fmucorrect.training.protocol import BLIND, screened, total_epochs
 from fmucorrect.training.resolved import resolved
 from fmucorrect.training.search import search
 from fmucorrect.training.search_cases import CaseTrial, most_epochs, search_cases
@@ -67,12 +67,16 @@ def compare_study(study: Study, training: Training, seeds: Sequence[int], ablate
     training, case_trials = search_cases(development, training, workshop)
     by_case = _fit(development, needed(training), seeds, workshop)
     ablation = fit_variants(development, needed(training), seeds, workshop) if ablate else None
-    training, trials = search(development, training, workshop)
-    selection = select(development, training, workshop)
+    # what the study lets a corrector see beside the channels is for ours alone: the paper's see the channels
+    seen = [samples(item, training.window, training.corrector.sees) for item in pairs]
+    training, trials = search(seen, training, workshop)
+    selection = select(seen, training, workshop)
     family, epochs = selection.family, selection.epochs
-    ours = [refit(family, development, replace(training, seed=s), epochs, workshop) for s in seeds]
+    ours = [refit(family, seen, replace(training, seed=s), epochs, workshop) for s in seeds]
     # everything is fitted; from here on the evaluation conditions may be seen
-    held = [samples(pair(study, condition), training.window) for condition in study.evaluation]
+    held_pairs = [pair(study, condition) for condition in study.evaluation]
+    held = [samples(item, training.window) for item in held_pairs]
+    held_seen = [samples(item, training.window, training.corrector.sees) for item in held_pairs]
     histories: dict[str, np.ndarray] = {}
     for item in held:
         histories[f"t/{item.name}"] = item.seconds
@@ -99,17 +103,17 @@ def compare_study(study: Study, training: Training, seeds: Sequence[int], ablate
         "corrector",
         f"fmucorrect's corrector, family {family}",
         "ours",
-        SEES[family],
+        ", ".join([SEES[family], *([] if family in BLIND else training.corrector.sees)]),
         ours[0][0].parameters,
         {family: epochs} if epochs else {},
         error,
     )
     for seed, (fitted, curves) in zip(seeds, ours, strict=True):
-        said = {item.name: fitted.responses(item) for item in held}
+        said = {item.name: fitted.responses(item) for item in held_seen}
         scores = {
             i.name: scores_of(i, said[i.name].mean(0), response, band_of(selection.band, said[i.name]))
             | hour_later(fitted, i, said[i.name].mean(0))
-            for i in held
+            for i in held_seen
         }
         row["runs"].append(run_of(seed, None, scores))
         if seed == seeds[0]:

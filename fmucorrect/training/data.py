@@ -19,16 +19,16 @@ from fmucorrect.stepper import Window
 class Samples:
     """One condition as the networks see it: N complete windows and what was measured at their last rows.
 
-    before: (B, J) rows of the simulation before the history, from its beginning. history: (W - 1 + N, J), the simulated rows
-    that the windows are made of, mm or the channels' units. window: W. condition:
-    (3,) speed km/h, amplitude deg, frequency Hz. seconds: (N,) since the excitation began. simulated, measured: (N, J) at the
-    last rows. acceleration: (N, A) m/s2, of the channels `equipped`, their numbers. channels: names. metres: (J,) what one of
-    each channel's units is in SI, the paper's gamma_q. step: s between rows.
+    before: (B, V) rows of the simulation before the history, from its beginning: the J channels, mm or the channels' units,
+    then what else a corrector sees. history: (W - 1 + N, V), the simulated rows that the windows are made of. window: W.
+    condition: (3,) speed km/h, amplitude deg, frequency Hz. seconds: (N,) since the excitation began. simulated, measured:
+    (N, J) at the last rows. acceleration: (N, A) m/s2, of the channels `equipped`, their numbers. channels: names. metres:
+    (J,) what one of each channel's units is in SI, the paper's gamma_q. step: s between rows.
     """
 
     name: str
-    before: Float32[np.ndarray, "B J"]
-    history: Float32[np.ndarray, "H J"]
+    before: Float32[np.ndarray, "B V"]
+    history: Float32[np.ndarray, "H V"]
     window: int
     condition: Float32[np.ndarray, "3"]
     seconds: Float64[np.ndarray, " N"]
@@ -41,12 +41,12 @@ class Samples:
     step: float
 
     @property
-    def windows(self) -> Float32[np.ndarray, "N W J"]:
+    def windows(self) -> Float32[np.ndarray, "N W V"]:
         """Oldest row first; a view."""
         return Window(self.window, self.history.shape[1]).extend(self.history.astype(np.float64))
 
     @property
-    def whole(self) -> Float64[np.ndarray, "H J"]:
+    def whole(self) -> Float64[np.ndarray, "H V"]:
         """The simulation from its beginning; its last N rows are those that were measured."""
         return np.concatenate([self.before, self.history]).astype(np.float64)
 
@@ -56,10 +56,12 @@ class Samples:
         return float(self.condition[0])
 
 
-def samples(pair: Pair, rows: int) -> Samples:
-    """The complete windows of a pair. The history reaches back before the measurement where the simulation does."""
+def samples(pair: Pair, rows: int, sees: Sequence[str] = ()) -> Samples:
+    """The complete windows of a pair. The history reaches back before the measurement where the simulation does. sees: names of
+    what is seen beside the channels."""
     channels = pair.measured.shape[1]
-    simulated = pair.simulated.values[:, :channels]
+    columns = [*range(channels), *(pair.simulated.index(name) for name in sees)]
+    simulated = pair.simulated.values[:, columns]
     first = max(pair.rows.start, rows - 1)
     last = pair.rows.stop
     if last <= first:
@@ -73,7 +75,7 @@ def samples(pair: Pair, rows: int) -> Samples:
         window=rows,
         condition=np.array(pair.condition.features, np.float32),
         seconds=(t_ns[first:last] - pair.condition.start_ns) / NANOSECONDS,
-        simulated=simulated[first:last],
+        simulated=simulated[first:last, :channels],
         measured=pair.measured[kept],
         acceleration=pair.acceleration[kept],
         equipped=pair.equipped,
@@ -94,32 +96,43 @@ are differences of nearly equal samples: amplified fully, float32 arithmetic on 
 @dataclass(frozen=True)
 class Sizes:
     """What every corrector is scaled with. response: (J,) displacement scales s_q, the standard deviation of the measured
-    channels (paper, section 3.3). speed: km/h, centre and half span. uncorrected: (J,) rms of measurement minus simulation."""
+    channels (paper, section 3.3). seen: (V,) the same, then the standard deviation of what else is seen; 1 of what never
+    moves. speed: km/h, centre and half span. uncorrected: (J,) rms of measurement minus simulation."""
 
     response: Float64[np.ndarray, " J"]
+    seen: Float64[np.ndarray, " V"]
     speed: tuple[float, float]
     uncorrected: Float64[np.ndarray, " J"]
 
 
 @dataclass(frozen=True)
 class Scales(Sizes):
-    """Everything that is derived from the development data before a network on windows is fitted. window: one scale for the
-    simulated histories. components: (W J, d) window features, whitened as far as FLOOR lets."""
+    """Everything that is derived from the development data before a network on windows is fitted. window: (V,) one scale for
+    the simulated channels, and one for each other column of the histories. components: (W V, d) window features, whitened as
+    far as FLOOR lets."""
 
-    window: float
-    components: Float64[np.ndarray, "WJ d"]
+    window: Float64[np.ndarray, " V"]
+    components: Float64[np.ndarray, "WV d"]
+
+    @property
+    def rows(self) -> Float64[np.ndarray, " WV"]:
+        """The scale of each number of a flat window."""
+        return np.tile(self.window, len(self.components) // len(self.window))
 
 
 def sizes(development: Sequence[Samples]) -> Sizes:
     """Sizes of the development conditions. Raises SignalError where nothing moves."""
     response = np.concatenate([s.measured for s in development]).std(axis=0)
-    if np.ptp(np.concatenate([s.history for s in development])) == 0.0 or not (response > 0.0).all():
+    history = np.concatenate([s.history for s in development]).astype(np.float64)
+    if np.ptp(history[:, : len(response)]) == 0.0 or not (response > 0.0).all():
         raise SignalError("the development records do not move; nothing can be learned from them")
     speeds = [s.speed for s in development]
     half = (max(speeds) - min(speeds)) / 2.0
     error = np.concatenate([s.measured - s.simulated for s in development])
+    others = history[:, len(response) :].std(axis=0)
     return Sizes(
         response=response,
+        seen=np.concatenate([response, np.where(others > 0.0, others, 1.0)]),
         speed=((max(speeds) + min(speeds)) / 2.0, 2.0 * half if half > 0.0 else max(abs(max(speeds)), 1.0)),
         uncorrected=np.sqrt((error**2).mean(axis=0)),
     )
@@ -129,13 +142,16 @@ def scales(development: Sequence[Samples], history: int, stride: int) -> Scales:
     """Scales of the development conditions. Raises SignalError where nothing moves."""
     known = sizes(development)
     flat = np.concatenate([s.windows[::stride].reshape(len(s.windows[::stride]), -1) for s in development])
-    flat = flat.astype(np.float64)
-    window = float(flat.std())
+    flat = flat.astype(np.float64).reshape(len(flat), -1, len(known.seen))
+    channels = len(known.response)
+    window = np.concatenate([np.full(channels, flat[:, :, :channels].std()), known.seen[channels:]])
+    flat = (flat / window).reshape(len(flat), -1)
     # eigenvectors of the second moments: the same directions as a singular value decomposition, at a fraction of the time
-    power, vectors = np.linalg.eigh(flat.T @ flat / (len(flat) * window**2))
+    power, vectors = np.linalg.eigh(flat.T @ flat / len(flat))
     order = np.argsort(power)[::-1][:history]
     spread = np.sqrt(np.maximum(power[order], FLOOR**2 * power[order[0]]))
-    return Scales(known.response, known.speed, known.uncorrected, window, vectors[:, order] / spread / window)
+    components = vectors[:, order] / spread / np.tile(window, len(vectors) // len(window))[:, None]
+    return Scales(known.response, known.seen, known.speed, known.uncorrected, window, components)
 
 
 def quantile(parts: Sequence[np.ndarray], share: float) -> float:

@@ -109,9 +109,9 @@ class Corrector(nn.Module):
         when the motion is new."""
         super().__init__()
         self.head, self.rows, self.guarded, self.falls_back = head, rows, guard is not None, fallback is not None
-        channels = len(sizes.response)
-        history = rows * channels
-        tensors = _envelope(envelope, channels, history, history + 3 + 2 * head.phase)
+        channels, columns = len(sizes.response), len(sizes.seen)
+        history = rows * columns
+        tensors = _envelope(envelope, channels, history - columns, history, history + 3 + 2 * head.phase)
         uncorrected = torch.tensor(sizes.uncorrected)
         tensors["S"] = torch.eye(channels * (1 + head.members), channels, dtype=torch.float64)
         size = torch.tensor(band.size, dtype=torch.float64).expand(channels, channels) / channels
@@ -135,7 +135,7 @@ class Corrector(nn.Module):
 
     def forward(
         self,
-        window: Float[Tensor, "N W J"],
+        window: Float[Tensor, "N W V"],
         condition: Float[Tensor, "N 3"],
         time: Float[Tensor, "N 1"],
         state: Float[Tensor, "N S"] | None = None,
@@ -165,19 +165,20 @@ class Corrector(nn.Module):
         return Outputs(corrected, said.bases @ t["S"], sigma, inside, said.next_state)
 
 
-def _envelope(ramps: Ramps, channels: int, history: int, inputs: int) -> dict[str, Tensor]:
-    """R, r, v, Q and their company. A violation counts 1 where an outer corner is reached; violations add up."""
+def _envelope(ramps: Ramps, channels: int, last: int, history: int, inputs: int) -> dict[str, Tensor]:
+    """R, r, v, Q and their company. A violation counts 1 where an outer corner is reached; violations add up. last: where the
+    window's last row begins, with the channels."""
     slopes, offsets = (torch.from_numpy(values) for values in ramps)
     count = len(offsets)
     whole = torch.zeros(inputs, count + 2 * channels, dtype=torch.float64)
-    whole[history - channels : history + 3, :count] = slopes
+    whole[last : last + channels, :count], whole[history : history + 3, :count] = slopes[:channels], slopes[channels:]
     levels = torch.cat([offsets, torch.zeros(2 * channels, dtype=torch.float64)])
     eye = torch.eye(channels, dtype=torch.float64)
-    whole[history - channels : history, count:] = torch.cat([eye, -eye], 1)
-    last = torch.cat([torch.zeros(count, channels, dtype=torch.float64), eye, -eye])
+    whole[last : last + channels, count:] = torch.cat([eye, -eye], 1)
+    newest = torch.cat([torch.zeros(count, channels, dtype=torch.float64), eye, -eye])
     sum_up = torch.zeros(count + 2 * channels, 1, dtype=torch.float64)
     sum_up[:count] = -1.0
-    return {"R": whole, "r": levels, "v": sum_up, "one": torch.ones(1), "Q": last, "minus_Q": -last}
+    return {"R": whole, "r": levels, "v": sum_up, "one": torch.ones(1), "Q": newest, "minus_Q": -newest}
 
 
 def _guard(guard: Guard, history: int, inputs: int) -> dict[str, Tensor]:

@@ -244,7 +244,7 @@ def _features(see: Inputs, asked: _Asked) -> Float[Tensor, "N U"]:
 
 def _windows(see: Inputs) -> Float[Tensor, "F WJ"]:
     """Scaled windows that the features stand for."""
-    return torch.from_numpy(np.linalg.pinv(see.scales.components) / see.scales.window)
+    return torch.from_numpy(np.linalg.pinv(see.scales.components) / see.scales.rows)
 
 
 def _lesson(see: Inputs, asked: _Asked, bases: Tensor, said: Float[Tensor, "K N J"], band: Band) -> _Lesson:

@@ -30,7 +30,7 @@ def to_bundle(
     seconds: np.ndarray,
     past: np.ndarray,
 ) -> bytes:
-    """The content of a bundle file. windows (N, W, J), condition (3,), seconds (N,): a few real ones, the golden input; past:
+    """The content of a bundle file. windows (N, W, V), condition (3,), seconds (N,): a few real ones, the golden input; past:
     (N, P), the memory of the motion before each: with another the guard lets nothing through."""
     golden: dict[str, np.ndarray] = {
         "window": np.ascontiguousarray(windows, np.float32),
@@ -44,14 +44,14 @@ def to_bundle(
     with torch.no_grad():
         outputs = corrector(*(torch.from_numpy(values) for values in golden.values()))
     golden |= {name: values.numpy() for name, values in outputs._asdict().items() if values is not None}
-    return seal(graph(corrector, info.rows, len(info.channels)), info, golden)
+    return seal(graph(corrector, info.rows, len(info.channels), len(info.seen)), info, golden)
 
 
 Add = Callable[..., str]
 """Adds a node: kind, inputs, output, attributes; gives the output's name."""
 
 
-def graph(corrector: Corrector, rows: int, channels: int) -> bytes:
+def graph(corrector: Corrector, rows: int, channels: int, columns: int) -> bytes:
     """The serialised ONNX model, without metadata. Few nodes, since each costs about 0.2 us a step in ONNX Runtime."""
     nodes: list[Any] = []
 
@@ -103,7 +103,7 @@ def graph(corrector: Corrector, rows: int, channels: int) -> bytes:
             nodes,
             "fmucorrect",
             [
-                tensor("window", TensorProto.FLOAT, rows, channels),
+                tensor("window", TensorProto.FLOAT, rows, columns),
                 tensor("condition", TensorProto.FLOAT, 3),
                 tensor("time", TensorProto.DOUBLE, 1),
                 *state,
@@ -142,8 +142,13 @@ def _linear(add: Add, x: str, head: LinearHead, constants: dict[str, np.ndarray]
             "Mul", [add("Gemm", ["condition", "c", "d"], "speed"), add("Gemm", [seen, "M", "n"], "slope")], "sloped"
         )
         responses = add("Add", [responses, more], "responses")
+    channels, columns = head.last.stop - head.last.start, head.condition.start - head.last.start
     constants["newest"] = np.array(-1, np.int64)
-    return responses, add("Gather", ["window", "newest"], "baseline", axis=1)
+    if channels == columns:
+        return responses, add("Gather", ["window", "newest"], "baseline", axis=1)
+    constants["channels"] = np.arange(channels)
+    last = add("Gather", ["window", "newest"], "newest_row", axis=1)
+    return responses, add("Gather", [last, "channels"], "baseline", axis=1)
 
 
 def _remembered(add: Add, x: str, past: str) -> str:

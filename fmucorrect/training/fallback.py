@@ -42,7 +42,7 @@ def learn(look: Look, rows: int, development: Sequence[Samples], folds: Sequence
     stride = -(-sum(len(item.simulated) for item in development) // ROWS)
     basis = sizes(development)
     looked = [look(item, stride) for item in development]
-    unit = units_of(looked, rows, basis.response)
+    unit = units_of(looked, rows, basis.seen)
     whole = np.concatenate(looked)
     middle, size = whole.mean(axis=0), unit * whole.std(axis=0)
     unit = unit / np.maximum(size, FLOOR * size.max())

@@ -132,7 +132,7 @@ class Inputs:
         seconds = torch.from_numpy(item.seconds[::stride, None].copy())
         return phase_features(torch.from_numpy(item.condition).expand(len(seconds), 3), seconds)
 
-    def window(self, item: Samples, stride: int = 1) -> Float[Tensor, "N WJ"]:
+    def window(self, item: Samples, stride: int = 1) -> Float[Tensor, "N WV"]:
         """The whole scaled history (eq. tdnn_definition)."""
         return self.scaled(item.windows[::stride])
 
@@ -140,9 +140,9 @@ class Inputs:
         """Window features, taken in double precision: the small ones are differences of nearly equal samples."""
         return self.projected(item.windows[::stride])
 
-    def scaled(self, windows: np.ndarray) -> Float[Tensor, "N WJ"]:
-        """Of any windows (N, W, J) or (N, W J)."""
-        return torch.from_numpy(windows.reshape(len(windows), -1) / np.float32(self.scales.window))
+    def scaled(self, windows: np.ndarray) -> Float[Tensor, "N WV"]:
+        """Of any windows (N, W, V) or (N, W V)."""
+        return torch.from_numpy(windows.reshape(len(windows), -1) / self.scales.rows.astype(np.float32))
 
     def projected(self, windows: np.ndarray) -> Float[Tensor, "N D"]:
         """Features of any windows."""

@@ -80,9 +80,10 @@ class LinearHead(nn.Module):
         self.members, self.phase, self.sloped = 0, False, bool(found.sloped.any())
         self.state = 0 if found.bank is None else found.bank.numbers
         channels = found.weights.shape[1]
-        history = found.rows * channels
+        columns = channels if found.bank is None else len(found.bank.centre)
+        history = found.rows * columns
         inputs = history + 3
-        self.last = slice(history - channels, history)
+        self.last, self.condition = slice(history - columns, history - columns + channels), slice(history, inputs)
         tensors = {
             "c": torch.tensor([[1.0 / found.speed[1]], [0.0], [0.0]]),
             "d": torch.tensor([-found.speed[0] / found.speed[1]]),
@@ -108,7 +109,7 @@ class LinearHead(nn.Module):
             past, seen = remembered(t, x, state)
         response = torch.addmm(t["l"], seen, t["L"])
         if self.sloped:
-            speed = torch.addmm(t["d"], x[:, self.last.stop :], t["c"])
+            speed = torch.addmm(t["d"], x[:, self.condition], t["c"])
             response = response + speed * torch.addmm(t["n"], seen, t["M"])
         return Said(response, x[:, self.last], past, None if past is None else seen)
 

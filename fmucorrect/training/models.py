@@ -77,7 +77,8 @@ def total(studies: Sequence[Study]) -> int:
 
 def _scored(study: Study, results: Results, item: Comparison) -> dict[str, Any]:
     """One condition: the three ways to use a model."""
-    data = samples(pair(study, item.condition), results.trained.training.window)
+    training = results.trained.training
+    data = samples(pair(study, item.condition), training.window, training.corrector.sees)
     network = score(results.trained.fitted.predict(data), data.measured)
     outside = item.share(Status.OUTSIDE)
     return {

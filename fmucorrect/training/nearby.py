@@ -71,8 +71,8 @@ def _changed(item: Samples, size: float, pace: float, gain: float, lag: float) -
         before=q[: first - item.window + 1].astype(np.float32),
         history=q[first - item.window + 1 :].astype(np.float32),
         seconds=_at(item.seconds[:, None], rows)[:, 0],
-        simulated=q[first:],
-        measured=q[first:] + c,
+        simulated=q[first:, : c.shape[1]],
+        measured=q[first:, : c.shape[1]] + c,
         acceleration=np.zeros((len(c), 0)),
         equipped=(),
     )

@@ -233,7 +233,7 @@ def _member(member: Member, scales: Scales, phase: bool) -> dict[str, Tensor]:
     """One member's weights on x, scales folded in."""
     fold, response, components = _Fold(scales, phase), torch.tensor(scales.response), torch.tensor(scales.components)
     channels = len(response)
-    window = torch.eye(len(components), dtype=torch.float64) / scales.window
+    window = torch.diag(torch.tensor(1.0 / scales.rows))
     first, first_bias = fold.first(member.baseline.hidden, window)
     second, second_bias = fold.first(member.residual.first, components)
     tdnn = weight(member.baseline.out) * response * member.rho

@@ -97,7 +97,7 @@ def learn(look: Look, rows: int, development: Sequence[Samples], folds: Sequence
     """From the conditions that a head was fitted to. rows: of its window. folds: indices of the conditions that are left out
     together."""
     stride = -(-sum(len(item.simulated) for item in development) // ROWS)
-    scale = sizes(development).response
+    scale = sizes(development).seen
     seen, moving = [look(item, stride) for item in development], [in_motion(item, stride) for item in development]
     unit = units_of(seen, rows, scale)
     left = [np.zeros(0)] * len(development)
@@ -116,12 +116,12 @@ def learn(look: Look, rows: int, development: Sequence[Samples], folds: Sequence
 
 
 def units_of(
-    seen: Sequence[Float64[np.ndarray, "N S"]], rows: int, response: Float64[np.ndarray, " J"]
+    seen: Sequence[Float64[np.ndarray, "N S"]], rows: int, sizes: Float64[np.ndarray, " V"]
 ) -> Float64[np.ndarray, " S"]:
     """What the numbers that are seen are multiplied with, so that other units change nothing: those of the window. A memory
-    has units of its own. rows: of the window."""
+    has units of its own. rows: of the window. sizes: of its columns."""
     unit = np.ones(seen[0].shape[1])
-    unit[: rows * len(response)] = 1.0 / np.tile(response, rows)
+    unit[: rows * len(sizes)] = 1.0 / np.tile(sizes, rows)
     return unit
 
 
@@ -159,7 +159,7 @@ def strangers(development: Sequence[Samples]) -> dict[str, list[Samples]]:
 
 def _moved(item: Samples, whole: Float64[np.ndarray, "T J"]) -> Samples:
     """The condition with another simulation from its beginning, which stands for the measurement, too."""
-    history, q = whole.astype(np.float32), whole[item.window - 1 :]
+    history, q = whole.astype(np.float32), whole[item.window - 1 :, : item.simulated.shape[1]]
     return replace(
         item,
         before=history[:0],

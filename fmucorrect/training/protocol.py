@@ -14,7 +14,7 @@ from fmucorrect.errors import StudyError
 from fmucorrect.screening import Finding, Screened, screen
 from fmucorrect.sealing import about, corners, ramps
 from fmucorrect.study import Study
-from fmucorrect.study_training import Training
+from fmucorrect.study_training import Family, Training
 from fmucorrect.training.data import samples, sizes
 from fmucorrect.training.deployed import Corrector
 from fmucorrect.training.distilled import WORSE, Distilled
@@ -28,6 +28,8 @@ from fmucorrect.training.selection import Selection, families, select
 from fmucorrect.training.tasks import Workshop
 from fmucorrect.training.window import Ensemble
 
+BLIND: tuple[Family, ...] = ("nothing", "amplitude")
+"""Families that see nothing but the channels, whatever there is to be seen: what they are deployed as asks for no more."""
 GOLDEN = 8
 """Rows of the golden pair, over the first record."""
 
@@ -60,7 +62,8 @@ def train(study: Study, training: Training | None = None, workshop: Workshop | N
     """
     training, workshop = training or study.training, workshop or Workshop()
     checked = screened(study)
-    development = [samples(item, training.window) for item in checked.pairs]
+    sees = training.corrector.sees
+    development = [samples(item, training.window, sees) for item in checked.pairs]
     training, trials = search(development, training, workshop)
     selection = select(development, training, workshop)
     fitted, curves = refit(selection.family, development, training, selection.epochs, workshop)
@@ -68,6 +71,8 @@ def train(study: Study, training: Training | None = None, workshop: Workshop | N
     if isinstance(fitted, Ensemble):
         one, more = distil(fitted, development, selection.band, workshop)
         fitted, curves = one if one.worse <= WORSE else fitted, curves + more
+    if selection.family in BLIND:
+        sees, development = (), [samples(item, training.window) for item in checked.pairs]
     basis = sizes(development)
     envelope = corners(study.channels, checked.pairs)
     head = fitted.head()
@@ -81,6 +86,7 @@ def train(study: Study, training: Training | None = None, workshop: Workshop | N
         known,
         rows=fitted.rows,
         state=head.state,
+        sees=known.sees if sees else (),
         envelope=envelope,
         uncorrected=tuple(float(value) for value in basis.uncorrected),
         versions={**known.versions, "torch": version("torch")},

@@ -266,7 +266,8 @@ class RecurrentHead(nn.Module):
         super().__init__()
         see, members = found.see, found.members
         channels = len(see.lacking)
-        inputs = found.rows * channels + 3
+        columns = len(see.bank.centre)
+        inputs = found.rows * columns + 3
         self.members, self.phase = len(members), False
         bank, made = see.bank.numbers, [_member(member, see, inputs) for member in members]
         answers = sum(len(part["B"]) for part in made)
@@ -295,7 +296,7 @@ class RecurrentHead(nn.Module):
         }
         beside = spread(len(members), channels)
         last = zeros(inputs, channels, dtype=torch.float64)
-        last[inputs - 3 - channels : inputs - 3] = torch.eye(channels, dtype=torch.float64)
+        last[inputs - 3 - columns : inputs - 3 - columns + channels] = torch.eye(channels, dtype=torch.float64)
         tensors["O"] = torch.cat(
             [
                 torch.cat([part["Op"] for part in made], 1),

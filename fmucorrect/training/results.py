@@ -53,11 +53,12 @@ def train_into(folder: Path, study: Study, training: Training, command: str, wor
     folder.mkdir(parents=True, exist_ok=True)
     model = bundle.load(save(trained, folder))
     pairs = [pair(study, condition) for condition in study.conditions]
-    known = [samples(item, trained.training.window) for item in pairs if item.condition.role == "development"]
+    rows, sees = trained.training.window, trained.training.corrector.sees
+    known = [samples(item, rows, sees) for item in pairs if item.condition.role == "development"]
     scales = sizes(known).response
     evaluations = tuple(replace(evaluate(item, model), scales=scales) for item in pairs)
     unseen = [
-        (samples(item, trained.training.window), said)
+        (samples(item, rows, sees), said)
         for item, said in zip(pairs, evaluations, strict=True)
         if item.condition.role == "evaluation"
     ]

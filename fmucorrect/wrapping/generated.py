@@ -66,6 +66,7 @@ def header(facts: Facts) -> str:
         "INNER_VARIABLE_STEP": int(facts.variable_step),
         "ADDED_BASE": f"{facts.base}u",
         "CHANNELS": len(info.channels) if info else 0,
+        "SEEN": len(info.seen) if info else 0,
         "ROWS": info.rows if info else 0,
         "CORRECTOR_STATE": info.state if info else 0,
         "STEP_NS": f"INT64_C({facts.step_ns})",
@@ -96,11 +97,11 @@ def header(facts: Facts) -> str:
 def tables(facts: Facts) -> str:
     """wrapped.c."""
     info, wiring = facts.info, facts.wiring
-    sources: list[Source | None] = [*wiring.channels, *(wiring.conditions.get(key) for key in CONDITIONS)]
+    sources: list[Source | None] = [*wiring.seen, *(wiring.conditions.get(key) for key in CONDITIONS)]
     forces = _forces(facts)
     uncorrected = [ctext.number(value, "an rms before correction") for value in info.uncorrected] if info else []
     tunables = [ctext.number(wiring.tunables.get(key, 0.0), f"the start value of {key}") for key in CONDITIONS]
-    names = [ctext.literal(channel.name, "a channel's name") for channel in info.channels] if info else []
+    names = [ctext.literal(channel.name, "a channel's name") for channel in info.seen] if info else []
     start_values = [
         f"{{{_variable(facts, v)}, {ctext.number(value, f'the start value of {v.name!r}')}}}"
         for v, value in wiring.parameters.items()
@@ -119,9 +120,9 @@ def tables(facts: Facts) -> str:
     force_starts = [ctext.number(wiring.parameters.get(v, v.begins), f"the start value of {v.name!r}") for v in forces]
     answers = [[ctext.number(p.answers.get(f.name, 0.0), "an answer") for f in forces] for p in facts.places]
     arrays = [
-        _array("Wired", "SOURCES", "CHANNELS + CONDITIONS", (_source(facts, source) for source in sources)),
-        _array("double", "FACTORS", "CHANNELS + CONDITIONS", _factors(sources)),
-        _array("char *const", "CHANNEL_NAMES", "CHANNELS + 1", names),
+        _array("Wired", "SOURCES", "SEEN + CONDITIONS", (_source(facts, source) for source in sources)),
+        _array("double", "FACTORS", "SEEN + CONDITIONS", _factors(sources)),
+        _array("char *const", "CHANNEL_NAMES", "SEEN + 1", names),
         _array("double", "UNCORRECTED", "CHANNELS + 1", uncorrected),
         _array("double", "TUNABLES", "CONDITIONS", tunables),
         _array("Start", "START_VALUES", "STARTS + 1", start_values),

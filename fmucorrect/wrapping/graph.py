@@ -59,8 +59,9 @@ def prepare(content: bytes, where: str) -> onnx.ModelProto:
             expected=f"{', '.join(read)} to {', '.join(said)}",
             got=f"{', '.join(inputs)} to {', '.join(outputs)}",
         )
-    rows, channels = (axis.dim_value for axis in inputs["window"].type.tensor_type.shape.dim[1:])
-    shapes = {"window": [1, rows, channels], "condition": [1, 3], "time": [1, 1], "in_envelope": [1, 1]}
+    rows, seen = (axis.dim_value for axis in inputs["window"].type.tensor_type.shape.dim[1:])
+    channels = outputs["corrected"].type.tensor_type.shape.dim[1].dim_value
+    shapes = {"window": [1, rows, seen], "condition": [1, 3], "time": [1, 1], "in_envelope": [1, 1]}
     if recurrent:
         shapes[STATE] = shapes[NEXT_STATE] = [1, inputs[STATE].type.tensor_type.shape.dim[1].dim_value]
     for names, field in ((read, graph.input), (said, graph.output)):

@@ -31,10 +31,11 @@ _HAND_WRITTEN = (
 
 @dataclass(frozen=True)
 class NetworkSources(Sources):
-    """rows, channels: the window's shape. state: numbers that go from sample to sample."""
+    """rows, seen: the window's shape. channels: numbers of each answer. state: numbers that go from sample to sample."""
 
     rows: int
     channels: int
+    seen: int
     state: int = 0
 
 
@@ -51,7 +52,8 @@ def sources(path: str | Path) -> NetworkSources:
     try:
         model = graph.prepare(Path(path).read_bytes(), str(path))
         shape = model.graph.input[0].type.tensor_type.shape.dim
-        rows, channels = shape[1].dim_value, shape[2].dim_value
+        rows, seen = shape[1].dim_value, shape[2].dim_value
+        channels = model.graph.output[0].type.tensor_type.shape.dim[1].dim_value
         states = [i.type.tensor_type.shape.dim[1].dim_value for i in model.graph.input if i.name == graph.STATE]
         state = states[0] if states else 0
         text, data = _generate(model, str(path))
@@ -65,7 +67,8 @@ def sources(path: str | Path) -> NetworkSources:
             where=str(path),
             remedy="Export the corrector with other operators, or use it from Python.",
         ) from error
-    size = f"#define NETWORK_ROWS {rows}\n#define NETWORK_CHANNELS {channels}\n#define NETWORK_STATE {state}\n"
+    sizes = {"ROWS": rows, "SEEN": seen, "CHANNELS": channels, "STATE": state}
+    size = "".join(f"#define NETWORK_{name} {value}\n" for name, value in sizes.items())
     files = linkage() | {name: (_HERE / "c" / name).read_bytes() for name in _HAND_WRITTEN}
     weights = "".join(f"#define {name} OWN({name})\n" for name in dict.fromkeys(_WEIGHT_NAME.findall(data)))
     files["network_size.h"] = (
@@ -73,7 +76,7 @@ def sources(path: str | Path) -> NetworkSources:
     )
     files["network_graph.h"] = f"/* The graph, node by node: compiled for each instruction set. */\n{text}".encode()
     files["network_data.c"] = f"/* The weights. */\n{_DATA}{data}".encode()
-    return NetworkSources(files, rows, channels, state)
+    return NetworkSources(files, rows, channels, seen, state)
 
 
 _DATA = '#include "network.h"\n#include "network_machine.h"\n#define EMX_UNUSED NETWORK_ALIGNED\n\n'

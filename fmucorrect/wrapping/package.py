@@ -98,7 +98,7 @@ class _Parts:
         """What the wrapped FMU says beyond the solver."""
         if self.model is None:
             return Added(effects=bool(self.effects.forces), starts=self.starts)
-        read = [source.variable.name for source in (*self.wiring.channels, *self.wiring.conditions.values())]
+        read = [source.variable.name for source in (*self.wiring.seen, *self.wiring.conditions.values())]
         return Added(self.model.channels, tuple(read), self.wiring.tunables, bool(self.effects.forces), self.starts)
 
     @property
@@ -272,7 +272,7 @@ def _generate(parts: _Parts, net: Mapping[str, bytes]) -> tuple[dict[str, bytes]
         variable_step=parts.inner is not None and "variable step size" in parts.inner.capabilities,
         places=located,
         coupling=coupling,
-        channels_fed=fed_through(root, [source.variable.name for source in parts.wiring.channels]),
+        channels_fed=fed_through(root, [source.variable.name for source in parts.wiring.seen]),
         joints_fed=fed_through(
             root,
             [port.variable.name for place in located for port in place.ports if port],
@@ -356,7 +356,7 @@ def _facts(parts: _Parts, proved: Proof | None, state: StateCheck) -> dict[str, 
             **({"numbers in its state": model.info.state} if model.info.state else {}),
             "channels": {
                 channel.name: source.variable.name
-                for channel, source in zip(model.info.channels, parts.wiring.channels, strict=True)
+                for channel, source in zip(model.info.seen, parts.wiring.seen, strict=True)
             },
             "conditions from the solver": {k: s.variable.name for k, s in parts.wiring.conditions.items()},
             "tunables": dict(parts.wiring.tunables),

@@ -53,7 +53,7 @@ class Questions(NamedTuple):
     """right: ONNX Runtime's answers. rounding: by how much these change at most, among windows that belong together, with the
     last digit of windows and states."""
 
-    windows: Float32[np.ndarray, "N W J"]
+    windows: Float32[np.ndarray, "N W V"]
     conditions: Float32[np.ndarray, "N 3"]
     seconds: Float64[np.ndarray, " N"]
     states: Float32[np.ndarray, "N S"]
@@ -131,14 +131,17 @@ def _limits(
     parsed = [units.explained(c.unit, f"channel {c.name!r}", defined) for c in bundle.channels]
     metre = units.parse("mm")
     scale = np.array([unit.factor / metre.factor if unit.dimension == metre.dimension else 1.0 for unit in parsed])
-    responses = np.abs(_ranges(bundle)).max(1) * scale
+    responses = np.abs(_ranges(bundle)[: len(scale)]).max(1) * scale
     return scale, TOLERANCE * np.maximum(1.0, responses)
 
 
-def _ranges(bundle: Bundle) -> Float64[np.ndarray, "J 2"]:
-    """Inner corners of the responses; ten times the uncorrected deviation where there are none."""
+def _ranges(bundle: Bundle) -> Float64[np.ndarray, "V 2"]:
+    """Inner corners of the responses; ten times the uncorrected deviation where there are none. Of what else is seen the range
+    in the golden pair."""
     pairs = zip(bundle.channels, bundle.uncorrected.tolist(), strict=True)
-    return np.array([_inner(bundle, f"response {c.name}", (-10.0 * rms, 10.0 * rms)) for c, rms in pairs])
+    channels = [_inner(bundle, f"response {c.name}", (-10.0 * rms, 10.0 * rms)) for c, rms in pairs]
+    others = bundle.golden["window"][:, :, len(channels) :].astype(np.float64)
+    return np.array([*channels, *zip(others.min((0, 1)), others.max((0, 1)), strict=True)])
 
 
 def _inner(bundle: Bundle, name: str, otherwise: tuple[float, float]) -> tuple[float, float]:
@@ -164,7 +167,7 @@ def _questions(bundle: Bundle) -> Questions:
 
 def _answered(
     bundle: Bundle,
-    windows: Float32[np.ndarray, "N W J"],
+    windows: Float32[np.ndarray, "N W V"],
     condition: Float32[np.ndarray, "3"],
     seconds: Float64[np.ndarray, " N"],
     state: Float32[np.ndarray, " S"] | None = None,
@@ -177,7 +180,7 @@ def _answered(
     size = 1 if len(run.state) else len(windows)
 
     def answer(
-        windows: Float32[np.ndarray, "n W J"], before: Float32[np.ndarray, " S"], seconds: np.ndarray
+        windows: Float32[np.ndarray, "n W V"], before: Float32[np.ndarray, " S"], seconds: np.ndarray
     ) -> Answers:
         run.state[:] = before
         delta, sigma, inside = run.correct(windows, condition, seconds)
@@ -214,8 +217,8 @@ def _inside(rng: np.random.Generator, ranges: Float64[np.ndarray, "D 2"], stretc
 
 
 def _windows(
-    rng: np.random.Generator, rows: int, ranges: Float64[np.ndarray, "J 2"], stretch: float
-) -> Float32[np.ndarray, "N W J"]:
+    rng: np.random.Generator, rows: int, ranges: Float64[np.ndarray, "V 2"], stretch: float
+) -> Float32[np.ndarray, "N W V"]:
     """Waves and noise in changing shares within `stretch` times the ranges."""
     shape = (_BATCH, rows, len(ranges))
     period = 10.0 ** rng.uniform(0.5, 3.0, (_BATCH, 1, len(ranges)))
@@ -237,7 +240,9 @@ def _golden(bundle: Bundle) -> Questions:
         for i, condition in enumerate(conditions)
     ]
     golden = _joined(rows)
-    return golden._replace(right=golden.right._replace(delta=arrays["corrected"] - windows[:, -1]))
+    return golden._replace(
+        right=golden.right._replace(delta=arrays["corrected"] - windows[:, -1, : len(bundle.channels)])
+    )
 
 
 def _like_golden(rng: np.random.Generator, bundle: Bundle) -> Questions:
@@ -267,7 +272,7 @@ def _loaded(library: Path) -> Generator[Any]:
 
 def _ask(probe: Any, way: int, asked: Questions) -> Answers | None:
     """The answers of one way of computing; None where this processor lacks what it needs."""
-    count, _, channels = asked.windows.shape
+    count, channels = asked.right.delta.shape
     inputs = [np.ascontiguousarray(array) for array in asked[:3]]
     states = np.ascontiguousarray(asked.states)
     outputs = [np.full((count, n), np.nan, np.float32) for n in (channels, channels, channels, 1)]
@@ -276,4 +281,4 @@ def _ask(probe: Any, way: int, asked: Questions) -> Answers | None:
     if not probe(ctypes.c_int(way), ctypes.c_int(count), *pointers):
         return None
     corrected, _, sigma, inside = outputs
-    return Answers(corrected - asked.windows[:, -1], sigma, inside, next_states)
+    return Answers(corrected - asked.windows[:, -1, :channels], sigma, inside, next_states)

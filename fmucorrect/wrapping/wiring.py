@@ -2,7 +2,8 @@
 
 A mapping file (TOML), every table and key of it optional:
 
-    [channels]                # channel = solver output; without it the bundle's own dictionary holds
+    [channels]                # channel, or what else the corrector sees = solver variable; without it the bundle's own
+                              # dictionary holds
     FW = "Bogie.y_front"
     [conditions]              # speed (km/h), amplitude (deg), frequency (Hz), start (s): a solver variable, from whose unit it
     speed = "v_train"         # is converted, or a number, with which a tunable parameter of the wrapped FMU begins
@@ -46,11 +47,11 @@ class Source:
 
 @dataclass(frozen=True)
 class Wiring:
-    """channels: J sources. conditions: the keys of CONDITIONS that the solver itself knows. tunables: start values of the
-    others that the corrector has. parameters: start values that the solver gets, in its own units. trained: what the solver's
-    parameters were in training, where that is known."""
+    """seen: V sources of what the corrector sees, the channels first. conditions: the keys of CONDITIONS that the solver itself
+    knows. tunables: start values of the others that the corrector has. parameters: start values that the solver gets, in its
+    own units. trained: what the solver's parameters were in training, where that is known."""
 
-    channels: tuple[Source, ...]
+    seen: tuple[Source, ...]
     conditions: Mapping[str, Source]
     tunables: Mapping[str, float]
     parameters: Mapping[Variable, float]
@@ -104,25 +105,26 @@ def read_mapping(path: Path) -> MappingFile:
 
 def wire(fmu: FmuDescription, info: Info, mapping: MappingFile) -> Wiring:
     """Joins a corrector to a solver. Raises WrapError, FmuError or SignalError that says what does not fit."""
-    unknown = sorted(set(mapping.channels) - {channel.name for channel in info.channels})
+    unknown = sorted(set(mapping.channels) - {channel.name for channel in info.seen})
     if unknown:
         raise WrapError(
             f"the corrector has no channel {', '.join(unknown)}",
             where=str(mapping.path),
-            expected=", ".join(channel.name for channel in info.channels),
+            expected=", ".join(channel.name for channel in info.seen),
         )
     remedy = "Say which solver outputs are meant in a mapping file (--mapping)."
-    names = [mapping.channels.get(c.name) or c.simulation or c.name for c in info.channels]
-    problems = fmu.unknown(names, "output")
+    names = [mapping.channels.get(c.name) or c.simulation or c.name for c in info.seen]
+    channels = len(info.channels)
+    problems = fmu.unknown(names[:channels], "output") + fmu.unknown(names[channels:], "variable")
     found = [fmu.variables[name] for name in names if name in fmu.variables]
     problems += [f"{v.name!r} is of type {v.type}, expected one real number" for v in found if not _real(v)]
     if problems:
         raise WrapError("; ".join(problems), where=str(fmu.path), remedy=remedy)
-    channels: list[Source] = []
-    for variable, channel in zip(found, info.channels, strict=True):
-        channels.append(Source(variable, _factor(fmu, variable, channel.unit, f"channel {channel.name!r}")))
+    seen: list[Source] = []
+    for variable, channel in zip(found, info.seen, strict=True):
+        seen.append(Source(variable, _factor(fmu, variable, channel.unit, f"channel {channel.name!r}")))
     conditions, tunables = _conditions(fmu, info, mapping)
-    return Wiring(tuple(channels), conditions, tunables, _parameters(fmu, info, mapping), _trained(fmu, info, mapping))
+    return Wiring(tuple(seen), conditions, tunables, _parameters(fmu, info, mapping), _trained(fmu, info, mapping))
 
 
 def _conditions(fmu: FmuDescription, info: Info, mapping: MappingFile) -> tuple[dict[str, Source], dict[str, float]]:

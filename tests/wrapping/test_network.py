@@ -56,7 +56,8 @@ def random_bundle(folder: Path, one: bool) -> Path:
     channels = 2
     scales = Scales(
         response=np.full(channels, 2e-3),
-        window=2e-3,
+        seen=np.full(channels, 2e-3),
+        window=np.full(channels, 2e-3),
         components=np.random.default_rng(0).normal(size=(ROWS * channels, 5)),
         speed=(330.0, 30.0),
         uncorrected=np.full(channels, 1e-3),
@@ -84,7 +85,7 @@ def random_bundle(folder: Path, one: bool) -> Path:
     windows = np.random.default_rng(1).normal(size=(4, ROWS, channels), scale=2e-3).astype(np.float32)
     head = WindowHead(members, scales, phase=True)
     if one:
-        features = torch.from_numpy(np.linalg.pinv(scales.components) / scales.window)
+        features = torch.from_numpy(np.linalg.pinv(scales.components) / scales.rows)
         student = Student(members, features, beside=3, wide=4 * channels)
         torch.nn.init.normal_(student.wide.weight, std=0.3)
         shares = torch.rand(4 * channels, channels, dtype=torch.float64) * 1e-3

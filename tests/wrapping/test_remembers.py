@@ -193,7 +193,7 @@ def test_another_state_is_refused(sources: network.NetworkSources, tmp_path: Pat
     changed = text.replace(begin, begin + b"    float elsewhere[NETWORK_STATE] = {0};\n    next_state = elsewhere;\n")
     assert changed != text
     wrong = network.NetworkSources(
-        {**sources.files, "network_way.h": changed}, sources.rows, sources.channels, sources.state
+        {**sources.files, "network_way.h": changed}, sources.rows, sources.channels, sources.seen, sources.state
     )
     with pytest.raises(WrapError, match="next_state 1 differs"):
         proof.prove(bundle.load(corrector(remembers=True)), wrong, tmp_path)

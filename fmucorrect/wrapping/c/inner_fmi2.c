@@ -161,8 +161,8 @@ Status inner_set(Wrapper *self, const Wired *variable, const Value *value)
 
 Status inner_numbers(Wrapper *self, const Wired variables[], size_t n, double values[])
 {
-    fmi2ValueReference references[CHANNELS + CONDITIONS];
-    bool reals = n <= CHANNELS + CONDITIONS;
+    fmi2ValueReference references[SEEN + CONDITIONS];
+    bool reals = n <= SEEN + CONDITIONS;
     for (size_t i = 0; i < n && reals; i++) {
         references[i] = variables[i].reference;
         reals = variables[i].kind == REAL_2;

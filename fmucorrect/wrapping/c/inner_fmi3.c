@@ -211,8 +211,8 @@ Status inner_set(Wrapper *self, const Wired *variable, const Value *value)
 
 Status inner_numbers(Wrapper *self, const Wired variables[], size_t n, double values[])
 {
-    fmi3ValueReference references[CHANNELS + CONDITIONS];
-    bool plain = n <= CHANNELS + CONDITIONS;
+    fmi3ValueReference references[SEEN + CONDITIONS];
+    bool plain = n <= SEEN + CONDITIONS;
     for (size_t i = 0; i < n && plain; i++) {
         references[i] = variables[i].reference;
         plain = variables[i].kind == FLOAT64_3 && variables[i].size == 1;

@@ -6,7 +6,7 @@
 #include "names.h"
 #include "network_size.h"
 
-/* window: NETWORK_ROWS rows of NETWORK_CHANNELS values in the channels' units, oldest first. condition: speed in
+/* window: NETWORK_ROWS rows of NETWORK_SEEN values, oldest first: the channels in their units, then what else it sees. condition: speed in
  * km/h, amplitude in deg, frequency in Hz. seconds: since the excitation began. corrected, baseline, sigma: the
  * channels' units, NETWORK_CHANNELS each. in_envelope: one value from 0 to 1. state, next_state: NETWORK_STATE values each,
  * not in the same place; zeros for the first full window, then what the sample before said; not used where there are none.

@@ -19,7 +19,7 @@ int probe(int way, int count, const float windows[], const float conditions[], c
     if (!compute)
         return 0;
     for (size_t i = 0; i < (size_t)count; i++)
-        compute(windows + i * NETWORK_ROWS * NETWORK_CHANNELS, conditions + i * 3, seconds[i],
+        compute(windows + i * NETWORK_ROWS * NETWORK_SEEN, conditions + i * 3, seconds[i],
                 corrected + i * NETWORK_CHANNELS, baseline + i * NETWORK_CHANNELS, sigma + i * NETWORK_CHANNELS,
                 in_envelope + i, states + i * NETWORK_STATE, next_states + i * NETWORK_STATE);
     return 1;

@@ -55,7 +55,7 @@ void NETWORK_WAY(const float window[], const float condition[], double seconds, 
 #define NETWORK_STATE_OUT
     (void)state, (void)next_state;
 #endif
-    network_graph((const float(*)[NETWORK_ROWS][NETWORK_CHANNELS])window, (const float(*)[3])condition, time NETWORK_STATE_IN,
+    network_graph((const float(*)[NETWORK_ROWS][NETWORK_SEEN])window, (const float(*)[3])condition, time NETWORK_STATE_IN,
                   (float(*)[NETWORK_CHANNELS])corrected, (float(*)[NETWORK_CHANNELS])baseline,
                   (float(*)[NETWORK_CHANNELS])sigma, (float(*)[1])in_envelope NETWORK_STATE_OUT);
 }

@@ -44,7 +44,7 @@ static void open_row(State *s)
     }
     s->carried = false;
 #endif
-    memmove(s->window, s->window + CHANNELS, (ROWS - 1) * CHANNELS * sizeof *s->window);
+    memmove(s->window, s->window + SEEN, (ROWS - 1) * SEEN * sizeof *s->window);
     s->seen_before = s->seen;
     s->on_grid = s->row_stale = s->stale = true;
 }
@@ -80,33 +80,33 @@ Status sampling_row(Wrapper *self)
     if (!s->row_stale)
         return s->ill ? STATUS_WARNING : STATUS_OK;
 #if CHANNELS
-    double row[CHANNELS];
-    const Status status = inner_numbers(self, SOURCES, CHANNELS, row);
+    double row[SEEN];
+    const Status status = inner_numbers(self, SOURCES, SEEN, row);
     if (status > STATUS_WARNING)
         return status;
-    size_t bad = CHANNELS;
-    for (size_t j = 0; j < CHANNELS; j++) {
+    size_t bad = SEEN;
+    for (size_t j = 0; j < SEEN; j++) {
         row[j] *= FACTORS[j];
-        if (!(fabs(row[j]) <= FLT_MAX) && bad == CHANNELS) /* a window is of single precision */
+        if (!(fabs(row[j]) <= FLT_MAX) && bad == SEEN) /* a window is of single precision */
             bad = j;
     }
     s->row_stale = s->row_due = false;
-    if (s->ill != (bad < CHANNELS) || (s->on_grid && memcmp(row, s->row, sizeof row) != 0)) {
+    if (s->ill != (bad < SEEN) || (s->on_grid && memcmp(row, s->row, sizeof row) != 0)) {
         s->stale = true;
         s->carried = s->carried && !s->on_grid;
     }
     memcpy(s->row, row, sizeof row);
     if (s->started && s->on_grid) {
-        float *newest = s->window + (ROWS - 1) * CHANNELS;
-        for (size_t j = 0; j < CHANNELS; j++)
-            newest[j] = bad == CHANNELS ? (float)row[j] : 0.0f;
-        s->seen = bad < CHANNELS ? 0 : s->seen_before < ROWS ? s->seen_before + 1 : ROWS;
+        float *newest = s->window + (ROWS - 1) * SEEN;
+        for (size_t j = 0; j < SEEN; j++)
+            newest[j] = bad == SEEN ? (float)row[j] : 0.0f;
+        s->seen = bad < SEEN ? 0 : s->seen_before < ROWS ? s->seen_before + 1 : ROWS;
     }
-    if (bad < CHANNELS && !s->ill)
+    if (bad < SEEN && !s->ill)
         wrapper_log(self, STATUS_WARNING,
                     "channel %s is %g at t = %.9g s: it is passed on as it is, and the correction pauses until %d finite samples were seen",
                     CHANNEL_NAMES[bad], row[bad], s->now, ROWS);
-    s->ill = bad < CHANNELS;
+    s->ill = bad < SEEN;
 #else
     s->row_stale = s->row_due = false;
 #endif
@@ -128,11 +128,11 @@ Status sampling_correction(Wrapper *self)
         bool sound = true;
         for (size_t i = 0; i < CONDITIONS; i++) {
             conditions[i] = s->conditions[i];
-            if (SOURCES[CHANNELS + i].size) {
-                const Status read = inner_numbers(self, &SOURCES[CHANNELS + i], 1, &conditions[i]);
+            if (SOURCES[SEEN + i].size) {
+                const Status read = inner_numbers(self, &SOURCES[SEEN + i], 1, &conditions[i]);
                 if (read > STATUS_WARNING)
                     return read;
-                conditions[i] *= FACTORS[CHANNELS + i];
+                conditions[i] *= FACTORS[SEEN + i];
             }
             sound = sound && fabs(conditions[i]) <= (i == START ? LONGEST : FLT_MAX);
         }
@@ -144,7 +144,7 @@ Status sampling_correction(Wrapper *self)
         const float condition[3] = {(float)conditions[SPEED], (float)conditions[AMPLITUDE], (float)conditions[FREQUENCY]};
         float corrected[CHANNELS], baseline[CHANNELS], sigma[CHANNELS], inside, next[CORRECTOR_STATE + 1] = {0.0f};
         network(s->window, condition, (double)(s->sample_ns - llround(conditions[START] * SECOND)) / SECOND, corrected, baseline, sigma, &inside, s->memory, next);
-        const float *newest = s->window + (ROWS - 1) * CHANNELS;
+        const float *newest = s->window + (ROWS - 1) * SEEN;
         for (size_t j = 0; j < CHANNELS; j++) {
             const float delta = corrected[j] - newest[j];
             sound = sound && isfinite(delta) && isfinite(sigma[j]);

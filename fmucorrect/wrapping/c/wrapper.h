@@ -89,9 +89,9 @@ typedef struct {
 
 enum { SPEED, AMPLITUDE, FREQUENCY, START, CONDITIONS };
 
-extern const Wired SOURCES[CHANNELS + CONDITIONS]; /* channels, then conditions; size 0 where a condition is a tunable */
-extern const double FACTORS[CHANNELS + CONDITIONS];
-extern const char *const CHANNEL_NAMES[CHANNELS + 1];
+extern const Wired SOURCES[SEEN + CONDITIONS]; /* what the corrector sees, the channels first, then conditions; size 0 where a condition is a tunable */
+extern const double FACTORS[SEEN + CONDITIONS];
+extern const char *const CHANNEL_NAMES[SEEN + 1];
 extern const double UNCORRECTED[CHANNELS + 1];
 extern const double TUNABLES[CONDITIONS];
 extern const Start START_VALUES[STARTS + 1];
@@ -131,9 +131,9 @@ typedef struct {
     double now;  /* s, where the solver's last step ended: its begin + its size, in the solver's own arithmetic */
     double host; /* s, where the host's last step ended, on the host's clock */
     double conditions[CONDITIONS];
-    double row[CHANNELS + 1]; /* the solver's response now, in the channels' units */
+    double row[SEEN + 1]; /* what is seen of the solver's response now, in the corrector's units */
     double delta[CHANNELS + 1], sigma[CHANNELS + 1];
-    float window[ROWS * CHANNELS + 1];
+    float window[ROWS * SEEN + 1];
     float memory[CORRECTOR_STATE + 1], next_memory[CORRECTOR_STATE + 1]; /* the corrector's state, before and after the newest sample */
     double host_force[FORCES + 1], force[FORCES + 1]; /* the host's own share of the force inputs, and the laws' */
     double held[FORCES + 1];      /* what they held in the last sub-step */
@@ -144,7 +144,7 @@ typedef struct {
     double moved_at, span;        /* span: s from the reading before to moved_at, 0 without one */
     uint32_t readings;            /* since the start or the last event, at most 2 */
 #if INNER_FMI == 0
-    double inputs[CHANNELS + 1];
+    double inputs[SEEN + 1];
 #endif
 } State;
 

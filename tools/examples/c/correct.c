@@ -2,8 +2,8 @@
  *
  *     correct SPEED AMPLITUDE FREQUENCY START < run.csv > corrected.csv
  *
- * km/h, deg, Hz, and the s at which the excitation begins. run.csv: time in s, then the corrector's channels in their
- * order and units, at its sample time; columns behind them are not read. Status: 0 corrected, 1 the window is not full
+ * km/h, deg, Hz, and the s at which the excitation begins. run.csv: time in s, then the corrector's channels and what else it
+ * sees, in their order and units, at its sample time; columns behind them are not read. Status: 0 corrected, 1 the window is not full
  * yet, 2 outside of what the corrector was trained on. */
 #include <math.h>
 #include <stdio.h>
@@ -13,7 +13,7 @@
 #include "corrector.h"
 #include "network.h"
 
-enum { ROWS = NETWORK_ROWS, CHANNELS = NETWORK_CHANNELS, OK = 0, WARMUP = 1, OUTSIDE = 2 };
+enum { ROWS = NETWORK_ROWS, SEEN = NETWORK_SEEN, CHANNELS = NETWORK_CHANNELS, OK = 0, WARMUP = 1, OUTSIDE = 2 };
 
 static void stop(long line, const char *message)
 {
@@ -35,7 +35,8 @@ static double cell(char **at, long line)
 int main(int argc, char *argv[])
 {
     static char text[1 << 16];
-    static float window[ROWS * CHANNELS]; /* oldest row first */
+    static float window[ROWS * SEEN]; /* oldest row first */
+    static float states[2][NETWORK_STATE + 1]; /* what it remembers; a network without a state does not look at it */
     static const double uncorrected[CHANNELS] = CORRECTOR_UNCORRECTED;
     double settings[4]; /* speed, amplitude, frequency, start */
     if (argc != 5) {
@@ -63,22 +64,23 @@ int main(int argc, char *argv[])
         if (!strchr(text, '\n'))
             stop(line, "the line is cut off, or too long");
         char *at = text;
-        double simulated[CHANNELS];
+        double seen[SEEN];
         const long long now = llround(cell(&at, line) * 1e9);
         if (rows && now - last != CORRECTOR_STEP_NS)
             stop(line, "the time does not follow at the corrector's sample time");
         last = now;
-        memmove(window, window + CHANNELS, (ROWS - 1) * CHANNELS * sizeof *window);
-        float *newest = window + (ROWS - 1) * CHANNELS;
-        for (int j = 0; j < CHANNELS; j++)
-            newest[j] = (float)(simulated[j] = cell(&at, line));
+        memmove(window, window + SEEN, (ROWS - 1) * SEEN * sizeof *window);
+        float *newest = window + (ROWS - 1) * SEEN;
+        for (int j = 0; j < SEEN; j++)
+            newest[j] = (float)(seen[j] = cell(&at, line));
 
         int status = WARMUP;
         double delta[CHANNELS] = {0}, spread[CHANNELS];
         memcpy(spread, uncorrected, sizeof spread);
         if (++rows >= ROWS) {
             float corrected[CHANNELS], baseline[CHANNELS], sigma[CHANNELS], inside;
-            network(window, condition, (double)(now - start) / 1e9, corrected, baseline, sigma, &inside, NULL, NULL);
+            network(window, condition, (double)(now - start) / 1e9, corrected, baseline, sigma, &inside, states[rows % 2],
+                    states[(rows + 1) % 2]);
             for (int j = 0; j < CHANNELS; j++) {
                 delta[j] = corrected[j] - newest[j];
                 spread[j] = sigma[j];
@@ -88,7 +90,7 @@ int main(int argc, char *argv[])
 
         printf("%.9f", (double)now / 1e9);
         for (int j = 0; j < CHANNELS; j++)
-            printf(",%.9g", simulated[j] + delta[j]);
+            printf(",%.9g", seen[j] + delta[j]);
         for (int j = 0; j < CHANNELS; j++)
             printf(",%.9g", spread[j]);
         printf(",%d\n", status);

@@ -26,7 +26,7 @@ def _header(corrector: Bundle) -> str:
     uncorrected = ", ".join(map(repr, corrector.uncorrected.tolist()))
     return (
         "/* What correct.c has to know of the corrector. */\n"
-        f"#define CORRECTOR_INPUT {_columns(corrector.channels)}\n"
+        f"#define CORRECTOR_INPUT {_columns(corrector.info.seen)}\n"
         f"#define CORRECTOR_OUTPUT {_columns(corrected_channels(corrector.channels))}\n"
         f"#define CORRECTOR_STEP_NS {corrector.step_ns}\n"
         "/* sigma while there is no correction: rms of measurement minus simulation in development */\n"

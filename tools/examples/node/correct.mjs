@@ -115,6 +115,7 @@ if (!out) {
 }
 const model = await readFile(bundle);
 const info = readInfo(model);
+if (info.state || info.sees) throw new Error("this corrector has a state, or sees more than its channels: not shown here");
 const file = await open(log);
 const { condition, samples } = await openLog(file, info.channels);
 const corrector = new Corrector(await ort.InferenceSession.create(model), info, condition);

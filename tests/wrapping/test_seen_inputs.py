@@ -1,0 +1,97 @@
+"""A wrapped corrector that sees an input and an output of the solver beside its channels says what CorrectedStepper says."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("ziglang")
+pytest.importorskip("emx_onnx_cgen")
+
+import bundles
+from odd import CHANNELS, COMBINATIONS, MS, ROWS, folder, plain, solver, walk
+
+from fmucorrect import bundle
+from fmucorrect.errors import SignalError, WrapError
+from fmucorrect.fmu import FmuStepper
+from fmucorrect.signals import Channel, Condition, Record
+from fmucorrect.stepper import CorrectedStepper, ReplayStepper
+from fmucorrect.wrapping import network, proof
+from fmucorrect.wrapping.package import wrap
+
+X, Y, Z = CHANNELS
+U = Channel("u", unit="", simulation="u")
+WEIGHTS = np.random.default_rng(4).normal(size=(4, 2))
+COUNT = 60
+NAMES = ("x_corrected", "y_corrected")
+ANSWERS = tuple(Channel(name, unit, simulation=name) for name, unit in ((NAMES[0], "mm"), (NAMES[1], "mm")))
+
+
+def seeing(unit: str) -> Path:
+    """Of x and y, with u and z. unit: of u, as the solver says it."""
+    path = folder() / "seeing.onnx"
+    return bundles.make_seeing(path, WEIGHTS, (X, Y), (replace(U, unit=unit), Z), ROWS, MS)
+
+
+def live(fmi: int, u: np.ndarray) -> tuple[Path, np.ndarray]:
+    """The bundle, and what the stepper says of the bare solver: (T, 2)."""
+    plant = FmuStepper(solver(fmi), (X, Y, U, Z), inputs=("u",))
+    path = seeing(plant.channels[2].unit)
+    corrected = CorrectedStepper(plant, bundle.load(path))
+    corrected.reset(Condition("odd", speed=300.0))
+    try:
+        steps = [corrected.step(k * MS, u[k : k + 1]) for k in range(len(u))]
+    finally:
+        corrected.close()
+    return path, np.array([step.corrected for step in steps])
+
+
+@pytest.mark.parametrize(("inner", "outer"), COMBINATIONS)
+def test_it_says_what_corrected_stepper_says(inner: int, outer: int, tmp_path: Path) -> None:
+    """The input of a sample's own time: it is read again when the host has set it."""
+    u = np.random.default_rng(2).normal(size=COUNT)
+    path, expected = live(inner, u)
+    out = wrap(solver(inner), path, tmp_path / "wrapped.fmu", fmi=outer, platforms=["linux64"]).path
+    with plain(out, ANSWERS, inputs=["u"]) as stepper:
+        got = walk(stepper, range(0, COUNT * MS, MS), u[:, None].tolist())
+    np.testing.assert_allclose(got, expected, rtol=0.0, atol=1e-5)
+    without = live(inner, 0.5 * u)[1]
+    assert np.abs(without - expected)[ROWS:].max() > 0.1  # what it sees of the input matters
+
+
+def test_as_c_it_is_the_same(tmp_path: Path) -> None:
+    model = bundle.load(seeing("m"))
+    assert proof.prove(model, network.sources(model.path), tmp_path).inside > 100
+
+
+def test_a_replay_is_the_live_run_and_needs_all_that_is_seen() -> None:
+    rng = np.random.default_rng(3)
+    model = bundle.load(seeing("m"))
+    channels = (X, Y, replace(U, unit="m"), Z)
+    log = Record(np.arange(COUNT, dtype=np.int64) * MS, rng.normal(size=(COUNT, 4)), channels)
+    stepper = CorrectedStepper(ReplayStepper(channels), model)
+    stepper.reset(Condition("log", speed=300.0))
+    said = stepper.process(log)
+    wanted = log.values[ROWS - 1 :, :2] + log.values[: COUNT + 1 - ROWS] @ WEIGHTS
+    got = said.select([*NAMES]).values
+    np.testing.assert_allclose(got[ROWS - 1 :], wanted, atol=1e-5)
+    stepper.reset(Condition("log", speed=300.0))
+    rows = np.array([stepper.step(int(t), row).corrected for t, row in zip(log.t_ns, log.values, strict=True)])
+    np.testing.assert_array_equal(rows.astype(np.float32), got.astype(np.float32))
+    with pytest.raises(SignalError, match="lacks u, z"):
+        CorrectedStepper(ReplayStepper((X, Y)), model)
+    broken = replace(log, values=np.where(np.arange(4) == 2, np.nan, log.values))
+    stepper.reset(Condition("log", speed=300.0))
+    with pytest.raises(SignalError, match="channel 'u' is nan"):
+        stepper.process(broken)
+
+
+def test_a_solver_that_lacks_it_is_told(tmp_path: Path) -> None:
+    strange = bundles.make_seeing(
+        tmp_path / "strange.onnx", WEIGHTS, (X, Y), (Channel("road", unit="", simulation="road"), Z), ROWS, MS
+    )
+    with pytest.raises(WrapError, match="road"):
+        wrap(solver(2), strange, tmp_path / "wrapped.fmu", platforms=["linux64"])
