@@ -21,12 +21,12 @@ from fmucorrect.discovery import output
 from fmucorrect.discovery.augmented import Found, found_of, write_model
 from fmucorrect.discovery.confirm import Gap, carries_over, gaps, sensors_told
 from fmucorrect.discovery.decide import CLOSE, Decision, decide
-from fmucorrect.discovery.discrepancy import TOO_MUCH, TOO_UNEVEN, uneven, varying
 from fmucorrect.discovery.doubt import cautions, wrong_signs
 from fmucorrect.discovery.elsewhere import library, quietly
 from fmucorrect.discovery.errorbars import with_unlisted
 from fmucorrect.discovery.fitted import Setting
 from fmucorrect.discovery.kept import Kept
+from fmucorrect.discovery.lasting import Size, lasting
 from fmucorrect.discovery.learned import learn
 from fmucorrect.discovery.learned_report import file_row, learned_row, writable
 from fmucorrect.discovery.located import Located, located
@@ -196,6 +196,7 @@ def _report(
     completeness: dict[str, Any],
 ) -> tuple[dict[str, Any], Found | None]:
     """The report, and what an FMU can be given of what was found."""
+    decision, sizes, left_out = lasting(problem, naming, decision)
     best = decision.best
     sensors = sensors_told(problem, naming.setting, best.residual)
     progress("confirm", 0, len(study.conditions))
@@ -209,8 +210,7 @@ def _report(
         problem.substeps,
         problem.budget,
     )
-    shares, pieces = varying(problem.rows, naming.setting, best), uneven(problem, naming.setting, best)
-    verdict = confirmed(decision, checked, shares, [0.0 if piece is None else piece.share for piece in pieces])
+    verdict = confirmed(decision, checked, sizes)
     lap("confirm")
     wider = with_unlisted(problem, naming.setting, best)
     std = wider.std()
@@ -218,7 +218,8 @@ def _report(
         output.effect_row(problem, term, std[i], decision.probability[i], decision.classes[i], decision.classed[i])
         for i, term in enumerate(best.model.terms)
     ]
-    for term, row, share, piece in zip(best.model.terms, rows, shares, pieces, strict=True):
+    for term, row, size in zip(best.model.terms, rows, sizes, strict=True):
+        piece, share = size.uneven, size.varies
         row["uneven"] = output.uneven_row(problem, term, piece) if piece and isinstance(term, ForceTerm) else None
         row["changes"] = output.changes(problem, best.model, term) if isinstance(term, OffsetTerm) else None
         row["varies"] = {"parameter": term.main, "share": share} if share and isinstance(term, ForceTerm) else None
@@ -260,6 +261,7 @@ def _report(
         "unexplained": decision.unexplained,
         "next_test": _next(problem, naming, decision) if verdict == "ambiguous" else None,
         "notes": _notes(study, problem, naming.setting, decision)
+        + left_out
         + _begun(checked)
         + _in_words(problem, verdict, residuals),
     }
@@ -314,15 +316,11 @@ def _next(problem: Problem, naming: Naming, decision: Decision) -> dict[str, Any
     return next_test(problem, naming.setting, decision.best, close, True)
 
 
-def confirmed(
-    decision: Decision, checked: Sequence[Gap], shares: Sequence[float] = (), uneven: Sequence[float] = ()
-) -> str:
+def confirmed(decision: Decision, checked: Sequence[Gap], sizes: Sequence[Size] = ()) -> str:
     """The verdict once the evaluation conditions have spoken: what does not carry over, to them, from one development
-    condition to the next or along a joint's own motion, is unexplained. shares: by which each member's number would have to
-    differ between conditions. uneven: by which its force would have to differ from place to place, or with its speed."""
+    condition to the next or along a joint's own motion, is unexplained. sizes: of the members."""
     held = [gap for gap in checked if gap.condition.role == "evaluation"]
-    even = max(shares, default=0.0) < TOO_MUCH and max(uneven, default=0.0) < TOO_UNEVEN
-    kept = even and (not held or carries_over(held))
+    kept = all(size.lasts for size in sizes) and (not held or carries_over(held))
     return decision.verdict if kept or decision.verdict == "none" else "unexplained"
 
 

@@ -29,7 +29,9 @@ from fmucorrect.study import Joint
 OVER = ("displacement", "velocity")
 """What a force's size is looked at over."""
 TOO_UNEVEN = 0.2
-"""Standard deviation of the size, the law's own being 1, from which the law is not the one that acts."""
+"""What the pieces' different sizes do at the sensors, as a share of what the law does there, from which the law is not the one
+that acts. Of pieces that are felt one by one that is the standard deviation of their sizes; of neighbours that are felt as one,
+one of which may be much too large and the other too small for all that can be seen, much less."""
 TOLD = 0.1
 """The same, from which it is told."""
 WORTH = 0.2
@@ -47,8 +49,8 @@ SIZES = np.logspace(-2.0, 0.5, 41)
 
 @dataclass(frozen=True)
 class Uneven:
-    """How a law's force would have to differ. over: one of OVER. share: standard deviation of its size, 1 being the law's own.
-    explains: share of what is left that this explains.
+    """How a law's force would have to differ. over: one of OVER. share: rms of what that does at the sensors, over that of the
+    law. explains: share of what is left that this explains.
     places: (PIECES,) m, m/s, rad or rad/s, where the pieces lie. factors: (PIECES,) size of each, 1 on average."""
 
     over: str
@@ -60,7 +62,7 @@ class Uneven:
 
 @dataclass(frozen=True)
 class _Sizes:
-    """gained: in twice the log likelihood. share: standard deviation. explains: share of what is left. factors: (PIECES,)."""
+    """gained: in twice the log likelihood. share, explains: as of Uneven. factors: (PIECES,)."""
 
     gained: float
     share: float
@@ -150,6 +152,7 @@ def _answers(
 
 def _sizes(setting: Setting, fitted: Fitted, pieces: Float64[np.ndarray, "n P"]) -> _Sizes:
     """Of all pieces, one on average: how large they are together is the law's own number."""
+    law = pieces.sum(axis=1)
     pieces = pieces - pieces.mean(axis=1, keepdims=True)
     level = max(fitted.s2, setting.floor) / setting.share
     beside = np.concatenate([fitted.slopes, fitted.base, setting.sensors.columns], axis=1) / np.sqrt(level)
@@ -167,7 +170,8 @@ def _sizes(setting: Setting, fitted: Fitted, pieces: Float64[np.ndarray, "n P"])
     moves = vectors @ (directions / (values + SIZES[k] ** -2.0))
     left = float(rest @ rest - taken[-1, -1]) - len(rest) * setting.floor / level
     explains = float(2.0 * moves @ b - moves @ A @ moves) / max(left, 1e-300)
-    return _Sizes(float(gained[k]), float(SIZES[k]), explains, tuple(float(1.0 + move) for move in moves))
+    share = float(np.linalg.norm(pieces @ moves) / max(np.linalg.norm(law), 1e-300))
+    return _Sizes(float(gained[k]), share, explains, tuple(float(1.0 + move) for move in moves))
 
 
 VARIES = 0.15

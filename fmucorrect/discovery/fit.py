@@ -39,7 +39,8 @@ def fit(
     rival: float = np.inf,
     parent: Fitted | int | None = None,
 ) -> Fitted | None:
-    """The members' numbers and the base parameters, from those of `model`; None where the solver gives up at once.
+    """The members' numbers and the base parameters, from those of `model`; None where the solver gives up at once, and where a
+    law stands twice at a place: the two share what one does, and sets are told apart by what they name.
 
     Levenberg and Marquardt's method (1944, 1963) on the posterior, sensors integrated out. Sensitivities to the base
     parameters are those of the setting until one of them has moved by STALE. start: the model's evidence, where known.
@@ -47,6 +48,8 @@ def fit(
     whose sensitivities to the base parameters go before the setting's; of a fit to other conditions its number.
     The result stands in the problem's ledger, too.
     """
+    if len({term.key for term in model.terms}) < len(model.terms):
+        return None
     if isinstance(parent, Fitted):
         setting, parent = replace(setting, base=parent.base), parent.number
     found, runs = _fitted(problem, setting, model, iterations, start, rival)

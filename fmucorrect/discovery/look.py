@@ -134,7 +134,7 @@ def look(
     have = names(around)
     whole = Nuisances(np.concatenate([around.base, setting.sensors.columns], axis=1))
     target = Target(around.linear, whole, setting.share, setting.floor)
-    free = [curve for curve in curves if curve.key not in have]
+    free, begun = [curve for curve in curves if curve.key not in have], [t for t in begun if t.key not in have]
     total = 2 * len(free) + 3 * min(len(free), PROMISING)
     count = [0]
 

@@ -1,14 +1,17 @@
 """One number must do for all conditions: what noise scatters is no change, what a wrong law needs is one."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from fmucorrect.catalogue import CATALOGUE
 from fmucorrect.discovery.decide import Decision
 from fmucorrect.discovery.discover import confirmed
-from fmucorrect.discovery.discrepancy import TOO_MUCH, TOO_UNEVEN, VARIES, varying
+from fmucorrect.discovery.discrepancy import TOO_MUCH, TOO_UNEVEN, VARIES, Uneven, varying
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fitted import Fitted, Setting
+from fmucorrect.discovery.lasting import Size
 from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.terms import ForceTerm
 from fmucorrect.discovery.wording import sentence
@@ -62,10 +65,12 @@ def test_a_single_condition_says_nothing():
 @pytest.mark.parametrize("verdict", ["named", "ambiguous", "none", "unexplained"])
 def test_a_law_that_does_not_carry_over_between_conditions_or_places_is_no_finding(verdict):
     decision = Decision(verdict, fitted([0.0] * CONDITIONS)[1], (1.0,), ((),), (), 0.01)
-    assert confirmed(decision, [], ()) == confirmed(decision, [], (0.0, VARIES)) == verdict
-    assert confirmed(decision, [], (0.0,), (0.9 * TOO_UNEVEN,)) == verdict
-    assert confirmed(decision, [], (0.0,), (TOO_UNEVEN,)) == ("none" if verdict == "none" else "unexplained")
-    assert confirmed(decision, [], (0.0, TOO_MUCH)) == ("none" if verdict == "none" else "unexplained")
+    here = Uneven("velocity", 0.9 * TOO_UNEVEN, 0.5, (), ())
+    lasts = (Size(), Size(VARIES), Size(0.0, here))
+    assert confirmed(decision, []) == confirmed(decision, [], lasts) == verdict
+    gone = "none" if verdict == "none" else "unexplained"
+    assert confirmed(decision, [], (Size(), Size(TOO_MUCH))) == gone
+    assert confirmed(decision, [], (Size(0.0, replace(here, share=TOO_UNEVEN)),)) == gone
 
 
 @pytest.mark.parametrize(

@@ -177,3 +177,12 @@ def test_friction_that_is_sharper_than_the_step_bears_gets_a_finer_coupling(libr
             _, (again,) = finer(measured, setting, base, [blunt], silent)
             assert measured.substeps == (FINER if finer_one else 1)
     assert (again.surprise < blunt.surprise - BLUNT) == finer_one
+
+
+def test_a_law_stands_once_at_a_place(library, tmp_path):
+    with problem_of(tmp_path, library, APART + JOINT) as problem:
+        setting, base = begun(problem)
+        spring = term_at(problem.study, "linear_stiffness", "joint 1", stiffness=20.0)
+        one, two = (replace(base.model, terms=(spring,) * count) for count in (1, 2))
+        assert fit(problem, setting, one, 2) is not None
+        assert fit(problem, setting, two, 2) is None
