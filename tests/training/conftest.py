@@ -6,7 +6,7 @@ import pytest
 from closed_form import BRIEF, SMALL, make_study
 
 from fmucorrect.study import Study, load_study
-from fmucorrect.training import tasks
+from fmucorrect.training import distilled, tasks
 from fmucorrect.training.protocol import Trained, train
 
 
@@ -31,4 +31,13 @@ def in_this_process() -> Iterator[None]:
     would take longer to import torch than to fit."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(tasks, "CORES", 1)
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def short_lessons() -> Iterator[None]:
+    """What a student learns in a whole lesson is judged in test_distilled alone; for all else it begins near enough to its
+    members."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(distilled, "EPOCHS", 6)
         yield
