@@ -1,8 +1,9 @@
-"""The closed-form study, and a corrector trained on it once."""
+"""The closed-form study, one of random roads, and a corrector trained on each once."""
 
 from collections.abc import Iterator
 
 import pytest
+import road
 from closed_form import BRIEF, SMALL, make_study
 
 from fmucorrect.study import Study, load_study
@@ -23,6 +24,13 @@ def trained(study: Study) -> Trained:
 @pytest.fixture(scope="session")
 def briefly(study: Study) -> Trained:
     return train(study, BRIEF)
+
+
+@pytest.fixture(scope="session")
+def filtered(tmp_path_factory: pytest.TempPathFactory) -> tuple[Study, Trained]:
+    """The study of random roads, measured by a sensor with a filter, and a corrector trained on it."""
+    study = load_study(road.make(tmp_path_factory.mktemp("filtered"), "filtered"))
+    return study, train(study, road.QUICK)
 
 
 @pytest.fixture(scope="session", autouse=True)
