@@ -9,7 +9,7 @@ import jaxtyping
 import pytest
 from hypothesis import settings
 
-CHECKED_CALLS = 50
+CHECKED_CALLS = 10
 """So many calls of each function are checked in each test: loops took twice as long where all of them were."""
 
 whole = jaxtyping.jaxtyped

@@ -301,9 +301,9 @@ def _environment(extra: Sequence[tuple[str, str]] = ()) -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": str(ROOT), **dict(extra)}
 
 
-@pytest.mark.parametrize("encoding", ["cp1252", "ascii"])
-def test_a_console_that_lacks_characters_shows_the_others(model: Path, encoding: str) -> None:
-    for arguments in (["--help"], ["inspect", model, STUDY], ["run", STUDY, "--condition", "Ω→", "-o", "é.mcap"]):
+@pytest.mark.parametrize(("encoding", "other"), [("cp1252", FMU), ("ascii", STUDY)])
+def test_a_console_that_lacks_characters_shows_the_others(model: Path, encoding: str, other: Path) -> None:
+    for arguments in (["--help"], ["inspect", model, other], ["run", STUDY, "--condition", "Ω→", "-o", "é.mcap"]):
         command = _python("-m", "fmucorrect", *arguments)
         done = subprocess.run(
             command, env=_environment([("PYTHONIOENCODING", encoding)]), capture_output=True, check=False

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from fmucorrect import effects
+from fmucorrect import effects, study_places
 from fmucorrect.errors import FmucorrectError, StudyError
 from fmucorrect.railway.assessment import load_assessment
 from fmucorrect.study import load_study
@@ -186,7 +186,8 @@ def test_what_no_value_can_be_is_told_with_its_line(text: str, told: str) -> Non
     assert all(line.startswith("line ") for line in wrong)
 
 
-def test_places_of_a_value_over_very_many_lines_take_no_longer_than_they_may() -> None:
+def test_places_of_a_value_over_very_many_lines_take_no_longer_than_they_may(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(study_places, "MOST_SCANNED", 2**19)
     text = "a = 1\nb = [\n" + "[1],\n" * 50_000 + "]\nc = 2\n"
     places = scan(text, tomllib.loads(text))
     assert places[("a",)] == "line 1, key a"

@@ -13,10 +13,13 @@ import tempfile
 from collections.abc import Sequence
 from ctypes import POINTER, Structure, c_double, c_int, c_long, c_uint, c_void_p
 from functools import cache
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from shutil import rmtree
 
 from fmucorrect.catalogue import CATALOGUE, Law
+from fmucorrect.catalogue import law as catalogue
+from fmucorrect.errors import MissingExtra
 from fmucorrect.wrapping import laws
 from fmucorrect.wrapping.compiler import compile_library, host
 
@@ -117,13 +120,11 @@ class Road(Structure):
 def build(folder: Path) -> Path:
     """The library in `folder`, which is the user's own; compiled where it is not there yet, or not his. Several processes may
     do so at once. Raises WrapError, MissingExtra."""
-    sources = {name: (_C / name).read_text(encoding="utf-8") for name in ("march.h", "march.c")}
-    sources[_SHARED.name] = _SHARED.read_text(encoding="utf-8")
-    sources["laws.c"] = _laws()
-    digest = hashlib.sha256("".join(sources.values()).encode()).hexdigest()[:16]
     target, _, suffix = host()
-    library = folder / f"march_{digest}{suffix}"
+    library = folder / f"march_{_digest()}{suffix}"
     if not library.is_file() or not own(library):
+        sources = {path.name: path.read_text(encoding="utf-8") for path in (_C / "march.h", _C / "march.c", _SHARED)}
+        sources["laws.c"] = _laws()
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         with tempfile.TemporaryDirectory(dir=folder, ignore_cleanup_errors=True) as place:
             for name, text in sources.items():
@@ -133,6 +134,18 @@ def build(folder: Path) -> Path:
             made.chmod(0o700)
             made.replace(library)
     return library
+
+
+def _digest() -> str:
+    """Of all that the library is made from. Their C would tell it as well, but to print that takes sympy a second."""
+    try:
+        digest = hashlib.sha256(version("sympy").encode())
+    except PackageNotFoundError as error:
+        raise MissingExtra("sympy", "discover") from error
+    code = [path for file in (catalogue.__file__, laws.__file__) for path in sorted(Path(file).parent.glob("*.py"))]
+    for path in (*code, Path(__file__), *sorted(_C.iterdir()), _SHARED):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
 
 
 def _laws() -> str:

@@ -8,6 +8,7 @@ import logging
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, cast
@@ -15,7 +16,7 @@ from typing import Any, cast
 import fmpy
 from fmpy import model_description as fmpy_description
 
-from fmucorrect import outputs
+from fmucorrect import outputs, unchanged
 from fmucorrect.errors import FmuError
 from fmucorrect.fmu import archive
 from fmucorrect.fmu.elements import element_names
@@ -215,6 +216,18 @@ def open_fmu(path: str | Path, *, warn: bool = True) -> FmuDescription:
     open. One that offers both is stepped by its own solver, in co-simulation.
     """
     path = Path(path)
+    now = unchanged.state(path)
+    found = _described.__wrapped__(path, ()) if now is None else _described(path, now)
+    if found.faults and warn:
+        logging.getLogger("fmucorrect.fmu").warning(
+            "%s: the model description breaks the FMI standard: %s", path, "; ".join(found.faults)
+        )
+    return found
+
+
+@lru_cache(maxsize=16)
+def _described(path: Path, now: tuple[int, ...]) -> FmuDescription:
+    """open_fmu() without its warning. To parse the description takes 20 ms, of large models a second."""
     with archive.opened(path) as file:
         version = archive.fmi_version(file, path)
         names = file.namelist()
@@ -228,10 +241,6 @@ def open_fmu(path: str | Path, *, warn: bool = True) -> FmuDescription:
             remedy="Export it again for co-simulation of FMI 2.0 or 3.0.",
         )
     model, faults = _parse(path)
-    if faults and warn:
-        logging.getLogger("fmucorrect.fmu").warning(
-            "%s: the model description breaks the FMI standard: %s", path, "; ".join(faults)
-        )
     own, exchange = model.coSimulation or model.modelExchange, None
     if own is None:
         raise FmuError(

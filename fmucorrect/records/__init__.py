@@ -23,7 +23,6 @@ from dataclasses import replace
 from functools import _lru_cache_wrapper, lru_cache  # pyright: ignore[reportPrivateUsage]
 from os import PathLike, fspath
 from pathlib import Path
-from time import time_ns
 from typing import TypeVar
 
 from fmucorrect.errors import RecordError
@@ -36,6 +35,7 @@ from fmucorrect.records.parts import PartsSource, is_recording, parts_of, refuse
 from fmucorrect.records.source import TOLD, Sink, counted
 from fmucorrect.records.writing import Writer
 from fmucorrect.signals import AS_IT_IS, Reading, Record
+from fmucorrect.unchanged import state
 
 SUFFIXES = (".mcap", ".csv", ".parquet", ".mf4", ".mdf", ".tdms", ".mat")
 """The suffixes of files that can be read and written."""
@@ -161,12 +161,10 @@ def describe(path: str | PathLike[str], reading: Reading = AS_IT_IS) -> Contents
 Seen = TypeVar("Seen")
 _Told = tuple[str | float, ...]
 """The values of source.TOLD."""
-SETTLED = 2_000_000_000
-"""ns without a change after which a file's times of change tell every further one: clocks of file systems tick in ms to 2 s."""
 
 
 @lru_cache(maxsize=256)
-def _topics(name: str, state: tuple[int, ...], told: _Told) -> tuple[Topic, ...]:
+def _topics(name: str, now: tuple[int, ...], told: _Told) -> tuple[Topic, ...]:
     source = _source(name, replace(AS_IT_IS, **dict(zip(TOLD, told, strict=True))))
     try:
         return source.topics()
@@ -175,7 +173,7 @@ def _topics(name: str, state: tuple[int, ...], told: _Told) -> tuple[Topic, ...]
 
 
 @lru_cache(maxsize=256)
-def _contents(name: str, state: tuple[int, ...], told: _Told) -> Contents:
+def _contents(name: str, now: tuple[int, ...], told: _Told) -> Contents:
     source = _source(name, replace(AS_IT_IS, **dict(zip(TOLD, told, strict=True))))
     try:
         topics = tuple(TopicContents(topic, source.extent(topic.name)) for topic in source.topics())
@@ -185,16 +183,12 @@ def _contents(name: str, state: tuple[int, ...], told: _Told) -> Contents:
 
 
 def _known(look: _lru_cache_wrapper[Seen], path: str | PathLike[str], reading: Reading) -> Seen:
-    """What a look at a file tells. A study asks for it again and again, and a look may take a process, or all rows: a file
-    that has not changed since the last one is not looked at again."""
+    """What a look at a file tells. It may take a process, or all rows: a file that has not changed since the last one is not
+    looked at again."""
     name = fspath(path)
     told = tuple(getattr(reading, key) for key in TOLD)
-    if Path(name).suffix.lower() in (".tdm", ".tdms") or not Path(name).is_file():  # several files
-        return look.__wrapped__(name, (), told)
-    now = Path(name).stat()
-    state = now.st_mtime_ns, now.st_ctime_ns, now.st_size, now.st_ino
-    settled = time_ns() - max(now.st_mtime_ns, now.st_ctime_ns) > SETTLED
-    return (look if settled else look.__wrapped__)(name, state, told)
+    now = None if Path(name).suffix.lower() in (".tdm", ".tdms") else state(Path(name))  # those are several files
+    return look.__wrapped__(name, (), told) if now is None else look(name, now, told)
 
 
 def is_time(topic: Topic, name: str) -> bool:

@@ -30,7 +30,7 @@ from fmucorrect.signals import Channel, Record
 from fmucorrect.study import load_study
 
 FMU = Path(__file__).resolve().parent.parent.parent / "fmus" / "oscillator" / "oscillator.fmu"
-STEP, SECONDS, NOISE = 0.001, 6.0, 0.01  # s, s, mm
+STEP, SECONDS, NOISE = 0.001, 3.0, 0.01  # s, s, mm
 M, K, C, WALL = (1.0, 1.5), (1200.0, 800.0), (5.0, 4.0), (1500.0, 3.0)
 CUBIC = 2.0e7  # N/m3, at joint 2
 FRICTION = 0.25  # N, at joint 1
@@ -64,8 +64,18 @@ def write(path, record):
         out.write("/data", record)
 
 
-def write_study(folder, law, unit="mm", garbage=False, fmu=FMU, scale=1.0):
-    """scale: from mm to the measured numbers."""
+def for_this_machine(path):
+    """The oscillator with this machine's library alone: what is found would be compiled for each that it has."""
+    with zipfile.ZipFile(FMU) as source, zipfile.ZipFile(path, "w") as out:
+        for item in source.infolist():
+            if not item.filename.startswith("binaries/") or f"/{fmpy.platform}/" in item.filename:
+                out.writestr(item, source.read(item))
+    return path
+
+
+def write_study(folder, law, unit="mm", garbage=False, fmu=None, force="N", scale=1.0):
+    """fmu: the oscillator for this machine alone unless given. scale: from mm to the measured numbers."""
+    fmu = fmu or for_this_machine(folder / "oscillator.fmu")
     t_ns = np.arange(round(SECONDS / STEP) + 1) * round(STEP * 1e9)
     rng = np.random.default_rng(3)
     start = f"masses = 2.0, m1 = {M[0]}, m2 = {M[1]}, k1 = {K[0]}, k2 = {K[1]}, c1 = {C[0]}, c2 = {C[1]}"
@@ -92,10 +102,8 @@ parameters = {{ {start}, k_end = {WALL[0]}, c_end = {WALL[1]} }}
         file = f"{name.replace(' ', '_')}"
         channels = (Channel("s1", unit=unit), Channel("s2", unit=unit))
         write(folder / f"{file}.mcap", Record(t_ns, measured * scale, channels))
-        force = Record(
-            t_ns, push(name, t_ns * 1e-9 + 0.5 * STEP)[:, None], (Channel("mass2.f", unit="N" if fmu is FMU else "kN"),)
-        )
-        write(folder / f"{file}.csv", force)
+        given = push(name, t_ns * 1e-9 + 0.5 * STEP)[:, None]
+        write(folder / f"{file}.csv", Record(t_ns, given, (Channel("mass2.f", unit=force),)))
         text += (
             f'[[conditions]]\nname = "{name}"\nrole = "{role}"\ninputs = "{file}.csv"\nmeasurement = "{file}.mcap"\n'
         )
@@ -168,11 +176,14 @@ def test_the_augmented_fmu_and_its_study_need_nothing_of_this(found):
     assert error < 0.5 * gap["noise_floor"] < 0.1 * gap["nrmse_before"]
 
 
-def test_friction_is_named(tmp_path):
-    report = discover(write_study(tmp_path, friction), tmp_path / "out")
+def test_friction_is_named_and_goes_into_the_fmu_for_every_machine(tmp_path):
+    report = discover(write_study(tmp_path, friction, fmu=FMU), tmp_path / "out")
     (effect,) = report["effects"]
     assert (report["verdict"], effect["effect"], effect["joint"]) == ("named", "coulomb_friction", "joint 1")
     assert effect["parameters"]["friction_force"]["value"] == pytest.approx(FRICTION, rel=0.05)
+    made, given = (fmpy.supported_platforms(str(path)) for path in (tmp_path / "out" / "augmented.fmu", FMU))
+    assert sorted(made) == sorted(given)
+    assert len(made) > 1
 
 
 def test_where_nothing_is_missing_nothing_is_named(tmp_path):
@@ -212,7 +223,7 @@ RELABELLED = {"m": ("mm", 1e-3), "m/s": ("mm/s", 1e-3), "m/s2": ("mm/s2", 1e-3),
 
 def relabelled(path):
     """The oscillator with the same numbers as mm and kN: a heavier one, in units as many a multibody program has them."""
-    with zipfile.ZipFile(FMU) as source, zipfile.ZipFile(path, "w") as out:
+    with zipfile.ZipFile(for_this_machine(path.with_name("light.fmu"))) as source, zipfile.ZipFile(path, "w") as out:
         for item in source.infolist():
             data = source.read(item)
             if item.filename == "modelDescription.xml":
@@ -228,7 +239,7 @@ def relabelled(path):
 
 
 def test_other_units_of_study_and_fmu_change_nothing(tmp_path, found):
-    study = write_study(tmp_path, cubic, unit="m", fmu=relabelled(tmp_path / "heavy.fmu"), scale=1e-6)
+    study = write_study(tmp_path, cubic, unit="m", fmu=relabelled(tmp_path / "heavy.fmu"), force="kN", scale=1e-6)
     report = discover(study, tmp_path / "out")
     (effect,), (before,) = report["effects"], found[1]["effects"]
     assert (effect["effect"], effect["joint"]) == (before["effect"], before["joint"])

@@ -55,7 +55,7 @@ def models(study, nominal):
 
 
 def test_an_executor_gives_the_same_to_the_bit(study, monkeypatch):
-    monkeypatch.setattr(elsewhere, "PIECE", 30_000)  # two models
+    monkeypatch.setattr(elsewhere, "PIECE", 15_000)  # two models
     executor, ticks = Counting(), []
     with load(study, elsewhere.library(), executor=executor) as problem:
         asked = models(study, problem.nominal)
@@ -83,7 +83,7 @@ def test_what_was_measured_stays_here(study):
 def test_a_cluster_gives_the_same_report(study, found, tmp_path, monkeypatch):
     """`fmucorrect discover --scheduler`, two worker processes."""
     distributed = pytest.importorskip("distributed")
-    monkeypatch.setattr(elsewhere, "PIECE", 200_000)
+    monkeypatch.setattr(elsewhere, "PIECE", 100_000)
     used = []
     parcels = elsewhere._parcel
     monkeypatch.setattr(elsewhere, "_parcel", lambda problem: used.append(1) or parcels(problem))

@@ -28,7 +28,7 @@ SMALL = Training(
         members=2,
         epochs=(30, 60),
         batch=2048,
-        stride=2,
+        stride=4,
     ),
 )
 BRIEF = replace(SMALL, corrector=replace(SMALL.corrector, baseline_epochs=6, epochs=(4, 8)))

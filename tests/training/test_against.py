@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import road
 from closed_form import BRIEF
 
 from fmucorrect import bundle
@@ -15,10 +14,10 @@ from fmucorrect.comparison import Comparison
 from fmucorrect.experiment import pair
 from fmucorrect.metrics import score
 from fmucorrect.sealing import evaluate
-from fmucorrect.study import Study, load_study
+from fmucorrect.study import Study
 from fmucorrect.training.against import REPLAYED, Against, against
 from fmucorrect.training.data import Samples, samples
-from fmucorrect.training.protocol import Trained, train
+from fmucorrect.training.protocol import Trained
 from fmucorrect.training.results import save
 from fmucorrect.training.verdict import headline, verdict
 
@@ -48,9 +47,8 @@ def test_records_that_are_replayed_need_no_simulation(study: Study, briefly: Tra
     assert [way.group for way in found.ways] == ["nothing", "simple", "simple", "network"]
 
 
-def test_over_random_roads_nothing_is_replayed(tmp_path: Path) -> None:
-    study = load_study(road.make(tmp_path, "filtered"))
-    made = train(study, road.QUICK)
+def test_over_random_roads_nothing_is_replayed(filtered: tuple[Study, Trained], tmp_path: Path) -> None:
+    study, made = filtered
     found, unseen = judged(study, made, tmp_path)
     assert not {way.label for way in found.ways} & set(REPLAYED)
     groups = {way.label: way for way in found.ways}

@@ -37,11 +37,6 @@ def friction(tmp_path_factory: pytest.TempPathFactory) -> Case:
 
 
 @pytest.fixture(scope="module")
-def filtered(tmp_path_factory: pytest.TempPathFactory) -> Case:
-    return trained(tmp_path_factory.mktemp("filtered"), "filtered")
-
-
-@pytest.fixture(scope="module")
 def nothing(tmp_path_factory: pytest.TempPathFactory) -> Case:
     return trained(tmp_path_factory.mktemp("nothing"), "nothing")
 
@@ -138,8 +133,9 @@ def test_other_units_change_nothing(friction: Case, tmp_path: Path) -> None:
 
 
 def test_the_same_seed_gives_the_same_file(friction: Case) -> None:
-    study, made = friction
-    assert train(study, road.QUICK).content == made.content
+    study, _ = friction
+    brief = replace(road.QUICK, recurrent=replace(road.QUICK.recurrent, steps=(30,)))
+    assert train(study, brief).content == train(study, brief).content
 
 
 def test_a_family_can_be_left_out(friction: Case) -> None:

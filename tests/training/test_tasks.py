@@ -104,7 +104,7 @@ def test_the_command_goes_on_after_a_kill(tmp_path: Path) -> None:
     path.write_text(
         path.read_text() + '\n[training]\nwindow = 8\n[training.corrector]\nfamilies = ["window"]\nbaseline_width = 6\n'
         "baseline_epochs = 8\nhistory = 4\n"
-        "widths = [16, 16]\nmembers = 2\nepochs = [12, 18]\nbatch = 2048\nstride = 2\n"
+        "widths = [16, 16]\nmembers = 2\nepochs = [12, 18]\nbatch = 2048\nstride = 4\n"
     )
 
     killed, alone = tmp_path / "killed", tmp_path / "alone"
