@@ -68,8 +68,14 @@ def test_a_library_that_another_user_could_have_put_there_is_made_anew(
 
     monkeypatch.setattr(native, "compile_library", compiled)
     library = native.build(tmp_path)
-    assert native.build(tmp_path) == library
+    with monkeypatch.context() as none:
+        none.setattr(native, "_laws", lambda: pytest.fail("laws are printed for a library that is there"))
+        assert native.build(tmp_path) == library
     assert len(made) == 1
+    with monkeypatch.context() as another:
+        another.setattr(native, "version", lambda _: "another sympy")
+        assert native.build(tmp_path) != library
+    assert len(made) == 2
     assert own(library)
     library.write_bytes(b"theirs")
     library.chmod(0o666)
@@ -80,5 +86,5 @@ def test_a_library_that_another_user_could_have_put_there_is_made_anew(
     library.symlink_to(other)
     assert native.build(tmp_path).read_bytes() == b"ours"
     assert other.read_bytes() == b"theirs"
-    assert len(made) == 3
+    assert len(made) == 4
     assert [path.name for path in tmp_path.iterdir() if path.is_dir()] == []

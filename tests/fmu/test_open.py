@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from trouble_fmu import OSCILLATOR, description, packed
 
+from fmucorrect import unchanged
 from fmucorrect.errors import FmuError, SignalError
 from fmucorrect.fmu import FmuStepper, open_fmu
 from fmucorrect.fmu.matching import input_conversion, output_scaling
@@ -40,6 +41,19 @@ def test_both_versions_say_the_same():
     assert (two.fmi, three.fmi) == ("2.0", "3.0")
     described = [{n: (v.unit, v.start, v.causality, v.minimum) for n, v in f.variables.items()} for f in (two, three)]
     assert described[0] == described[1]
+
+
+def test_a_file_that_changed_is_read_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    path = tmp_path / "model.fmu"
+    path.write_bytes((OSCILLATOR / "oscillator.fmu").read_bytes())
+    assert open_fmu(path) is not open_fmu(path)  # it was written so lately that its times might not tell a change
+    monkeypatch.setattr(unchanged, "SETTLED", -1)
+    assert open_fmu(path) is open_fmu(path)
+    path.write_bytes((OSCILLATOR / "oscillator_fmi3.fmu").read_bytes())
+    assert open_fmu(path).fmi == "3.0"
+    path.unlink()
+    with pytest.raises(FmuError, match=r"model\.fmu"):
+        open_fmu(path)
 
 
 def test_declared_type_gives_unit_and_limits(tmp_path: Path):
