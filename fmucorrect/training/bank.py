@@ -103,30 +103,47 @@ class Bank:
         return np.pad(found, ((len(item.simulated) - len(found), 0), (0, 0)))
 
     def past(self, item: Samples) -> Float64[np.ndarray, "N P"]:
-        """At the measured rows, as the head's state has it."""
+        """p at the measured rows."""
         return (self.measured(item) * self.feature)[:, len(self.centre) :]
 
-    def weights(self, inputs: int) -> tuple[Tensor, Tensor, Tensor]:
-        """Its own step, what x = (two rows, condition) drives it with, and a constant; double. inputs: length of x."""
-        channels, count = len(self.centre), len(self.poles)
-        gain = 1.0 - np.abs(self.poles)
-        drive, offset = np.zeros((inputs, self.numbers)), np.zeros(self.numbers)
-        for i, j in np.ndindex(count, channels):
-            column = i * channels + j
-            rows = np.arange(j, inputs - 3, channels)
-            drive[rows, column] = gain[i] / (len(rows) * self.size[j])
-            offset[column] = -gain[i] * self.centre[j] / self.size[j]
-        return rotation(self.poles, channels), torch.from_numpy(drive), torch.from_numpy(offset)
+    def state(self, past: Float64[np.ndarray, "N P"], newest: Float[np.ndarray, "N V"]) -> Float64[np.ndarray, "N P"]:
+        """What a head's state has for it: p less where it would come to rest. newest: rows of the simulation, as they are."""
+        held = ((newest - self.centre) / self.size)[:, None] * at_rest(self.poles)[:, None]
+        return past - _flat(held)
+
+    def weights(self, inputs: int) -> tuple[Tensor, Tensor]:
+        """The state's own step, and what x = (two rows, condition) drives it with; double. inputs: length of x."""
+        channels, rest = len(self.centre), at_rest(self.poles)
+        half = 0.5 * (1.0 - np.abs(self.poles))
+        drive = np.zeros((inputs, self.numbers))
+        for row, each in enumerate((half + self.poles * rest, half - rest)):
+            for j in range(channels):
+                one = np.zeros((len(each), channels), complex)
+                one[:, j] = each / self.size[j]
+                drive[row * channels + j] = _flat(one[None])[0]
+        return rotation(self.poles, channels), torch.from_numpy(drive)
+
+    def on_state(
+        self, numbers: Float64[np.ndarray, "P C"]
+    ) -> tuple[Float64[np.ndarray, "V C"], Float64[np.ndarray, " C"]]:
+        """Weights of p are the same of the state, and beside it these of the newest row, and a constant."""
+        channels, count = len(self.centre), numbers.shape[1]
+        real, imaginary = numbers.reshape(2, len(self.poles), channels, count)
+        rest = at_rest(self.poles)[:, None, None]
+        newest = (np.real(rest) * real + np.imag(rest) * imaginary).sum(axis=0) / self.size[:, None]
+        return newest, -self.centre @ newest
 
     def on_inputs(
         self, numbers: Float64[np.ndarray, "F C"], inputs: int
     ) -> tuple[Float64[np.ndarray, "X C"], Float64[np.ndarray, "P C"], Float64[np.ndarray, " C"]]:
         """Weights of the features as those of x and of the state, and a constant."""
         channels = len(self.centre)
-        q = numbers[:channels] / (self.size * self.feature[:channels])[:, None]
+        q, state = numbers[:channels] / (self.size * self.feature[:channels])[:, None], numbers[channels:]
+        state = state / self.feature[channels:, None]
+        newest, shift = self.on_state(state)
         whole = np.zeros((inputs, numbers.shape[1]))
-        whole[inputs - 3 - channels : inputs - 3] = q
-        return whole, numbers[channels:] / self.feature[channels:, None], -self.centre @ q
+        whole[inputs - 3 - channels : inputs - 3] = q + newest
+        return whole, state, shift - self.centre @ q
 
 
 def bank(development: Sequence[Samples], chosen: Pace, count: int) -> Bank:
@@ -144,8 +161,20 @@ def bank(development: Sequence[Samples], chosen: Pace, count: int) -> Bank:
 def _features(item: Samples, centre: np.ndarray, size: np.ndarray, poles: np.ndarray) -> np.ndarray:
     q = (item.whole - centre) / size
     past = answers(0.5 * (q[1:] + q[:-1]), poles) * (1.0 - np.abs(poles))[:, None]
+    before = (at_rest(poles)[:, None] * q[0]) * (poles ** np.arange(1, len(q))[:, None])[:, :, None]
+    return np.concatenate([q[1:], _flat(past + before)], axis=1)
+
+
+def at_rest(poles: np.ndarray) -> np.ndarray:
+    """What p of each comes to while q stays 1. A run begins as if it had always been where it begins: what else was before,
+    nobody knows, and from nothing on the fastest of p jump."""
+    return (1.0 - np.abs(poles)) / (1.0 - poles)
+
+
+def _flat(past: np.ndarray) -> np.ndarray:
+    """(N, P, V), complex, as (N, 2 P V): the real parts of all before the imaginary ones."""
     flat = past.reshape(len(past), -1)
-    return np.concatenate([q[1:], flat.real, flat.imag], axis=1)
+    return np.concatenate([np.real(flat), np.imag(flat)], axis=1)
 
 
 def answer(x: np.ndarray, pole: Any) -> np.ndarray:
@@ -163,8 +192,8 @@ def answers(x: np.ndarray, poles: np.ndarray) -> np.ndarray:
 
 
 def remembered(t: Mapping[str, Tensor], x: Float[Tensor, "N X"], state: Float[Tensor, "N S"]) -> tuple[Tensor, Tensor]:
-    """What a head's bank has come to, by its tensors A, G and g (Bank.weights), and what is seen then: x beside it."""
-    past = torch.addmm(torch.addmm(t["g"], x, t["G"]), state, t["A"])
+    """What a head's bank has come to, by its tensors A and G (Bank.weights), and what is seen then: x beside it."""
+    past = torch.addmm(x @ t["G"], state, t["A"])
     return past, torch.cat([x, past], 1)
 
 

@@ -27,6 +27,7 @@ import torch
 from jaxtyping import Float, Float64
 from torch import Tensor, nn
 
+from fmucorrect.training.bank import Bank
 from fmucorrect.training.data import Sizes
 from fmucorrect.training.fallback import Fallback
 from fmucorrect.training.novelty import Guard
@@ -52,11 +53,13 @@ class Said(NamedTuple):
 
 @runtime_checkable
 class Head(Protocol):
-    """What a family deploys: an nn.Module with float32 buffers. members: K. state: S, 0 without. phase: whether x ends with
+    """What a family deploys: an nn.Module with float32 buffers. members: K. state: S, 0 without. bank: with which the state
+    begins, None without. phase: whether x ends with
     sine and cosine of the excitation's phase. linear: whether it is a linear filter of the simulation."""
 
     members: int
     state: int
+    bank: Bank | None
     phase: bool
     linear: bool
 
@@ -120,12 +123,12 @@ class Corrector(nn.Module):
         tensors["t"] = torch.tensor(band.floor, dtype=torch.float64) - uncorrected
         tensors["s_u"] = uncorrected
         if guard is not None:
-            tensors |= _guard(guard, history, history + 3 + 2 * head.phase)
+            tensors |= _guard(guard, head, history)
         if fallback is not None:
             tensors["w"] = _declared(envelope, channels)
             if not self.head.linear:
-                tensors["X"] = _on_inputs(torch.from_numpy(fallback.weights), history, history + 3 + 2 * head.phase)
-                tensors["x0"] = torch.from_numpy(fallback.offset)
+                tensors["X"], shift = _on_inputs(fallback.weights, head, history)
+                tensors["x0"] = torch.from_numpy(fallback.offset + shift)
         for name, tensor in tensors.items():
             self.register_buffer(name, tensor.detach().float().contiguous())
 
@@ -181,16 +184,15 @@ def _envelope(ramps: Ramps, channels: int, last: int, history: int, inputs: int)
     return {"R": whole, "r": levels, "v": sum_up, "one": torch.ones(1), "Q": newest, "minus_Q": -newest}
 
 
-def _guard(guard: Guard, history: int, inputs: int) -> dict[str, Tensor]:
+def _guard(guard: Guard, head: Head, history: int) -> dict[str, Tensor]:
     """Z, z0, near, level: with squared distances in units of the guard's width, what it leaves of a correction is
     d0^2 + 1 - min_k |z - c_k|^2: 1 at a novelty of 1, 0 where it has faded."""
     unit = math.sqrt(guard.width)
-    directions, shift, centres = (
-        torch.from_numpy(values / unit) for values in (guard.known.directions, guard.known.shift, guard.known.centres)
-    )
+    directions, shift = _on_inputs(guard.known.directions / unit, head, history)
+    centres = torch.from_numpy(guard.known.centres / unit)
     return {
-        "Z": _on_inputs(directions, history, inputs),
-        "z0": shift,
+        "Z": directions,
+        "z0": torch.from_numpy(guard.known.shift / unit + shift),
         "near": 2.0 * centres.T,
         "level": guard.threshold**2 / guard.width + 1.0 - (centres**2).sum(1),
     }
@@ -204,10 +206,16 @@ def _declared(envelope: Ramps, channels: int) -> Tensor:
     return declared
 
 
-def _on_inputs(seen: Tensor, history: int, inputs: int) -> Tensor:
-    """Weights of (window, memory) as those of (x, memory): nothing of condition and phase."""
-    blind = torch.zeros(inputs - history, seen.shape[1], dtype=torch.float64)
-    return torch.cat([seen[:history], blind, seen[history:]])
+def _on_inputs(
+    seen: Float64[np.ndarray, "S C"], head: Head, history: int
+) -> tuple[Float[Tensor, "V C"], Float64[np.ndarray, " C"]]:
+    """Weights of (window, memory) as those of (x, state), nothing of condition and phase, and a constant."""
+    window, memory, shift = seen[:history].copy(), seen[history:], np.zeros(seen.shape[1])
+    if head.bank is not None:
+        newest, shift = head.bank.on_state(memory)
+        window[history - len(newest) :] += newest
+    blind = np.zeros((3 + 2 * head.phase, seen.shape[1]))
+    return torch.from_numpy(np.concatenate([window, blind, memory])), shift
 
 
 def spread(members: int, channels: int) -> Tensor:

@@ -31,7 +31,7 @@ def to_bundle(
     past: np.ndarray,
 ) -> bytes:
     """The content of a bundle file. windows (N, W, V), condition (3,), seconds (N,): a few real ones, the golden input; past:
-    (N, P), the memory of the motion before each: with another the guard lets nothing through."""
+    (N, P), p of the bank before each: with another the guard lets nothing through."""
     golden: dict[str, np.ndarray] = {
         "window": np.ascontiguousarray(windows, np.float32),
         "condition": np.tile(condition.astype(np.float32), (len(windows), 1)),
@@ -39,7 +39,8 @@ def to_bundle(
     }
     if corrector.head.state:
         golden["state"] = np.random.default_rng(0).normal(scale=STATES, size=(len(windows), corrector.head.state))
-        golden["state"][:, : past.shape[1]] = past
+        if (bank := corrector.head.bank) is not None:
+            golden["state"][:, : past.shape[1]] = bank.state(past, windows[:, -2])
         golden["state"] = golden["state"].astype(np.float32)
     with torch.no_grad():
         outputs = corrector(*(torch.from_numpy(values) for values in golden.values()))
@@ -153,7 +154,7 @@ def _linear(add: Add, x: str, head: LinearHead, constants: dict[str, np.ndarray]
 
 def _remembered(add: Add, x: str, past: str) -> str:
     """A step of the bank (bank.py): what is seen, x and its state, which is called `past`."""
-    return add("Concat", [x, add("Gemm", ["state", "A", add("Gemm", [x, "G", "g"], "drive")], past)], "seen", axis=1)
+    return add("Concat", [x, add("Gemm", ["state", "A", add("MatMul", [x, "G"], "drive")], past)], "seen", axis=1)
 
 
 def _recurrent(add: Add, x: str) -> tuple[str, str]:

@@ -20,6 +20,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from fmucorrect.training.bank import Bank
 from fmucorrect.training.data import Scales
 from fmucorrect.training.deployed import Said, bias, spread, weight
 from fmucorrect.training.mlp import tanh
@@ -80,6 +81,7 @@ class WindowHead(nn.Module):
     def __init__(self, members: Sequence[Member], scales: Scales, phase: bool) -> None:
         super().__init__()
         self.members, self.phase, self.state = len(members), phase, 0
+        self.bank: Bank | None = None
         parts = [_member(m, scales, phase) for m in members]
         beside = spread(len(members), len(scales.response))
         tensors = {
@@ -191,6 +193,7 @@ class OneHead(nn.Module):
         """The band is floor + |what it is made of| shares, in the channels' units."""
         super().__init__()
         self.members, self.phase, self.state = 0, phase, 0
+        self.bank: Bank | None = None
         response, components = torch.tensor(scales.response), torch.tensor(scales.components)
         history, features = components.shape
         inputs = torch.zeros(history + 3 + 2 * phase, student.first.in_features, dtype=torch.float64)

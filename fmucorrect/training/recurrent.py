@@ -253,7 +253,7 @@ class Recurrent:
 class RecurrentHead(nn.Module):
     """The same on x = (two rows, condition) and a state, scales folded into the weights, in double precision.
 
-    p      = state A + (x G + g)        first bank, the same for all members
+    p      = state A + x G              first bank, the same for all members
     h      = tanh(tanh((x, p) H + h1) K + k), u = h U + o
     r      = state B + u F              second banks; the state holds the last u, too
     state' = (p, r, u)
@@ -269,16 +269,16 @@ class RecurrentHead(nn.Module):
         columns = len(see.bank.centre)
         inputs = found.rows * columns + 3
         self.members, self.phase = len(members), False
+        self.bank: Bank | None = see.bank
         bank, made = see.bank.numbers, [_member(member, see, inputs) for member in members]
         answers = sum(len(part["B"]) for part in made)
         signals = sum(part["F"].shape[0] for part in made)
         self.state = bank + answers + signals
         zeros = torch.zeros
-        first, drive, offset = see.bank.weights(inputs)
+        first, drive = see.bank.weights(inputs)
         tensors = {
             "A": torch.cat([first, zeros(answers + signals, bank, dtype=torch.float64)]),
             "G": drive,
-            "g": offset,
             "H": torch.cat([part["H"] for part in made], 1),
             "h": torch.cat([part["h"] for part in made]),
             "K": torch.block_diag(*(part["K"] for part in made)),

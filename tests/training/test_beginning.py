@@ -1,0 +1,83 @@
+"""A run begins at rest, at the first sample: what a corrector remembers then is what it would have come to there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import road
+from scipy.signal import lfilter
+
+from fmucorrect.bundle import Bundle, load
+from fmucorrect.records import read, writer
+from fmucorrect.signals import Channel, Condition, Record
+from fmucorrect.stepper import CorrectedStepper, ReplayStepper, run
+from fmucorrect.study import Study, load_study
+from fmucorrect.study_training import Corrector
+from fmucorrect.training.protocol import train
+from fmucorrect.training.results import save
+
+PLACE = 30.0
+"""mm, about which the mass moves: far from the zero at which no record is."""
+
+
+def make(folder: Path) -> Path:
+    """Records about PLACE, each of which begins where the mass is by then; measured is 1.1 times the motion, late."""
+    rng, text = np.random.default_rng(17), road.HEAD
+    for i in range(4):
+        rough = np.asarray(lfilter([0.05], [1.0, -0.95], rng.normal(scale=40.0, size=2200)))
+        whole = road.motion(rough)
+        real = np.asarray(lfilter([0.5], [1.0, -0.5], 1.1 * whole)) + road.NOISE * rng.normal(size=len(whole))
+        t_ns = np.arange(2000, dtype=np.int64) * round(road.STEP * 1e9)
+        for name, topic, column, values in (
+            (f"s{i}.mcap", "/simulation", "z", whole),
+            (f"m{i}.mcap", "/measured", "lvdt", real),
+        ):
+            with writer(folder / name) as out:
+                out.write(topic, Record(t_ns, PLACE + values[200:, None], (Channel(column, unit="mm"),)))
+        text += f'\n[[conditions]]\nname = "road {i}"\nrole = "development"\n'
+        text += f'measurement = "m{i}.mcap"\nsimulated = "s{i}.mcap"\n'
+    (folder / "study.toml").write_text(text, encoding="utf-8")
+    return folder / "study.toml"
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
+    return load_study(make(tmp_path_factory.mktemp("place")))
+
+
+@pytest.fixture(scope="module")
+def model(study: Study, tmp_path_factory: pytest.TempPathFactory) -> Bundle:
+    made = train(study, replace(road.QUICK, corrector=Corrector(families=("linear",))))
+    assert made.selection.family == "linear"
+    return load(save(made, tmp_path_factory.mktemp("linear")))
+
+
+def corrected(model: Bundle, condition: Condition, simulated: np.ndarray) -> np.ndarray:
+    """Of (T,) mm, from the second row on."""
+    t_ns = np.arange(len(simulated), dtype=np.int64) * model.step_ns
+    stepper = CorrectedStepper(ReplayStepper(model.channels), model)
+    said = run(stepper, condition, [Record(t_ns, simulated[:, None], model.channels)])
+    assert said is not None
+    return said["travel_corrected"][1:]
+
+
+def test_at_rest_nothing_is_said_that_changes(study: Study, model: Bundle) -> None:
+    """Wherever it rests, what the bank remembers has nothing to do with when the run began."""
+    said = corrected(model, study.conditions[0], np.full(4000, PLACE + 2.0))
+    assert np.ptp(said) < 1e-4 * PLACE
+
+
+def test_the_beginning_of_a_record_is_no_worse_than_the_rest(study: Study, model: Bundle) -> None:
+    """Rows at which no window of the networks' length was complete, and that no fit has seen."""
+    first = slice(0, road.QUICK.window - 1)
+    for condition in study.conditions:
+        assert condition.simulated is not None
+        assert condition.measurement is not None
+        simulated = read(condition.simulated, ["z"]).values[:, 0]
+        measured = read(condition.measurement, ["lvdt"]).values[1:, 0]
+        errors = (corrected(model, condition, simulated) - measured)[first], (simulated[1:] - measured)[first]
+        after, before = (float(np.sqrt(np.mean(error**2))) for error in errors)
+        assert after < max(0.7 * before, 4.0 * road.NOISE)
