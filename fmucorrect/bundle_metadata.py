@@ -63,7 +63,8 @@ class Info:
     outer ones it is nothing. conditions: those trained on, with the FMU start values of each. parameters: FMU start values
     of all of them, in the FMU's own units. units: of variables that the FMU leaves without one, as the study knew them.
     evaluation: figures, for people. state: S, numbers that the network hands on from sample to sample, 0 for none. sees: what
-    it sees beside the channels.
+    it sees beside the channels. solver: the FMU that was simulated in training, by its file's name; "" where logs were, or in
+    bundles that do not say it.
     """
 
     name: str
@@ -80,6 +81,7 @@ class Info:
     units: Mapping[str, str] = field(default_factory=dict)
     state: int = 0
     sees: tuple[Channel, ...] = ()
+    solver: str = ""
 
     @property
     def seen(self) -> tuple[Channel, ...]:
@@ -110,10 +112,10 @@ class Info:
         """Which start values are others than those trained with, and what they were. given: those of the FMU that are set;
         defaults: those that hold otherwise, as far as they are known. One that took several values in training may lie
         beyond them by as much as they lie apart, where the correction for another speed ends, too; a constant one may not
-        differ. A bundle that knows of no start values says nothing."""
+        differ. A bundle that knows neither of start values nor of a solver says nothing."""
         known = self.start_values_known
         found: list[str] = []
-        for name in sorted(known | (set(given) if known else set())):
+        for name in sorted(known | (set(given) if known or self.solver else set())):
             value, trained = given.get(name, defaults.get(name)), self.trained(name, defaults)
             if value is None or (trained is None and name in known):
                 continue
@@ -140,7 +142,7 @@ class Info:
 
     def to_json(self) -> dict[str, Any]:
         data = {"format": 2 if self.state or self.sees else 1, **asdict(self)}
-        for key in (STATE, SEES):
+        for key in (STATE, SEES, "solver"):
             if not data[key]:
                 del data[key]
         return data
@@ -173,6 +175,7 @@ class Info:
             units=top.table("units").all(_Table.text) if "units" in data else {},
             state=top.whole(STATE, STATES) if version == 2 and (STATE in data or not sees) else 0,
             sees=sees,
+            solver=top.text("solver") if "solver" in data else "",
         )
 
 

@@ -93,11 +93,18 @@ def about(study: Study, pairs: Sequence[Pair]) -> Info:
         envelope={},
         conditions=tuple(map(_trained_on, study.development)),
         parameters=dict(study.parameters),
+        solver=_solver(study),
         units=dict(study.simulation.units),
         sees=tuple(map(_for_bundle, pairs[0].seen(study.training.corrector.sees))),
         study_hash=study.hash,
         versions={"fmucorrect": fmucorrect.__version__, **{name: version(name) for name in ("onnx", "numpy")}},
     )
+
+
+def _solver(study: Study) -> str:
+    """The file's name of the FMU that every development condition simulates; "" where a log takes its place."""
+    logged = any(condition.simulated is not None for condition in study.development)
+    return "" if study.fmu is None or logged else study.fmu.name
 
 
 def corners(channels: Sequence[Channel], pairs: Sequence[Pair]) -> Corners:

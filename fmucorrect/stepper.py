@@ -394,7 +394,8 @@ class CorrectedStepper:
             f"the step to t = {t_ns / NANOSECONDS:.9g} s does not fit the corrector's sample time",
             expected=f"{self._step_ns / NANOSECONDS:.9g} s",
             got=f"{got / NANOSECONDS:.9g} s",
-            remedy="Step the simulation at the corrector's sample time, or read the log with the repair rule 'resample'.",
+            remedy="Step the simulation at the corrector's sample time. A log of another rate has to be resampled beforehand; "
+            "one that only jitters is put on a grid by the repair rule 'resample'.",
         )
 
 

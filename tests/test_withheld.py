@@ -49,6 +49,14 @@ def test_a_bundle_that_knows_of_none_says_nothing(model: bundle.Bundle) -> None:
     assert info.unlike({"equivalent_conicity": 0.2}) == []
 
 
+def test_a_solver_that_was_trained_as_it_is_was_trained_with_its_own_values(model: bundle.Bundle) -> None:
+    """A study that sets nothing, as `new` drafts one."""
+    info = replace(model.info, parameters={}, conditions=({"name": "a"},), solver="rig.fmu")
+    assert info.unlike({"stiffness": 2.0}, {"stiffness": 1.0}) == ["stiffness is 2, trained with 1"]
+    assert info.unlike({"stiffness": 1.0}, {"stiffness": 1.0, "mass": 3.0}) == []
+    assert bundle.Info.from_json(info.to_json(), "here").solver == "rig.fmu"
+
+
 def test_run_and_replay_withhold_and_say_why(
     model: bundle.Bundle, tmp_path: Path, capsys: pytest.CaptureFixture
 ) -> None:

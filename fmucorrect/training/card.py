@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from fmucorrect.bundle import Bundle, Info
 from fmucorrect.comparison import BAND_90, Comparison
 from fmucorrect.errors import one_line
+from fmucorrect.signals import Channel
 from fmucorrect.training.distilled import WORSE, Distilled
 from fmucorrect.training.linear import Filter
 from fmucorrect.training.protocol import Trained
@@ -30,21 +31,27 @@ def _code(text: str) -> str:
 
 def _beside(info: Info) -> str:
     """What it sees beside the channels, in words."""
-    seen = [f"{_plain(channel.name)} ({_plain(channel.unit)})" for channel in info.sees]
-    return f" of these and of {', '.join(seen)}" if seen else ""
+    return f" of these and of {_in_units(info.sees)}" if info.sees else ""
+
+
+def _in_units(channels: Sequence[Channel]) -> str:
+    """Names and units, the unit of all once."""
+    units = [_plain(channel.unit) for channel in channels]
+    if len(set(units)) == 1:
+        return f"{', '.join(_plain(channel.name) for channel in channels)} ({units[0]})"
+    return ", ".join(f"{_plain(channel.name)} ({unit})" for channel, unit in zip(channels, units, strict=True))
 
 
 def card(trained: Trained, bundle: Bundle, evaluations: Sequence[Comparison], command: str) -> str:
     """The card as Markdown. command: what made the model."""
     info, settings, selection = bundle.info, trained.training, trained.selection
-    unit = _plain(info.channels[0].unit)
     names = [_plain(channel.name) for channel in info.channels]
     lines = [
         f"# {_plain(info.name)}: corrector",
         "",
         verdict(selection, evaluations),
         "",
-        f"Corrects {', '.join(names)} ({unit}) of a simulation sampled every {info.step_ns / 1e6:g} ms, from "
+        f"Corrects {_in_units(info.channels)} of a simulation sampled every {info.step_ns / 1e6:g} ms, from "
         f"the last {info.rows} samples{_beside(info)}{', its own state' * bool(info.state)} and the operating condition. "
         f"Made by `{_code(command)}`.",
         "",
@@ -96,7 +103,7 @@ def card(trained: Trained, bundle: Bundle, evaluations: Sequence[Comparison], co
         "motion want beside these (split conformal with a local scale). A measured band, no guarantee: neighbouring samples "
         "err alike, and the folds are few. "
         + "; ".join(
-            f"{_plain(c.name)}: floor {f:.4f} {unit}, size {s:.4f}, deviation {d:.2f}"
+            f"{_plain(c.name)}: floor {f:.4f} {_plain(c.unit)}, size {s:.4f}, deviation {d:.2f}"
             for c, f, s, d in zip(info.channels, band.floor, band.size, band.deviation, strict=True)
         )
         + ".",

@@ -121,7 +121,13 @@ def screened(study: Study) -> Screened:
 def require_two(study: Study) -> None:
     """Raises StudyError for fewer than two development conditions: one is always held out."""
     if len(study.development) < 2:
-        raise StudyError(str(study.path), ["training needs at least two development conditions, to hold one out"])
+        raise StudyError(
+            str(study.path),
+            [
+                "training needs at least two development conditions, to hold one out, got "
+                f'{len(study.development)}; of two records both may be role = "development"'
+            ],
+        )
 
 
 def total_epochs(study: Study, training: Training) -> int:

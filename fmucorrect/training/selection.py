@@ -20,6 +20,9 @@ from fmucorrect.training.families import NETWORKS, by_speed, count_left_out, fit
 from fmucorrect.training.tasks import Task, Workshop
 from fmucorrect.training.window import needed
 
+HARDLY = 0.02
+"""Share of what the simulation lacks that has to be learned: a few records of noise alone differ by a hair in the same
+direction, and what is deployed costs a call a sample and may err elsewhere."""
 BEHIND = 2.0
 """Times the error of the best beyond which a family's training is not made longer: few are twice as good for being trained four
 times as long."""
@@ -153,9 +156,12 @@ def _goes_on(family: Family, last: int, found: Mapping[Family, Mapping[int, Sequ
 
 
 def simplest(tried: Mapping[Family, Mapping[str, float]]) -> Family:
-    """The first family whose error is within one standard error of the smallest mean."""
+    """The first family whose error is within one standard error of the smallest mean; none at all where that is hardly less
+    than the simulation's."""
     errors: dict[Family, np.ndarray] = {family: np.array(list(scores.values())) for family, scores in tried.items()}
     best = min(errors, key=lambda family: errors[family].mean())
+    if errors[best].mean() > (1.0 - HARDLY) * errors["nothing"].mean():
+        return "nothing"
     for family, values in errors.items():
         more = values - errors[best]
         if more.mean() <= more.std(ddof=1) / np.sqrt(len(more)):

@@ -176,7 +176,7 @@ def known_by_solver(
 def _trained(fmu: FmuDescription, info: Info, mapping: MappingFile) -> dict[Variable, Trained]:
     """Of the parameters of the solver, which a host may set; {} for a corrector that knows of none. Start values that a
     mapping file gives are those of this solver for what the corrector was trained with."""
-    if not info.start_values_known:
+    if not (info.start_values_known or info.solver):
         return {}
     told = info if mapping.parameters is None else replace(info, parameters=mapping.parameters)
     every = [

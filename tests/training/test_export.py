@@ -58,7 +58,7 @@ def test_torch_equals_onnx_to_a_nanometre(name: str, study: Study, request: pyte
     inputs["window"][::2] = factors * motions(study)  # known motions, and such that are not quite
     with torch.no_grad():
         expected = trained.corrector(*(torch.from_numpy(value) for value in inputs.values()))
-    got = onnx_outputs(graph(trained.corrector, SMALL.window, 2), inputs)
+    got = onnx_outputs(graph(trained.corrector, SMALL.window, 2, 2), inputs)
     for name, b in zip(NAMES, got, strict=True):
         assert np.abs(getattr(expected, name).numpy() - b).max() <= 1e-6
     assert len(np.unique(got[3])) > 10  # inside, outside and between were all there
@@ -131,7 +131,7 @@ def test_phase_in_the_graph_after_a_million_seconds(with_phase: Trained) -> None
     inputs = random_inputs(200, SMALL.window, 2)
     inputs["condition"][:, 2] = 1.3
     inputs["condition"][:, 0] = 330.0
-    content = graph(with_phase.corrector, SMALL.window, 2)
+    content = graph(with_phase.corrector, SMALL.window, 2, 2)
     inputs["time"] = np.arange(200)[:, None] * 1e-3
     early = onnx_outputs(content, inputs)[0]
     inputs["time"] = inputs["time"] + 1_300_000 / 1.3

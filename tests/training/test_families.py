@@ -170,6 +170,12 @@ def test_what_helps_in_one_condition_and_harms_in_others_is_not_taken() -> None:
     assert taken(window=(1.0, 6.5, 5.6)) == "nothing"
 
 
+def test_a_hair_in_every_condition_is_nothing() -> None:
+    """Three records of noise alone differ in the same direction once in eight times."""
+    assert taken(linear=(4.9985, 5.9985, 5.4985)) == "nothing"
+    assert taken(linear=(4.8, 5.8, 5.3)) == "linear"
+
+
 def test_a_filter_of_tones_keeps_its_digits(study: Study, tmp_path: Path) -> None:
     """Its weights are large where neighbouring oscillators say nearly the same; its state is of single precision."""
     made = train(study, replace(SMALL, corrector=replace(SMALL.corrector, families=("linear",))))

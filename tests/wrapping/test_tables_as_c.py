@@ -223,8 +223,8 @@ def test_a_network_alone_and_a_solver_without_a_network(compiled):
 
 def test_the_bundles_own_dictionary_wires_by_simulation_name_and_unit():
     by = wire(fmu(), info(parameters={"f": 4.0, "steps": 2.0}), MappingFile())
-    assert [(s.variable.name, s.factor) for s in by.channels] == [("x", 1e3), ("y", pytest.approx(180.0 / np.pi))]
-    assert wiring.names(by.channels) == ["x", "y"]
+    assert [(s.variable.name, s.factor) for s in by.seen] == [("x", 1e3), ("y", pytest.approx(180.0 / np.pi))]
+    assert wiring.names(by.seen) == ["x", "y"]
     # the speed in km/h is v in m/s in every condition; nothing in the solver is amplitude or frequency or start
     assert by.conditions.keys() == {"speed"}
     assert (by.conditions["speed"].variable.name, by.conditions["speed"].factor) == ("v", pytest.approx(3.6))
@@ -248,7 +248,7 @@ def test_a_mapping_file_says_otherwise(tmp_path):
     assert mapping.path == path
     trained = info(parameters={"steps": 2.0})
     by = wire(mapping.known(fmu(), trained), trained, mapping)
-    assert [(s.variable.name, s.factor) for s in by.channels] == [("plain", 1e3), ("y", pytest.approx(180.0 / np.pi))]
+    assert [(s.variable.name, s.factor) for s in by.seen] == [("plain", 1e3), ("y", pytest.approx(180.0 / np.pi))]
     assert by.conditions["amplitude"].factor == pytest.approx(180.0 / np.pi)
     assert by.tunables == {"speed": 90.0, "frequency": 1.5, "start": -2.0}
     assert {v.name: value for v, value in by.parameters.items()} == {"f": 6.0}
