@@ -10,13 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 import road
+from onnx import helper
 from scipy.signal import lfilter
+from test_sealing import foreign
 
 from fmucorrect import bundle
 from fmucorrect.errors import RecordError, StudyError
 from fmucorrect.experiment import pair
 from fmucorrect.records import read, writer
-from fmucorrect.sealing import evaluate
+from fmucorrect.sealing import evaluate, seal
 from fmucorrect.session import replay_log, run_study
 from fmucorrect.signals import Channel, Record
 from fmucorrect.stepper import Status
@@ -171,3 +173,22 @@ def test_what_the_simulation_lacks_is_named(tmp_path: Path) -> None:
     study = load_study(path)
     with pytest.raises(RecordError, match="rain"):
         pair(study, study.development[0])
+
+
+def test_anyones_network_is_given_it_too(study: Study, tmp_path: Path) -> None:
+    """fc.seal of a network that adds a share of the wind to the newest row."""
+    share, rows = 0.01, 3
+    weights = np.zeros((3 * rows, 1), np.float32)
+    weights[-3:, 0] = 1.0, share, 0.0
+    nodes = [
+        helper.make_node("Flatten", ["window"], ["flat"], axis=1),
+        helper.make_node("MatMul", ["flat", "coef"], ["corrected"]),
+    ]
+    theirs = foreign(nodes, {"coef": weights}, {"window": [rows, 3]}, {"corrected": [1]})
+    model = seal(theirs, study, tmp_path / "corrector.onnx")
+    assert [channel.name for channel in model.sees] == ["wind", SLOW]
+    item = pair(study, study.development[0])
+    said = evaluate(item, model)
+    wanted = item.simulated.values[:, 0] + share * item.simulated["wind"]
+    assert (said.status[said.scored] == Status.OK).all()
+    close(said.corrected[said.scored][:, 0], wanted[item.rows][said.scored], 1e-5)
