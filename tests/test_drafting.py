@@ -322,3 +322,17 @@ def test_the_command_keeps_a_study_that_is_there(car: Path, logs: list[Path], tm
     assert result.exit_code == 0, result.output
     assert "fits:" in result.output
     assert "fmucorrect discover" in result.output
+
+
+def test_the_command_says_what_it_left_out(car: Path, logs: list[Path], tmp_path: Path):
+    """Forty samples that were lost take a sensor with them: nobody reads that at the end of a file."""
+    record = read(logs[0])
+    values = record.values.copy()
+    values[100:140, 1] = np.nan
+    rows = np.column_stack([(record.t_ns - record.t_ns[0]) / 1e9, values])
+    names = ["time [s]", *(f"{channel.name} [{channel.unit}]" for channel in record.channels)]
+    np.savetxt(tmp_path / "lost.csv", rows, "%.9g", ",", header=",".join(names), comments="")
+    result = CliRunner().invoke(cli.main, ["new", str(car), str(tmp_path / "lost.csv"), "-o", str(tmp_path / "s.toml")])
+    assert result.exit_code == 0, result.output
+    (told,) = [line for line in result.output.splitlines() if line.startswith("Left out, as its last lines say: ")]
+    assert f"column '{record.channels[1].name}' is nan" in told
