@@ -51,9 +51,9 @@ def new(
     say(
         f"\n{out} is written, with {text.count('# guess:')} guesses: search it for '# guess:', and mend what is not so."
     )
-    if found.left_out:
-        more = f"; and {len(found.left_out) - 1} more" if len(found.left_out) > 1 else ""
-        say(f"Left out, as its last lines say: {found.left_out[0]}{more}")
+    for first in found.left_out[:1]:
+        more = f"; and {len(found.left_out) - 1} more" * (len(found.left_out) > 1)
+        say(f"Left out, as its last lines say: {first}{more}")
     if inspected.misfits:
         raise UserError(f"{len(inspected.misfits)} of what was drafted does not fit yet, see above")
     say(f"Then: fmucorrect inspect {out}; fmucorrect discover {out} -o found; or fmucorrect train {out} -o trained")

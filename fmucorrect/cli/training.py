@@ -83,7 +83,7 @@ def train(
         shop = tasks.Workshop(out / "work", tasks.CORES, scheduler, device, advance, note)
         done = results.train_into(out, the_study, chosen, f"fmucorrect train {study.name} --seed {chosen.seed}", shop)
     page, selection, guard = out / "train.html", done.trained.selection, done.trained.guard
-    said = verdicts.verdict(selection, done.evaluations)
+    said = verdicts.verdict(selection, done.evaluations, done.trained.guard)
     training_page.write_page(
         page,
         f"{the_study.name}: {verdicts.headline(selection)}",

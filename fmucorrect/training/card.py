@@ -49,7 +49,7 @@ def card(trained: Trained, bundle: Bundle, evaluations: Sequence[Comparison], co
     lines = [
         f"# {_plain(info.name)}: corrector",
         "",
-        verdict(selection, evaluations),
+        verdict(selection, evaluations, trained.guard),
         "",
         f"Corrects {_in_units(info.channels)} of a simulation sampled every {info.step_ns / 1e6:g} ms, from "
         f"the last {info.rows} samples{_beside(info)}{', its own state' * bool(info.state)} and the operating condition. "

@@ -138,7 +138,7 @@ def figures(evaluations: Sequence[Comparison], trained: Trained, beside: Against
         family: {name: round(value, 4) for name, value in scores.items()} for family, scores in selection.tried.items()
     }
     return {
-        "verdict": verdict(selection, evaluations),
+        "verdict": verdict(selection, evaluations, trained.guard),
         "family": selection.family,
         "learned": round(selection.learned, 4),
         "tried": tried,

@@ -9,7 +9,7 @@ from fmucorrect.stepper import Status
 from fmucorrect.study_training import Family
 from fmucorrect.training.fallback import Fallback
 from fmucorrect.training.novelty import FALSE_ALARMS, Guard
-from fmucorrect.training.selection import Selection
+from fmucorrect.training.selection import HARDLY, Selection
 
 WORDS: dict[Family, str] = {
     "nothing": "simulation as it is",
@@ -27,15 +27,16 @@ def headline(selection: Selection) -> str:
     return f"learned {100 * selection.learned:.0f}\u00a0% of what the simulation lacked"
 
 
-def verdict(selection: Selection, evaluations: Sequence[Comparison] = ()) -> str:
-    """One to three sentences. evaluations: of all conditions, those of development say what was left out at a time."""
+def verdict(selection: Selection, evaluations: Sequence[Comparison] = (), guard: Guard | None = None) -> str:
+    """One to four sentences. evaluations: of all conditions, those of development say what was left out at a time. guard: None
+    where nothing is corrected, or it is not to be spoken of."""
     bare, left = selection.means["nothing"], selection.means[selection.family]
     others = [WORDS[family] for family in selection.tried if family != "nothing"]
     if selection.family == "nothing":
         text = (
             f"No better than the simulation: at conditions that were left out in turn none of what was tried "
-            f"({', '.join(others) or 'nothing else'}) beats it by more than its standard error. corrector.onnx gives the "
-            "simulation as it is, with a band; `fmucorrect discover` may find what it lacks."
+            f"({', '.join(others) or 'nothing else'}) beats it by more than its standard error and {100 * HARDLY:.0f} %. "
+            "corrector.onnx gives the simulation as it is, with a band; `fmucorrect discover` may find what it lacks."
         )
     else:
         text = (
@@ -60,6 +61,12 @@ def verdict(selection: Selection, evaluations: Sequence[Comparison] = ()) -> str
             for item in narrow
         )
         text += f" Its 90 % band is too narrow at {named}."
+    if guard is not None and guard.misses > _UNNOTICED:
+        text += (
+            f" Under another excitation it may not notice that it is elsewhere: {100 * guard.misses:.0f} % of the rows of "
+            "motions made of these (half the size, slower, faster, random) pass as known. Its error and its band were measured "
+            "under these excitations alone."
+        )
     return text
 
 
@@ -71,6 +78,8 @@ def _places(evaluations: Sequence[Comparison]) -> str:
 
 _NARROW = 0.8
 """Share of the measured samples in motion below which a band that is stated as 90 % is told to be too narrow."""
+_UNNOTICED = 0.5
+"""Share of the rows of made motions that pass as known from which it is told: most of them."""
 _WORSE = 0.02
 """Share by which an error may grow before it is told: less is in the noise of a record."""
 

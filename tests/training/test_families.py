@@ -62,6 +62,15 @@ def test_a_filter_is_found_as_one(filtered: Case, tmp_path: Path) -> None:
     assert after < 0.2 * before
 
 
+def test_that_other_motions_pass_as_known_is_told_at_once(filtered: Case) -> None:
+    """A mass over random roads has seen most of what a guard could be asked; what it has not, it flags."""
+    _, made = filtered
+    assert made.guard is not None
+    for share, told in ((0.1, True), (0.9, False)):
+        guard = replace(made.guard, strange=dict.fromkeys(made.guard.strange, share))
+        assert ("may not notice" in verdict(made.selection, (), guard)) == told
+
+
 def test_a_filter_remembers_as_long_as_the_plant(tmp_path: Path) -> None:
     """Longer than the networks' window: in torch and ONNX, sample by sample, and wrapped in C."""
     study = load_study(road.make(tmp_path, "creep"))
