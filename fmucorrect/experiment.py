@@ -58,7 +58,7 @@ class Pair:
     def t_ns(self) -> Int64[np.ndarray, " N"]:
         return self.simulated.t_ns[self.rows]
 
-    def seen(self, sees: Sequence[str]) -> tuple[Channel, ...]:
+    def seen_beside(self, sees: Sequence[str]) -> tuple[Channel, ...]:
         """What a corrector sees beside the channels, as it was simulated. Raises RecordError where it was not."""
         return tuple(self.simulated.channels[self.simulated.index(name)] for name in sees)
 
@@ -71,7 +71,7 @@ class Pair:
 def simulate(study: Study, condition: Condition, known: Clock | None = None) -> Record:
     """The uncorrected simulated response of a condition; behind the channels what its correctors see, and the excitation.
     known: its clock, where the caller has it already."""
-    sees = sources.seen(study)
+    sees = sources.seen_beside(study)
     stepper = sources.plant(study, condition, sees=sees)
     try:
         result = run(stepper, condition, sources.inputs(study, condition, known=known, sees=sees))

@@ -95,7 +95,7 @@ def about(study: Study, pairs: Sequence[Pair]) -> Info:
         parameters=dict(study.parameters),
         solver=_solver(study),
         units=dict(study.simulation.units),
-        sees=tuple(map(_for_bundle, pairs[0].seen(study.training.corrector.sees))),
+        sees=tuple(map(_for_bundle, pairs[0].seen_beside(study.training.corrector.sees))),
         study_hash=study.hash,
         versions={"fmucorrect": fmucorrect.__version__, **{name: version(name) for name in ("onnx", "numpy")}},
     )

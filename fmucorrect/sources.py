@@ -207,7 +207,7 @@ def excitation_channel(study: Study) -> tuple[Channel, ...]:
     )
 
 
-def seen(study: Study) -> tuple[Channel, ...]:
+def seen_beside(study: Study) -> tuple[Channel, ...]:
     """What the study's correctors see beside its channels ([training.corrector] sees), in the units of the FMU or the log."""
     return tuple(Channel(name, unit="", simulation=name) for name in study.training.corrector.sees)
 

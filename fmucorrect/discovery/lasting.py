@@ -15,6 +15,7 @@ from fmucorrect.discovery.ending import ended
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.fitted import Fitted
 from fmucorrect.discovery.naming import Naming
+from fmucorrect.discovery.output import called
 from fmucorrect.discovery.paring import without
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.sets import LONG
@@ -48,14 +49,14 @@ def lasting(problem: Problem, naming: Naming, decision: Decision) -> tuple[Decis
     if fitted is None:
         return decision, sizes, []
     part = replace(ended(problem, naming.setting, naming.base, fitted), surprise=fitted.surprise)
-    gone = {term.key for term in terms} - {term.key for term in kept}
+    gone = names(decision.best) - names(part)
     others = [one for one in naming.sets if not names(one) & gone and names(one) != names(part)]
     second = decide(replace(naming, sets=(part, *(one for one in others if len(one.model.terms) <= len(kept)))))
     found = _sizes(problem, naming, second.best)
     if second.verdict not in ("named", "ambiguous") or not all(size.lasts for size in found):
         return decision, sizes, []
     told = [
-        f"{at({'effect': term.effect, 'joint': term.where})} was left out again: {_why(size)}."
+        f"{at(called(term))} was left out again: {_why(size)}."
         for term, size in zip(terms, sizes, strict=True)
         if not size.lasts
     ]

@@ -54,8 +54,8 @@ class Said(NamedTuple):
 @runtime_checkable
 class Head(Protocol):
     """What a family deploys: an nn.Module with float32 buffers. members: K. state: S, 0 without. bank: with which the state
-    begins, None without. phase: whether x ends with
-    sine and cosine of the excitation's phase. linear: whether it is a linear filter of the simulation."""
+    begins, None without. phase: whether x ends with sine and cosine of the excitation's phase. linear: whether
+    it is a linear filter of the simulation."""
 
     members: int
     state: int

@@ -77,11 +77,11 @@ class WindowHead(nn.Module):
     """All members on x. Scales are folded into the weights, in double precision."""
 
     linear = False
+    bank: Bank | None = None
 
     def __init__(self, members: Sequence[Member], scales: Scales, phase: bool) -> None:
         super().__init__()
         self.members, self.phase, self.state = len(members), phase, 0
-        self.bank: Bank | None = None
         parts = [_member(m, scales, phase) for m in members]
         beside = spread(len(members), len(scales.response))
         tensors = {
@@ -186,6 +186,7 @@ class OneHead(nn.Module):
     """
 
     linear = False
+    bank: Bank | None = None
 
     def __init__(
         self, student: Student, shares: Float[Tensor, "M J"], floor: Float[Tensor, " J"], scales: Scales, phase: bool
@@ -193,7 +194,6 @@ class OneHead(nn.Module):
         """The band is floor + |what it is made of| shares, in the channels' units."""
         super().__init__()
         self.members, self.phase, self.state = 0, phase, 0
-        self.bank: Bank | None = None
         response, components = torch.tensor(scales.response), torch.tensor(scales.components)
         history, features = components.shape
         inputs = torch.zeros(history + 3 + 2 * phase, student.first.in_features, dtype=torch.float64)
