@@ -106,6 +106,11 @@ class Bank:
         """p at the measured rows."""
         return (self.measured(item) * self.feature)[:, len(self.centre) :]
 
+    def seen(self, item: Samples) -> Float64[np.ndarray, "R S"]:
+        """(q_(t-1), q_t, p_t) of all rows of the simulation but the first."""
+        past = (self.features(item) * self.feature)[:, len(self.centre) :]
+        return np.concatenate([item.whole[:-1], item.whole[1:], past], axis=1)
+
     def state(self, past: Float64[np.ndarray, "N P"], newest: Float[np.ndarray, "N V"]) -> Float64[np.ndarray, "N P"]:
         """What a head's state has for it: p less where it would come to rest. newest: rows of the simulation, as they are."""
         held = ((newest - self.centre) / self.size)[:, None] * at_rest(self.poles)[:, None]

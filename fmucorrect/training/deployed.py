@@ -7,6 +7,7 @@
     s      = T' |Y| + t                                    calibrated band: grows with the response and the deviations
     V      = relu(R' x + r)                                how far outside the envelope; then q+ and q-, the window's last row
     z      = Z' s + z0                                     the motion; s = x, or (x, memory) where the head has one
+    e      = a e_before + z^2,  g = e^1/4                  how strong it was lately, of a head that remembers (novelty.py)
     inside = relu(1 - v' V - relu(novelty))                1 inside the training envelope and near known motions, fading to 0
     known  = relu(1 - w' V)                                1 where the declared condition is one of training, fading to 0
     delta  = inside (y - q) + (known - inside) (X' s + x0)  X, x0: a linear filter (fallback.py); y - q of a head that is one
@@ -30,7 +31,7 @@ from torch import Tensor, nn
 from fmucorrect.training.bank import Bank
 from fmucorrect.training.data import Sizes
 from fmucorrect.training.fallback import Fallback
-from fmucorrect.training.novelty import Guard
+from fmucorrect.training.novelty import Guard, Known
 
 FREQUENCY_STEPS = 1e4
 """A condition comes as float32; its frequency is taken to the nearest 0.1 mHz in double precision, so that 1.3 Hz means
@@ -112,6 +113,7 @@ class Corrector(nn.Module):
         when the motion is new."""
         super().__init__()
         self.head, self.rows, self.guarded, self.falls_back = head, rows, guard is not None, fallback is not None
+        self.lately = 0 if guard is None or guard.lately is None else len(guard.shift)
         channels, columns = len(sizes.response), len(sizes.seen)
         history = rows * columns
         tensors = _envelope(envelope, channels, history - columns, history, history + 3 + 2 * head.phase)
@@ -132,6 +134,11 @@ class Corrector(nn.Module):
         for name, tensor in tensors.items():
             self.register_buffer(name, tensor.detach().float().contiguous())
 
+    @property
+    def state(self) -> int:
+        """Numbers that go from row to row: the head's, then e."""
+        return self.head.state + self.lately
+
     def tensors(self) -> dict[str, Tensor]:
         """Every weight by its name in the formulae, float32."""
         return {name.removeprefix("head."): tensor for name, tensor in self.named_buffers()}
@@ -148,13 +155,23 @@ class Corrector(nn.Module):
         if self.head.phase:
             parts.append(phase_features(condition, time))
         x = torch.cat(parts, 1)
-        said = self.head(x, state)
+        said = self.head(x, None if state is None else state[:, : self.head.state])
+        after = said.next_state
         outside = torch.relu(torch.addmm(t["r"], x, t["R"]))
         known = t["one"]
         if self.guarded:
             z = torch.addmm(t["z0"], x if said.seen is None else said.seen, t["Z"])
+            power = z * z
             nearest = torch.addmm(t["level"], z, t["near"]).amax(1, keepdim=True)
-            known = torch.minimum(nearest - (z**2).sum(1, keepdim=True), known)
+            known = torch.minimum(torch.addmm(nearest, power, t["far"]), known)
+            if self.lately:
+                assert state is not None
+                assert after is not None
+                lately = torch.addmm(power, state, t["a"])
+                after = torch.cat([after, lately], 1)
+                root = torch.sqrt(lately)
+                nearest = torch.addmm(t["lately_level"], torch.sqrt(root), t["lately_near"]).amax(1, keepdim=True)
+                known = torch.minimum(torch.addmm(nearest, root, t["lately_far"]), known)
         inside = torch.relu(torch.addmm(known, outside, t["v"]))
         lead = torch.addmm(said.responses @ t["S"], outside, t["minus_Q"])
         delta = inside * lead
@@ -165,7 +182,7 @@ class Corrector(nn.Module):
         corrected = torch.addmm(delta, outside, t["Q"])
         band = torch.addmm(t["t"], said.responses.abs(), t["T"]) if said.band is None else said.band
         sigma = inside * band + t["s_u"]
-        return Outputs(corrected, said.bases @ t["S"], sigma, inside, said.next_state)
+        return Outputs(corrected, said.bases @ t["S"], sigma, inside, after)
 
 
 def _envelope(ramps: Ramps, channels: int, last: int, history: int, inputs: int) -> dict[str, Tensor]:
@@ -185,16 +202,28 @@ def _envelope(ramps: Ramps, channels: int, last: int, history: int, inputs: int)
 
 
 def _guard(guard: Guard, head: Head, history: int) -> dict[str, Tensor]:
-    """Z, z0, near, level: with squared distances in units of the guard's width, what it leaves of a correction is
-    d0^2 + 1 - min_k |z - c_k|^2: 1 at a novelty of 1, 0 where it has faded."""
-    unit = math.sqrt(guard.width)
-    directions, shift = _on_inputs(guard.known.directions / unit, head, history)
-    centres = torch.from_numpy(guard.known.centres / unit)
+    """Z, z0 and what the guard leaves of a correction: with squared distances in units of its width it is
+    d0^2 + 1 - min_k |z - c_k|^2, which is 1 at a novelty of 1 and 0 where the correction has faded. a, and the same of g. e is
+    a sum in the place of a mean, of what Z gives, so that g comes in a unit of its own."""
+    unit = math.sqrt(guard.known.width)
+    directions, shift = _on_inputs(guard.directions / unit, head, history)
+    tensors = {"Z": directions, "z0": torch.from_numpy(guard.shift / unit + shift), **_left(guard.known, unit, "")}
+    if guard.lately is not None:
+        sums = ((1.0 - guard.pole) * guard.known.width) ** 0.25
+        count = len(guard.shift)
+        fading = torch.cat([torch.zeros(head.state, count), guard.pole * torch.eye(count, dtype=torch.float64)])
+        tensors |= {"a": fading, **_left(guard.lately, sums, "lately_")}
+    return tensors
+
+
+def _left(known: Known, unit: float, name: str) -> dict[str, Tensor]:
+    """near, level, far: of values in that unit, level + near' values, the largest of it and far times each of their squares
+    make what is left."""
+    centres, share = torch.from_numpy(known.centres / unit), unit**2 / known.width
     return {
-        "Z": directions,
-        "z0": torch.from_numpy(guard.known.shift / unit + shift),
-        "near": 2.0 * centres.T,
-        "level": guard.threshold**2 / guard.width + 1.0 - (centres**2).sum(1),
+        f"{name}near": 2.0 * share * centres.T,
+        f"{name}level": known.threshold**2 / known.width + 1.0 - share * (centres**2).sum(1),
+        f"{name}far": torch.full((centres.shape[1], 1), -share, dtype=torch.float64),
     }
 
 

@@ -29,18 +29,20 @@ def to_bundle(
     condition: np.ndarray,
     seconds: np.ndarray,
     past: np.ndarray,
+    lately: np.ndarray,
 ) -> bytes:
-    """The content of a bundle file. windows (N, W, V), condition (3,), seconds (N,): a few real ones, the golden input; past:
-    (N, P), p of the bank before each: with another the guard lets nothing through."""
+    """The content of a bundle file. windows (N, W, V), condition (3,), seconds (N,): a few real ones, the golden input; past
+    (N, P), lately (N, d): p of the bank and the guard's e before each: with others the guard lets nothing through."""
     golden: dict[str, np.ndarray] = {
         "window": np.ascontiguousarray(windows, np.float32),
         "condition": np.tile(condition.astype(np.float32), (len(windows), 1)),
         "time": np.ascontiguousarray(seconds[:, None], np.float64),
     }
-    if corrector.head.state:
-        golden["state"] = np.random.default_rng(0).normal(scale=STATES, size=(len(windows), corrector.head.state))
+    if corrector.state:
+        golden["state"] = np.random.default_rng(0).normal(scale=STATES, size=(len(windows), corrector.state))
         if (bank := corrector.head.bank) is not None:
             golden["state"][:, : past.shape[1]] = bank.state(past, windows[:, -2])
+        golden["state"][:, corrector.head.state :] = lately
         golden["state"] = golden["state"].astype(np.float32)
     with torch.no_grad():
         outputs = corrector(*(torch.from_numpy(values) for values in golden.values()))
@@ -66,17 +68,20 @@ def graph(corrector: Corrector, rows: int, channels: int, columns: int) -> bytes
     if head.phase:
         parts.append(_phase(add, constants))
     x = add("Concat", parts, "x", axis=1)
+    after = "head_state" if corrector.lately else "next_state"
     if isinstance(head, WindowHead | OneHead):
         responses, bases = _window(add, x, head)
     elif isinstance(head, RecurrentHead):
-        responses, bases = _recurrent(add, x)
+        responses, bases = _recurrent(add, x, after)
     else:
         assert isinstance(head, LinearHead)
-        responses, bases = _linear(add, x, head, constants)
+        responses, bases = _linear(add, x, head, constants, after)
     if head.members:  # of one alone the mean is what it says
         add("MatMul", [bases, "S"], "baseline")
     outside = add("Relu", [add("Gemm", [x, "R", "r"], "ramps")], "outside")
-    known = _guard(add, "seen" if head.state else x, constants) if corrector.guarded else "one"
+    known = _guard(add, "seen" if head.state else x, constants, corrector.lately > 0) if corrector.guarded else "one"
+    if corrector.lately:
+        add("Concat", [after, "lately"], "next_state", axis=1)
     inside = add("Relu", [add("Gemm", [outside, "v", known], "share")], "in_envelope")
     response = add("MatMul", [responses, "S"], "response") if head.members else responses
     lead = add("Gemm", [outside, "minus_Q", response], "lead")
@@ -97,8 +102,11 @@ def graph(corrector: Corrector, rows: int, channels: int, columns: int) -> bytes
 
     used = {name for node in nodes for name in node.input}
     weights = {name: tensor.numpy() for name, tensor in corrector.tensors().items() if name in used}
-    state = [tensor("state", TensorProto.FLOAT, head.state)] if head.state else []
-    after = [tensor("next_state", TensorProto.FLOAT, head.state)] if head.state else []
+    if corrector.lately:  # of which the head sees nothing
+        for name in {name for node in nodes if "state" in node.input for name in node.input} & {"A", "B"}:
+            weights[name] = np.pad(weights[name], ((0, corrector.lately), (0, 0)))
+    state = [tensor("state", TensorProto.FLOAT, corrector.state)] if corrector.state else []
+    ended = [tensor("next_state", TensorProto.FLOAT, corrector.state)] if corrector.state else []
     model = helper.make_model(
         helper.make_graph(
             nodes,
@@ -110,7 +118,7 @@ def graph(corrector: Corrector, rows: int, channels: int, columns: int) -> bytes
                 *state,
             ],
             [tensor(name, TensorProto.FLOAT, channels) for name in ("corrected", "baseline", "sigma")]
-            + [tensor("in_envelope", TensorProto.FLOAT, 1), *after],
+            + [tensor("in_envelope", TensorProto.FLOAT, 1), *ended],
             [numpy_helper.from_array(np.asarray(value), name) for name, value in {**weights, **constants}.items()],
         ),
         opset_imports=[helper.make_opsetid("", OPSET)],
@@ -134,9 +142,9 @@ def _window(add: Add, x: str, head: WindowHead | OneHead) -> tuple[str, str]:
     return add("Gemm", [hidden, "D", bases], "responses"), bases
 
 
-def _linear(add: Add, x: str, head: LinearHead, constants: dict[str, np.ndarray]) -> tuple[str, str]:
-    """linear.LinearHead; next_state is an output of the graph."""
-    seen = _remembered(add, x, "next_state") if head.state else x
+def _linear(add: Add, x: str, head: LinearHead, constants: dict[str, np.ndarray], after: str) -> tuple[str, str]:
+    """linear.LinearHead. after: the name of the state that it comes to."""
+    seen = _remembered(add, x, after) if head.state else x
     responses = add("Gemm", [seen, "L", "l"], "filtered")
     if head.sloped:
         more = add(
@@ -157,26 +165,35 @@ def _remembered(add: Add, x: str, past: str) -> str:
     return add("Concat", [x, add("Gemm", ["state", "A", add("MatMul", [x, "G"], "drive")], past)], "seen", axis=1)
 
 
-def _recurrent(add: Add, x: str) -> tuple[str, str]:
-    """recurrent.RecurrentHead; next_state is an output of the graph."""
+def _recurrent(add: Add, x: str, after: str) -> tuple[str, str]:
+    """recurrent.RecurrentHead. after: the name of the state that it comes to."""
     seen, past = _remembered(add, x, "past"), "past"
     hidden = add("Tanh", [add("Gemm", [seen, "H", "h"], "hidden_0")], "tanh_0")
     hidden = add("Tanh", [add("Gemm", [hidden, "K", "k"], "hidden_1")], "tanh_1")
     missing = add("Gemm", [hidden, "U", "o"], "missing")
     answer = add("Gemm", ["state", "B", add("MatMul", [missing, "F"], "push")], "answer")
-    after = add("Concat", [past, answer, missing], "next_state", axis=1)
+    add("Concat", [past, answer, missing], after, axis=1)
     return add("Gemm", [after, "O", add("Gemm", [x, "P", "p"], "direct")], "responses"), add(
         "MatMul", [x, "E"], "bases"
     )
 
 
-def _guard(add: Add, seen: str, constants: dict[str, np.ndarray]) -> str:
-    """What the guard leaves of a correction, at most 1."""
+def _guard(add: Add, seen: str, constants: dict[str, np.ndarray], lately: bool) -> str:
+    """What the guard leaves of a correction, at most 1. lately: whether it looks at what was lately, too."""
     constants["each"] = np.array([1], np.int64)
+
+    def left(values: str, squares: str, name: str) -> str:
+        levels = add("Gemm", [values, f"{name}near", f"{name}level"], f"{name}levels")
+        nearest = add("ReduceMax", [levels, "each"], f"{name}nearest")
+        return add("Gemm", [squares, f"{name}far", nearest], f"{name}known_share")
+
     z = add("Gemm", [seen, "Z", "z0"], "motion")
-    nearest = add("ReduceMax", [add("Gemm", [z, "near", "level"], "levels"), "each"], "nearest")
-    left = add("Sub", [nearest, add("ReduceSumSquare", [z, "each"], "far")], "known_share")
-    return add("Min", [left, "one"], "known")
+    power = add("Mul", [z, z], "power")
+    shares = [left(z, power, "")]
+    if lately:
+        root = add("Sqrt", [add("Gemm", ["state", "a", power], "lately")], "root")
+        shares.append(left(add("Sqrt", [root], "strength"), root, "lately_"))
+    return add("Min", [*shares, "one"], "known")
 
 
 def _phase(add: Any, constants: dict[str, np.ndarray]) -> str:

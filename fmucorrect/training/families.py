@@ -175,7 +175,9 @@ def distil(
 def guard(fitted: Fitted, development: Sequence[Samples]) -> Guard:
     """Of the corrector that was fitted to them. What a recurrent one remembers by is of all conditions, also where one is left
     out."""
-    return novelty.learn(_look(fitted), fitted.rows, development, by_speed(development))
+    bank = fitted.head().bank
+    remembered = None if bank is None else novelty.Remembered(bank.seen, float(np.abs(bank.poles).max()))
+    return novelty.learn(_look(fitted), fitted.rows, development, by_speed(development), remembered)
 
 
 def beyond(fitted: Fitted, development: Sequence[Samples]) -> Fallback | None:

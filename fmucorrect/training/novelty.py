@@ -1,13 +1,17 @@
 """The guard: how new a motion is, learned from what the corrector saw of the development conditions.
 
-    z       = Z' s + z0                 s: what the head sees, the window and of a recurrent one its memory of all before it
-    novelty = min_k |z - c_k| / d0      distance to the nearest of the known motions, in thresholds
+    z       = Z' s + z0                             s: what the head sees, the window and its memory of all before it
+    e_t     = a e_(t-1) + (1 - a) z_t^2,  g = e^1/4  how strong each of z has been lately, of a head that remembers
+    novelty = max(min_k |z - c_k| / d0, min_k |g - b_k| / g0)   distance to the nearest of what is known, in thresholds
 
-z are whitened principal components of s. The known motions c_k are rows of the development data that lie as far apart as can
-be (farthest-first traversal; Gonzalez, Clustering to minimize the maximum intercluster distance, Theor. Comput. Sci. 1985):
-rare ones, a start or a decay, are covered as well as frequent ones, and nothing is drawn. d0 is the distance within which
-nearly all rows lie of every condition that is left out in turn, from the known motions of the others: as far from what is
-known as where the band was calibrated. Only what was measured is known: rest, too, if the records hold rest.
+z are whitened principal components of s. A motion of another excitation may pass through known states all the time: a slow
+sine goes where random roads have led, too, but without the small and fast motion that was always there, in which friction does
+not stick. That is in g, and a fourth root shows what has become weak as well as what has become strong. The known c_k and b_k
+are rows of the development data that lie as far apart as can be (farthest-first traversal; Gonzalez, Clustering to minimize
+the maximum intercluster distance, Theor. Comput. Sci. 1985): rare ones, a start or a decay, are covered as well as frequent
+ones, and nothing is drawn. d0 and g0 are the distances within which nearly all rows lie of every condition that is left out in
+turn, from what is known of the others: as far from it as where the band was calibrated. Only what was measured is known: rest,
+too, if the records hold rest.
 """
 
 from __future__ import annotations
@@ -17,6 +21,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float64
+from scipy.signal import lfilter
 
 from fmucorrect.training.data import FLOOR, Samples, sizes
 from fmucorrect.training.nearby import paced
@@ -42,39 +47,51 @@ with 1.5 and 3.3 with 1.25, at rig C's random excitation (recurrent) 1.15 with 2
 NARROWEST = 0.27
 """Of |z - c_k|^2, the least over which a correction fades: of a narrower one single precision loses more than the wrapper's
 proof allows between ONNX Runtime and C."""
+NEAR = 0.1
+"""Of the strongest frequency, what counts to it: as wide as the resonance of a damping ratio of 5 %, as most are that ring."""
 REST = 0.05
 """Share of its largest deflection from its median within which a channel is at rest, as `Comparison.excited` has it."""
 
 
 @dataclass(frozen=True)
+class Remembered:
+    """Of a head that remembers. run: what it sees of every row but the first of a simulation, (R, S). pole: a, of as long a
+    mean as it remembers."""
+
+    run: Callable[[Samples], Float64[np.ndarray, "R S"]]
+    pole: float
+
+
+@dataclass(frozen=True)
 class Known:
-    """Motions that were seen. directions: (S, d), Z. shift: (d,), z0. centres: (K, d)."""
+    """What was seen of some quantities. centres: (K, d). threshold: distance from the nearest from which on it is new."""
 
-    directions: Float64[np.ndarray, "S d"]
-    shift: Float64[np.ndarray, " d"]
     centres: Float64[np.ndarray, "K d"]
+    threshold: float
 
-    def distance(self, seen: Float64[np.ndarray, "N S"]) -> Float64[np.ndarray, " N"]:
-        """To the nearest of them."""
-        z = seen @ self.directions + self.shift
-        square = (z**2).sum(axis=1) + ((self.centres**2).sum(axis=1) - 2.0 * z @ self.centres.T).min(axis=1)
-        return np.sqrt(np.maximum(square, 0.0))
+    @property
+    def width(self) -> float:
+        """Of the squared distance, over which a correction fades."""
+        return max((FADE**2 - 1.0) * self.threshold**2, NARROWEST)
+
+    def novelty(self, values: Float64[np.ndarray, "N d"]) -> Float64[np.ndarray, " N"]:
+        """In thresholds."""
+        return _distance(values, self.centres) / self.threshold
 
 
 @dataclass(frozen=True)
 class Guard:
-    """threshold: d0. flagged: share of the rows in motion of each condition that lay beyond it when it was left out. strange:
-    the same share of motions that development does not hold, by what was done to those that it holds (`strangers`)."""
+    """directions: (S, d), Z. shift: (d,), z0. known: of z. lately: of g, None for a head that remembers nothing. pole: a.
+    flagged: share of the rows in motion of each condition that were new when it was left out. strange: the same share of
+    motions that development does not hold, by what was done to those that it holds (`strangers`)."""
 
+    directions: Float64[np.ndarray, "S d"]
+    shift: Float64[np.ndarray, " d"]
     known: Known
-    threshold: float
+    lately: Known | None
+    pole: float
     flagged: Mapping[str, float]
     strange: Mapping[str, float]
-
-    @property
-    def width(self) -> float:
-        """Of |z - c_k|^2, over which a correction fades."""
-        return max((FADE**2 - 1.0) * self.threshold**2, NARROWEST)
 
     @property
     def false_alarms(self) -> float:
@@ -89,30 +106,78 @@ class Guard:
     @property
     def figures(self) -> dict[str, float]:
         """As plain numbers, for a file."""
-        numbers = {"threshold": self.threshold, "false alarms": self.false_alarms, "misses": self.misses}
+        numbers = {"threshold": self.known.threshold}
+        if self.lately is not None:
+            numbers["threshold of what was lately"] = self.lately.threshold
+        numbers |= {"false alarms": self.false_alarms, "misses": self.misses}
         return {name: round(value, 4) for name, value in numbers.items()}
 
+    def sums(self, run: Float64[np.ndarray, "R S"]) -> Float64[np.ndarray, "R d"]:
+        """e of what was seen from a run's beginning, as the deployed corrector counts it: a sum, of z in widths."""
+        return _mean((run @ self.directions + self.shift) ** 2, self.pole) / ((1.0 - self.pole) * self.known.width)
 
-def learn(look: Look, rows: int, development: Sequence[Samples], folds: Sequence[Sequence[int]]) -> Guard:
+
+def learn(
+    look: Look,
+    rows: int,
+    development: Sequence[Samples],
+    folds: Sequence[Sequence[int]],
+    remembered: Remembered | None = None,
+) -> Guard:
     """From the conditions that a head was fitted to. rows: of its window. folds: indices of the conditions that are left out
-    together."""
+    together. remembered: None for a head that remembers nothing."""
     stride = -(-sum(len(item.simulated) for item in development) // ROWS)
-    scale = sizes(development).seen
     seen, moving = [look(item, stride) for item in development], [in_motion(item, stride) for item in development]
-    unit = units_of(seen, rows, scale)
-    left = [np.zeros(0)] * len(development)
+    unit = units_of(seen, rows, sizes(development).seen)
+    directions, shift = _components(seen, unit)
+
+    def strengths(item: Samples) -> Float64[np.ndarray, "N d"]:
+        assert remembered is not None
+        return strength(remembered.run(item) @ directions + shift, remembered.pole)[-len(item.simulated) :][::stride]
+
+    def apart(values: Sequence[np.ndarray], held: Sequence[int]) -> list[np.ndarray]:
+        """Distances of those that are held, in motion, from the others."""
+        centres = _spread([each for i, each in enumerate(values) if i not in held])
+        return [_distance(values[i], centres)[moving[i]] for i in held]
+
+    order = np.argsort([i for held in folds for i in held])
+    left, lately = [], None
     for held in folds:
-        others = _known([values for i, values in enumerate(seen) if i not in held], unit)
-        for i in held:
-            left[i] = others.distance(seen[i])[moving[i]]
-    threshold = max(*(float(np.quantile(found, 1.0 - FALSE_ALARMS)) for found in left), LEAST)
-    known = _known(seen, unit)
-    flagged = {item.name: float((d > threshold).mean()) for item, d in zip(development, left, strict=True)}
+        others, one = _components([each for i, each in enumerate(seen) if i not in held], unit)
+        left += apart([each @ others + one for each in seen], held)
+    known, new = _known([each @ directions + shift for each in seen], left)
+    if remembered is not None:
+        strong = [strengths(item) for item in development]
+        lately, more = _known(strong, [each for held in folds for each in apart(strong, held)])
+        new = [a | b for a, b in zip(new, more, strict=True)]
+    flagged = {item.name: float(new[i].mean()) for item, i in zip(development, order, strict=True)}
     strange: dict[str, float] = {}
     for name, made in strangers(development).items():
-        shares = [(known.distance(look(item, stride))[in_motion(item, stride)] > threshold).mean() for item in made]
+        shares: list[float] = []
+        for item in made:
+            novelty = known.novelty(look(item, stride) @ directions + shift)
+            if lately is not None:
+                novelty = np.maximum(novelty, lately.novelty(strengths(item)))
+            shares.append(float((novelty[in_motion(item, stride)] > 1.0).mean()))
         strange[name] = float(np.mean(shares))
-    return Guard(known, threshold, flagged, strange)
+    pole = 0.0 if remembered is None else remembered.pole
+    return Guard(directions, shift, known, lately, pole, flagged, strange)
+
+
+def strength(z: Float64[np.ndarray, "R d"], pole: float) -> Float64[np.ndarray, "R d"]:
+    """g, from a run's beginning."""
+    return _mean(z**2, pole) ** 0.25
+
+
+def _mean(values: Float64[np.ndarray, "R d"], pole: float) -> Float64[np.ndarray, "R d"]:
+    """Of what was lately, from nothing on."""
+    return np.asarray(lfilter([1.0 - pole], [1.0, -pole], values, axis=0))
+
+
+def _known(values: Sequence[np.ndarray], left: Sequence[np.ndarray]) -> tuple[Known, list[np.ndarray]]:
+    """left: distances of the rows in motion of each condition when it was left out; which of them are new comes back."""
+    threshold = max(*(float(np.quantile(found, 1.0 - FALSE_ALARMS)) for found in left), LEAST)
+    return Known(_spread(values), threshold), [found > threshold for found in left]
 
 
 def units_of(
@@ -133,7 +198,8 @@ def in_motion(item: Samples, stride: int) -> Bool[np.ndarray, " N"]:
 
 
 def strangers(development: Sequence[Samples]) -> dict[str, list[Samples]]:
-    """Simulated motions of development made into others, as a linear model would move if its excitation were changed so."""
+    """Simulated motions of development made into others, as a linear model would move if its excitation were changed so; the
+    last of them of those that are not of one frequency anyway."""
 
     def random(q: Float64[np.ndarray, "T J"]) -> Float64[np.ndarray, "T J"]:
         """All channels turned alike: what they have to do with one another stays (Prichard and Theiler, Generating surrogate
@@ -142,19 +208,31 @@ def strangers(development: Sequence[Samples]) -> dict[str, list[Samples]]:
         turn = np.exp(2j * np.pi * np.random.default_rng(0).random(len(spectrum)))
         return np.fft.irfft(spectrum * turn[:, None], len(q), axis=0)
 
+    def tone(q: Float64[np.ndarray, "T J"]) -> Float64[np.ndarray, "T J"]:
+        """What lies near the strongest frequency, alone; as it is where that is the greater part already."""
+        spectrum = np.fft.rfft(q, axis=0)
+        power = (np.abs(spectrum) ** 2 / (q.var(axis=0) + 1e-300)).sum(axis=1)
+        strongest = 1 + int(power[1:].argmax())
+        near = np.abs(np.arange(len(power)) - strongest) <= NEAR * strongest
+        share = power[near].sum() / power[1:].sum()
+        return q if share > 0.5 else np.fft.irfft(spectrum * near[:, None], len(q), axis=0) / np.sqrt(share)
+
     changes = {
         "half the size": lambda q: 0.5 * q,
         "0.7 times as fast": lambda q: paced(q, 0.7),
         "1.5 times as fast": lambda q: paced(q, 1.5),
         "random, of the same spectrum": random,
+        "one frequency, of the same power": tone,
     }
     made: dict[str, list[Samples]] = {name: [] for name in changes}
     for item in development:
         middle = np.median(item.whole, axis=0)
         for name, change in changes.items():
-            whole = middle + change(item.whole - middle)
-            made[name].append(_moved(item, whole))
-    return made
+            moved = item.whole - middle
+            other = change(moved)
+            if other is not moved:
+                made[name].append(_moved(item, middle + other))
+    return {name: items for name, items in made.items() if items}
 
 
 def _moved(item: Samples, whole: Float64[np.ndarray, "T J"]) -> Samples:
@@ -172,18 +250,31 @@ def _moved(item: Samples, whole: Float64[np.ndarray, "T J"]) -> Samples:
     )
 
 
-def _known(rows: Sequence[np.ndarray], unit: Float64[np.ndarray, " S"]) -> Known:
-    """rows: (N, S) of each condition. unit: what the numbers that are seen are multiplied with, so that other units change
-    nothing."""
+def _components(
+    rows: Sequence[np.ndarray], unit: Float64[np.ndarray, " S"]
+) -> tuple[Float64[np.ndarray, "S d"], Float64[np.ndarray, " d"]]:
+    """Z and z0. rows: (N, S) of each condition. unit: what the numbers that are seen are multiplied with, so that other units
+    change nothing."""
     seen = np.concatenate(rows) * unit
     middle = seen.mean(axis=0)
     power, vectors = np.linalg.eigh((seen - middle).T @ (seen - middle) / len(seen))
     order = np.argsort(power)[::-1][:COMPONENTS]
     spread = np.sqrt(np.maximum(power[order], FLOOR**2 * power[order[0]]))
     directions = vectors[:, order] / spread
-    z = (seen - middle) @ directions
+    return unit[:, None] * directions, -middle @ directions
+
+
+def _spread(rows: Sequence[np.ndarray]) -> Float64[np.ndarray, "K d"]:
+    """Rows that lie as far apart as can be."""
+    z = np.concatenate(rows)
     centres, nearest = [z[0]], ((z - z[0]) ** 2).sum(axis=1)
     while len(centres) < CENTRES and nearest.max() > 0.0:
         centres.append(z[nearest.argmax()])
         nearest = np.minimum(nearest, ((z - centres[-1]) ** 2).sum(axis=1))
-    return Known(unit[:, None] * directions, -middle @ directions, np.array(centres))
+    return np.array(centres)
+
+
+def _distance(values: Float64[np.ndarray, "N d"], centres: Float64[np.ndarray, "K d"]) -> Float64[np.ndarray, " N"]:
+    """To the nearest."""
+    square = (values**2).sum(axis=1) + ((centres**2).sum(axis=1) - 2.0 * values @ centres.T).min(axis=1)
+    return np.sqrt(np.maximum(square, 0.0))

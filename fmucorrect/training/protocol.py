@@ -85,7 +85,7 @@ def train(study: Study, training: Training | None = None, workshop: Workshop | N
     info = replace(
         known,
         rows=fitted.rows,
-        state=head.state,
+        state=corrector.state,
         sees=known.sees if sees else (),
         envelope=envelope,
         uncorrected=tuple(float(value) for value in basis.uncorrected),
@@ -104,8 +104,11 @@ def train(study: Study, training: Training | None = None, workshop: Workshop | N
     )
     first = development[0]
     rows = np.linspace(0, len(first.seconds) - 1, GOLDEN).astype(int)
-    windows, past = first.windows[rows, -fitted.rows :], fitted.past(first)[np.maximum(rows - 1, 0)]
-    content = to_bundle(corrector, info, windows, first.condition, first.seconds[rows], past)
+    before = np.maximum(rows - 1, 0)
+    windows, past, lately = first.windows[rows, -fitted.rows :], fitted.past(first)[before], np.zeros((GOLDEN, 0))
+    if known_motions is not None and head.bank is not None:
+        lately = known_motions.sums(head.bank.seen(first))[-len(first.seconds) :][before]
+    content = to_bundle(corrector, info, windows, first.condition, first.seconds[rows], past, lately)
     return Trained(
         content, corrector, fitted, selection, known_motions, filtered, training, trials, curves, one, checked.warnings
     )

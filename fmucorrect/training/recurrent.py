@@ -1,11 +1,12 @@
 """The recurrent family: a bank of oscillators, a network behind it, and a bank of oscillators behind the network.
 
     p_t = lambda p_(t-1) + g (q_(t-1) + q_t) / 2            first bank, fixed: the simulation's past on all time scales
-    u_t = network(q_t, p_t, speed)                          what is missing, as forces and displacements without a name
+    u_t = network(q_t, p_t, speed) - u_0                    what is missing, as forces and displacements without a name
     r_t = mu r_(t-1) + g (u_(t-1) + u_t) / 2                second bank, trained: how the mechanism answers to them
     y_t = q_t + D' (r_t, u_t, q_t, p_t) + d                 linear
 
-A missing force is a static law of the motion, and acts through the modes of the mechanism: this order of parts is that of a
+u_0 is what the network says where the records of development begin, so that the second bank is at rest there, too. A missing
+force is a static law of the motion, and acts through the modes of the mechanism: this order of parts is that of a
 discrepancy (a Wiener-Hammerstein structure; of linear recurrent units see Orvieto et al., Resurrecting recurrent neural
 networks for long sequences, ICML 2023). lambda and mu are complex, |.| < 1, so that a state always dies out. Training runs
 on every `stride`-th sample, as the motion's own spectrum allows; what is deployed has the same poles at the sample time.
@@ -98,18 +99,24 @@ def view(development: Sequence[Samples], training: Training, sizes: Sizes) -> Vi
 
 
 class Oscillators(nn.Module):
-    """The network and the second bank. rate: ln of 1/s, damping: its logit, (P,) each."""
+    """The network and the second bank. rate: ln of 1/s, damping: its logit, (P,) each. begin: (F + C,) features and condition
+    where the records begin, their mean."""
 
-    def __init__(self, inputs: int, conditions: int, channels: int, training: Training, chosen: Pace) -> None:
+    begin: Tensor
+
+    def __init__(
+        self, begin: Float[Tensor, " I"], features: int, channels: int, training: Training, chosen: Pace
+    ) -> None:
         super().__init__()
         settings = training.recurrent
+        self.register_buffer("begin", begin)
         omega = 1.0 / np.geomspace(chosen.fast, chosen.slow, settings.answer)
         self.rate = nn.Parameter(torch.from_numpy(np.log(omega)).float())
         self.damping = nn.Parameter(torch.full((settings.answer,), math.log(DAMPING / (1.0 - DAMPING))))
-        self.first = nn.Linear(inputs + conditions, settings.width)
+        self.first = nn.Linear(len(begin), settings.width)
         self.second = nn.Linear(settings.width, settings.width)
         self.missing = nn.Linear(settings.width, settings.signals)
-        self.out = nn.Linear(settings.signals * (2 * settings.answer + 1) + inputs, channels)
+        self.out = nn.Linear(settings.signals * (2 * settings.answer + 1) + features, channels)
         nn.init.zeros_(self.out.weight)
         nn.init.zeros_(self.out.bias)
 
@@ -120,12 +127,15 @@ class Oscillators(nn.Module):
         angle = omega * step * torch.sqrt(1.0 - damping**2)
         return modulus, modulus * torch.cos(angle), modulus * torch.sin(angle)
 
+    def lacking(self, seen: Float[Tensor, "N I"]) -> Float[Tensor, "N U"]:
+        """What the network says."""
+        return self.missing(tanh(self.second(tanh(self.first(seen)))))
+
     def inner(
         self, features: Float[Tensor, "T F"], condition: Float[Tensor, " C"], step: float
     ) -> Float[Tensor, "T O"]:
         """What the last layer sees: (r, u, q, p)."""
-        seen = torch.cat([features, condition.expand(len(features), -1)], 1)
-        u = self.missing(tanh(self.second(tanh(self.first(seen)))))
+        u = self.lacking(torch.cat([features, condition.expand(len(features), -1)], 1)) - self.lacking(self.begin[None])
         modulus, real, imaginary = self.poles(step)
         before = torch.cat([torch.zeros_like(u[:1]), u[:-1]])
         re, im = _Bank.apply(0.5 * (u + before), real, imaginary)  # type: ignore[misc]
@@ -151,9 +161,11 @@ def fit_member(
     lesson = [*development, *near]
     features = [see.bank.features(item) for item in lesson]
     torch.manual_seed(run.seed)
-    network = Oscillators(features[0].shape[1], int(see.speeds), channels, training, see.pace)
-    seen = [torch.from_numpy(values[::stride]).float() for values in features]
     conditions = [see.condition(item) for item in lesson]
+    begin = [np.append(values[0], condition) for values, condition in zip(features, conditions, strict=True)]
+    begun = torch.from_numpy(np.mean(begin[: len(development)], axis=0)).float()
+    network = Oscillators(begun, features[0].shape[1], channels, training, see.pace)
+    seen = [torch.from_numpy(values[::stride]).float() for values in features]
     targets = [_target(item, see, len(values)) for item, values in zip(lesson, features, strict=True)]
     each = len(near) // len(development)
     poles = [network.rate, network.damping]
@@ -254,7 +266,7 @@ class RecurrentHead(nn.Module):
     """The same on x = (two rows, condition) and a state, scales folded into the weights, in double precision.
 
     p      = state A + x G              first bank, the same for all members
-    h      = tanh(tanh((x, p) H + h1) K + k), u = h U + o
+    h      = tanh(tanh((x, p) H + h1) K + k), u = h U + o     o: less u_0
     r      = state B + u F              second banks; the state holds the last u, too
     state' = (p, r, u)
     Y      = state' O + x P + o2        the members' mean, then each one's deviation from it
@@ -338,6 +350,7 @@ def _member(member: Oscillators, see: View, inputs: int) -> dict[str, Tensor]:
     seen, past, constant = on_x(weight(member.first))
     with torch.no_grad():
         modulus, real, imaginary = (part.double() for part in member.poles(see.bank.step))
+        begun = member.lacking(member.begin[None])[0].double()
     signals = member.missing.out_features
     answer = rotation(real.numpy() + 1j * imaginary.numpy(), signals)
     gain = torch.kron(0.5 * (1.0 - modulus)[None], torch.eye(signals, dtype=torch.float64))
@@ -350,7 +363,7 @@ def _member(member: Oscillators, see: View, inputs: int) -> dict[str, Tensor]:
         "K": weight(member.second),
         "k": bias(member.second),
         "U": weight(member.missing),
-        "o": bias(member.missing),
+        "o": bias(member.missing) - begun,
         "B": answer,
         "F": torch.cat([gain, torch.zeros_like(gain)], 1),
         "Or": out[:size_r],

@@ -49,12 +49,8 @@ def verdict(selection: Selection, evaluations: Sequence[Comparison] = (), guard:
         named = ", ".join(item.condition.name for item in unseen)
         if after < before:
             text += f" At {named}, held out of everything: {100 * (1.0 - after / before):.0f} %."
-    worse = [item for item in unseen if item.after.mean_nrmse > item.before.mean_nrmse * (1.0 + _WORSE)]
-    if worse:
-        named = ", ".join(
-            f"{item.condition.name} ({item.before.mean_nrmse:.2f} -> {item.after.mean_nrmse:.2f} %)" for item in worse
-        )
-        text += f" WORSE than the simulation at {named}, which nothing was fitted to: do not use it there."
+    if worse := [found for item in unseen if (found := _worse(item))]:
+        text += f" WORSE than the simulation at {', '.join(worse)}, which nothing was fitted to: do not use it there."
     if narrow := [item for item in unseen if item.within(BAND_90, item.excited).mean() < _NARROW]:
         named = ", ".join(
             f"{item.condition.name} ({100 * item.within(BAND_90, item.excited).mean():.0f} % in motion)"
@@ -64,10 +60,27 @@ def verdict(selection: Selection, evaluations: Sequence[Comparison] = (), guard:
     if guard is not None and guard.misses > _UNNOTICED:
         text += (
             f" Under another excitation it may not notice that it is elsewhere: {100 * guard.misses:.0f} % of the rows of "
-            "motions made of these (half the size, slower, faster, random) pass as known. Its error and its band were measured "
-            "under these excitations alone."
+            f"motions made of these ({_MADE}) pass as known. Its error and its band were measured under these excitations "
+            "alone."
         )
     return text
+
+
+def _worse(item: Comparison) -> str:
+    """Where the mean error has grown, or that of channels, with their names; nothing where none has."""
+
+    def grown(before: float, after: float) -> str:
+        return f"{before:.2f} -> {after:.2f} %" if after > before * (1.0 + _WORSE) else ""
+
+    name = item.condition.name
+    if mean := grown(item.before.mean_nrmse, item.after.mean_nrmse):
+        return f"{name} ({mean})"
+    each = [
+        f"{channel.name} {found}"
+        for channel, *errors in zip(item.channels, item.before.nrmse, item.after.nrmse, strict=True)
+        if (found := grown(*errors))
+    ]
+    return f"{name} in {', '.join(each)}" if each else ""
 
 
 def _places(evaluations: Sequence[Comparison]) -> str:
@@ -76,6 +89,7 @@ def _places(evaluations: Sequence[Comparison]) -> str:
     return "speeds" if len(speeds) > 1 else "conditions"
 
 
+_MADE = "half the size, slower, faster, random, of one frequency"
 _NARROW = 0.8
 """Share of the measured samples in motion below which a band that is stated as 90 % is told to be too narrow."""
 _UNNOTICED = 0.5
@@ -140,12 +154,16 @@ def guard_words(guard: Guard, fallback: Fallback | None, linear: bool) -> str:
             f"{bare:.3g} -> {left:.3g} %); the band is then that of the bare simulation, and under another declared "
             "condition nothing is corrected"
         )
+    looks, limits, each = "", f"threshold {guard.known.threshold:.3g}", ""
+    if guard.lately is not None:
+        looks = " and at how strong each part of it has been lately"
+        limits, each = f"thresholds {guard.known.threshold:.3g} and {guard.lately.threshold:.3g}", " for either"
     return (
-        "The corrector looks at the motion, too: farther from the motions of development than conditions were that had been "
-        f"left out (threshold {guard.threshold:.3g}, so that at most {100 * FALSE_ALARMS:.1f} % of any one's rows in motion "
-        f"are flagged), {then}. "
+        f"The corrector looks at the motion{looks}, too: farther from what development holds of it than conditions were that "
+        f"had been left out ({limits}, so that at most {100 * FALSE_ALARMS:.1f} % of any one's rows in motion are flagged"
+        f"{each}), {then}. "
         f"False alarms: {100 * guard.false_alarms:.1f} % of the rows in motion of conditions that were left out. "
-        f"Misses: {100 * guard.misses:.0f} % of the rows in motion of motions made of those of development (half the size, "
-        "slower, faster, random). Where it flags few of these, they were no news to it: who has driven over random roads has "
-        "seen small and slow motions, too."
+        f"Misses: {100 * guard.misses:.0f} % of the rows in motion of motions made of those of development "
+        f"({_MADE}). Where it flags few of these, they were no news to it: who has driven over random roads has seen small and "
+        "slow motions, too."
     )

@@ -75,3 +75,16 @@ def test_a_band_that_holds_too_little_is_told(study: Study, briefly: Trained, tm
     assert "too narrow" not in verdict(briefly.selection, [wide])
     speeds = [replace(said, condition=condition) for condition in study.conditions]
     assert "at speeds it had not seen" in verdict(briefly.selection, speeds)
+
+
+def test_a_channel_that_was_made_worse_is_named(study: Study, briefly: Trained, tmp_path: Path) -> None:
+    _, unseen = judged(study, briefly, tmp_path)
+    said = unseen[0][1]
+    spoilt = said.measured.copy()
+    spoilt[:, 0] += 1.5 * (said.simulated - said.measured)[:, 0]
+    told = verdict(briefly.selection, [replace(said, corrected=spoilt)])
+    assert f"WORSE than the simulation at 385 in {said.channels[0].name}" in told
+    assert not any(channel.name in told for channel in said.channels[1:])
+    wrong = replace(said, corrected=said.measured + 1.5 * (said.simulated - said.measured))
+    assert "WORSE than the simulation at 385 (" in verdict(briefly.selection, [wrong])
+    assert "WORSE" not in verdict(briefly.selection, [replace(said, corrected=said.measured)])

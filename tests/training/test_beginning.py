@@ -8,17 +8,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 import road
+import torch
 from scipy.signal import lfilter
 
 from fmucorrect.bundle import Bundle, load
+from fmucorrect.experiment import pair
 from fmucorrect.records import read, writer
 from fmucorrect.signals import Channel, Condition, Record
 from fmucorrect.stepper import CorrectedStepper, ReplayStepper, run
 from fmucorrect.study import Study, load_study
-from fmucorrect.study_training import Corrector
+from fmucorrect.study_training import Corrector, Recurrent
+from fmucorrect.training.data import samples, sizes
 from fmucorrect.training.protocol import train
+from fmucorrect.training.recurrent import Oscillators, view
 from fmucorrect.training.results import save
 
+SHORT = Recurrent(steps=(40,), width=8, members=2)
 PLACE = 30.0
 """mm, about which the mass moves: far from the zero at which no record is."""
 
@@ -81,3 +86,27 @@ def test_the_beginning_of_a_record_is_no_worse_than_the_rest(study: Study, model
         errors = (corrected(model, condition, simulated) - measured)[first], (simulated[1:] - measured)[first]
         after, before = (float(np.sqrt(np.mean(error**2))) for error in errors)
         assert after < max(0.7 * before, 4.0 * road.NOISE)
+
+
+def test_where_records_begin_a_recurrent_network_says_the_same_for_as_long_as_nothing_moves(study: Study) -> None:
+    """Whatever its weights are, its own answer to that is no motion."""
+    development = [samples(pair(study, condition), road.QUICK.window) for condition in study.development]
+    see = view(development, road.QUICK, sizes(development))
+    torch.manual_seed(3)
+    begin = torch.randn(see.bank.features(development[0]).shape[1])
+    network = Oscillators(begin, len(begin), 1, road.QUICK, see.pace)
+    torch.nn.init.normal_(network.out.weight)
+    with torch.no_grad():
+        still = network(begin.repeat(2000, 1), torch.zeros(0), see.bank.step)
+        moved = network(begin.repeat(2000, 1) + 1.0, torch.zeros(0), see.bank.step)
+    assert float(still.max() - still.min()) < 1e-6
+    assert float(moved.max() - moved.min()) > 1e-2
+
+
+def test_deployed_it_does_so_from_its_first_answer_on(study: Study, tmp_path: Path) -> None:
+    """Its state is nothing there."""
+    made = train(study, replace(road.QUICK, corrector=Corrector(families=("recurrent",)), recurrent=SHORT))
+    assert made.selection.family == "recurrent"
+    begin = np.mean([samples(pair(study, c), road.QUICK.window).whole[:2, 0].mean() for c in study.development])
+    said = corrected(load(save(made, tmp_path)), study.conditions[0], np.full(2000, begin))
+    assert np.ptp(said) < road.NOISE

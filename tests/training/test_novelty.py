@@ -4,9 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
+from fmucorrect.training.bank import ROWS, Bank, bank, pace
 from fmucorrect.training.data import Samples
-from fmucorrect.training.novelty import Guard, in_motion, learn, strangers
+from fmucorrect.training.novelty import Guard, Look, Remembered, in_motion, learn, strangers, strength
 
 WINDOW, STEP = 10, 0.01
 
@@ -59,7 +61,11 @@ def guard(development: list[Samples]) -> Guard:
 
 
 def flagged(guard: Guard, item: Samples) -> float:
-    return float((guard.known.distance(look(item, 1))[in_motion(item, 1)] > guard.threshold).mean())
+    return float((novelty(guard, item)[in_motion(item, 1)] > 1.0).mean())
+
+
+def novelty(guard: Guard, item: Samples) -> np.ndarray:
+    return guard.known.novelty(look(item, 1) @ guard.directions + guard.shift)
 
 
 def test_what_it_learned_from_and_what_lies_between_is_known(guard: Guard, development: list[Samples]) -> None:
@@ -78,11 +84,11 @@ def test_what_moves_otherwise_is_new(guard: Guard, q: np.ndarray) -> None:
 
 
 def test_rest_is_known_where_rest_was_measured_and_only_there(guard: Guard, development: list[Samples]) -> None:
-    still = look(condition("still", np.zeros((100, 2))), 1)
-    assert (guard.known.distance(still) < guard.threshold).all()
+    still = condition("still", np.zeros((100, 2)))
+    assert (novelty(guard, still) < 1.0).all()
     driven = [condition(item.name, item.whole[520:1480]) for item in development]
     blind = learn(look, WINDOW, driven, [[0], [1], [2], [3]])
-    assert (blind.known.distance(still) > blind.threshold).all()
+    assert (novelty(blind, still) > 1.0).all()
 
 
 def test_a_channel_in_another_unit_changes_nothing(guard: Guard, development: list[Samples]) -> None:
@@ -99,9 +105,8 @@ def test_a_channel_in_another_unit_changes_nothing(guard: Guard, development: li
 
     other = learn(look, WINDOW, [converted(item) for item in development], [[0], [1], [2], [3]])
     new = condition("new", swing(size=0.8))
-    assert other.threshold == pytest.approx(guard.threshold, rel=1e-3)
-    near, again = guard.known.distance(look(new, 1)), other.known.distance(look(converted(new), 1))
-    assert np.allclose(near, again, atol=1e-3 * guard.threshold)
+    assert other.known.threshold == pytest.approx(guard.known.threshold, rel=1e-3)
+    assert np.allclose(novelty(guard, new), novelty(other, converted(new)), atol=1e-3)
 
 
 def test_it_says_how_often_it_errs_on_what_it_can_make_itself(guard: Guard, development: list[Samples]) -> None:
@@ -115,3 +120,37 @@ def test_the_more_is_known_the_less_is_new(development: list[Samples]) -> None:
     halves = [condition(f"half {lag}", swing(size=0.5, lag=lag)) for lag in LAGS]
     guard = learn(look, WINDOW, [*development, *halves], [[0, 4], [1, 5], [2, 6], [3, 7]])
     assert guard.strange["half the size"] < 0.01
+
+
+def road(seed: int) -> np.ndarray:
+    """40 s of a mass on springs over a random road, and the road."""
+    rng, count = np.random.default_rng(seed), 4000
+    ground = lfilter([0.1], [1.0, -0.97], rng.standard_normal(count))
+    mass = lfilter([0.02, 0.0], [1.0, -1.96, 0.98], ground)
+    return np.stack([mass, ground], axis=1)
+
+
+def sees(oscillators: Bank) -> Look:
+    def look(item: Samples, stride: int) -> np.ndarray:
+        return oscillators.seen(item)[-len(item.simulated) :][::stride]
+
+    return look
+
+
+def test_a_sine_is_new_to_a_memory_of_random_roads_although_it_passes_through_known_states() -> None:
+    development = [condition(f"road {seed}", road(seed)) for seed in range(4)]
+    oscillators = bank(development, pace(development), 6)
+    remembered = Remembered(oscillators.seen, float(np.abs(oscillators.poles).max()))
+    guard = learn(sees(oscillators), ROWS, development, [[0], [1], [2], [3]], remembered)
+    assert guard.lately is not None
+    t = np.arange(4000) * STEP
+    size = road(0).std(axis=0)
+    sine = np.stack([size[0] * np.sin(2.0 * t), size[1] * np.sin(2.0 * t + 0.1)], axis=1)
+    shares: dict[str, tuple[float, float]] = {}
+    for name, q in {"another road": road(9), "sine": sine}.items():
+        z = oscillators.seen(condition(name, q)) @ guard.directions + guard.shift
+        new = guard.lately.novelty(strength(z, guard.pole)) > 1.0
+        shares[name] = float(new[500:].mean()), float((guard.known.novelty(z) > 1.0)[500:].mean())
+    assert shares["another road"][0] < 0.02
+    assert shares["sine"][0] > 0.95
+    assert shares["sine"][1] < 0.05

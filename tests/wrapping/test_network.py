@@ -97,6 +97,7 @@ def random_bundle(folder: Path, one: bool) -> Path:
         np.array([330.0, 0.03, 1.3]),
         np.array([-1.0, 0.0, 1.7, 1e6]),
         np.zeros((len(windows), 0)),
+        np.zeros((len(windows), 0)),
     )
     path = folder / "corrector.onnx"
     path.write_bytes(content)
