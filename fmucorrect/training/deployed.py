@@ -161,17 +161,16 @@ class Corrector(nn.Module):
         known = t["one"]
         if self.guarded:
             z = torch.addmm(t["z0"], x if said.seen is None else said.seen, t["Z"])
-            power = z * z
             nearest = torch.addmm(t["level"], z, t["near"]).amax(1, keepdim=True)
-            known = torch.minimum(torch.addmm(nearest, power, t["far"]), known)
+            known = torch.minimum(nearest - (z**2).sum(1, keepdim=True), known)
             if self.lately:
                 assert state is not None
                 assert after is not None
-                lately = torch.addmm(power, state, t["a"])
+                lately = torch.addmm(z * z, state, t["a"])
                 after = torch.cat([after, lately], 1)
                 root = torch.sqrt(lately)
                 nearest = torch.addmm(t["lately_level"], torch.sqrt(root), t["lately_near"]).amax(1, keepdim=True)
-                known = torch.minimum(torch.addmm(nearest, root, t["lately_far"]), known)
+                known = torch.minimum(nearest - root @ t["lately_far"], known)
         inside = torch.relu(torch.addmm(known, outside, t["v"]))
         lead = torch.addmm(said.responses @ t["S"], outside, t["minus_Q"])
         delta = inside * lead
@@ -207,24 +206,25 @@ def _guard(guard: Guard, head: Head, history: int) -> dict[str, Tensor]:
     a sum in the place of a mean, of what Z gives, so that g comes in a unit of its own."""
     unit = math.sqrt(guard.known.width)
     directions, shift = _on_inputs(guard.directions / unit, head, history)
-    tensors = {"Z": directions, "z0": torch.from_numpy(guard.shift / unit + shift), **_left(guard.known, unit, "")}
+    tensors = {"Z": directions, "z0": torch.from_numpy(guard.shift / unit + shift), **_left(guard.known, unit)}
     if guard.lately is not None:
         sums = ((1.0 - guard.pole) * guard.known.width) ** 0.25
         count = len(guard.shift)
         fading = torch.cat([torch.zeros(head.state, count), guard.pole * torch.eye(count, dtype=torch.float64)])
-        tensors |= {"a": fading, **_left(guard.lately, sums, "lately_")}
+        tensors |= {f"lately_{name}": values for name, values in _left(guard.lately, sums).items()}
+        tensors |= {
+            "a": fading,
+            "lately_far": torch.full((count, 1), sums**2 / guard.lately.width, dtype=torch.float64),
+        }
     return tensors
 
 
-def _left(known: Known, unit: float, name: str) -> dict[str, Tensor]:
-    """near, level, far: of values in that unit, level + near' values, the largest of it and far times each of their squares
-    make what is left."""
+def _left(known: Known, unit: float) -> dict[str, Tensor]:
+    """near, level: of values in that unit, level + near' values, the largest of it less the square of the values in widths is
+    what is left."""
     centres, share = torch.from_numpy(known.centres / unit), unit**2 / known.width
-    return {
-        f"{name}near": 2.0 * share * centres.T,
-        f"{name}level": known.threshold**2 / known.width + 1.0 - share * (centres**2).sum(1),
-        f"{name}far": torch.full((centres.shape[1], 1), -share, dtype=torch.float64),
-    }
+    level = known.threshold**2 / known.width + 1.0 - share * (centres**2).sum(1)
+    return {"near": 2.0 * share * centres.T, "level": level}
 
 
 def _declared(envelope: Ramps, channels: int) -> Tensor:

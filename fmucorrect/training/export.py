@@ -182,17 +182,19 @@ def _guard(add: Add, seen: str, constants: dict[str, np.ndarray], lately: bool) 
     """What the guard leaves of a correction, at most 1. lately: whether it looks at what was lately, too."""
     constants["each"] = np.array([1], np.int64)
 
-    def left(values: str, squares: str, name: str) -> str:
+    def left(values: str, far: str, name: str) -> str:
+        """far: square of the values."""
         levels = add("Gemm", [values, f"{name}near", f"{name}level"], f"{name}levels")
         nearest = add("ReduceMax", [levels, "each"], f"{name}nearest")
-        return add("Gemm", [squares, f"{name}far", nearest], f"{name}known_share")
+        return add("Sub", [nearest, far], f"{name}known_share")
 
     z = add("Gemm", [seen, "Z", "z0"], "motion")
-    power = add("Mul", [z, z], "power")
-    shares = [left(z, power, "")]
+    shares = [left(z, add("ReduceSumSquare", [z, "each"], "far"), "")]
     if lately:
-        root = add("Sqrt", [add("Gemm", ["state", "a", power], "lately")], "root")
-        shares.append(left(add("Sqrt", [root], "strength"), root, "lately_"))
+        root = add("Sqrt", [add("Gemm", ["state", "a", add("Mul", [z, z], "power")], "lately")], "root")
+        shares.append(
+            left(add("Sqrt", [root], "strength"), add("MatMul", [root, "lately_far"], "lately_square"), "lately_")
+        )
     return add("Min", [*shares, "one"], "known")
 
 
