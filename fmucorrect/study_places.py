@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from difflib import SequenceMatcher, get_close_matches
@@ -28,8 +29,8 @@ LONGEST_TEXT = 4096
 MOST_NAMES = 1000
 """Files beside a missing one among which a similar name is looked for."""
 
-MOST_SCANNED = 16 * 2**20
-"""Characters that are parsed to find lines: a value over several lines is parsed again at each of them."""
+MOST_PLACES = 2**17
+"""Keys and entries of arrays whose lines are kept: a file of the largest size may have millions."""
 
 Places = Mapping[Location, str]
 """Where each value stands, in words: `line 16, [[channels]] 2 "FB", key unit`."""
@@ -55,7 +56,8 @@ def place(places: Places, loc: Location) -> str:
     """The place of a value, or the place of the table that it is missing from and the key."""
     known = next(loc[:n] for n in range(len(loc), -1, -1) if loc[:n] in places)
     rest = ".".join(str(key) for key in loc[len(known) :])
-    return f"{places[known]}, key {rest}" if rest else places[known]
+    mark = "." if ", key " in places[known] else ", key "
+    return f"{places[known]}{mark}{rest}" if rest else places[known]
 
 
 def parse_toml(data: bytes) -> tuple[str, dict[str, Any], list[str]]:
@@ -125,65 +127,124 @@ def _is_recording(path: Path) -> bool:
 def scan(text: str, document: Mapping[str, Any]) -> Places:
     """The places of a valid TOML text, which `document` is the content of.
 
-    A table stands at its header, a key at the line where it begins; what is inside an inline value, at that line too. What
-    stands behind values of thousands of lines, which take too long to be scanned, is left out.
+    A table stands at its header, a key where it begins, an entry of an array at its own line. What stands behind so many values
+    that nobody wrote them by hand is left out.
     """
     places: dict[Location, str] = {(): "line 1"}
-    budget = MOST_SCANNED
-    counts: dict[str, int] = {}
-    prefix: Location = ()
-    statement, first = "", 0
-    for number, line in enumerate(text.split("\n"), start=1):
-        statement, first = (f"{statement}\n{line}", first) if statement else (line, number)
-        budget -= len(statement)
-        if budget < 0:
-            break
-        try:
-            parsed = tomllib.loads(statement)
-        except tomllib.TOMLDecodeError:
-            continue  # goes on in the next line
-        start, statement = statement.lstrip(), ""
-        if start.startswith("["):
-            keys = list(_header(parsed))
-            if start.startswith("[[") and len(keys) == 1:
-                counts[keys[0]] = counts.get(keys[0], -1) + 1
-                places.setdefault((keys[0],), f"line {number}, [[{keys[0]}]]")
-            row = (counts[keys[0]],) if keys[0] in counts else ()
-            prefix = (keys[0], *row, *keys[1:])
-            places.setdefault(prefix, f"line {number}, {_title(document, prefix)}")
-        for path in _paths(parsed, ()) if not start.startswith("[") else ():
-            places.setdefault((*prefix, *path), f"line {first}, {_title(document, (*prefix, *path))}")
+    for path, line in islice(_positions(text), MOST_PLACES):
+        for n in range(1, len(path) + 1):
+            if path[:n] not in places:
+                places[path[:n]] = f"line {line}, {_title(document, path[:n])}"
     return places
 
 
-def _header(parsed: Any) -> Iterator[str]:
-    """The keys of `[a.b]` or `[[a.b]]`, parsed alone."""
-    while parsed:
-        if isinstance(parsed, list):
-            parsed = parsed[0]
-            continue
-        key, parsed = next(iter(parsed.items()))
-        yield key
+_TOKEN = re.compile(
+    r'"""(?:\\.|[^\\])*?"{3,5}'
+    r"|\'{3}.*?\'{3,5}"
+    r'|"(?:\\.|[^"\\\n])*"'
+    r"|'[^'\n]*'"
+    r"|#[^\n]*|[\[\]{},=\n]|[^\s\[\]{},=\"'#]+",
+    re.DOTALL,
+)
+"""Strings, comments, marks and line ends, and what stands bare between them."""
+
+_Tokens = Iterator[tuple[str, int]]
 
 
-def _paths(value: Any, prefix: Location) -> Iterator[Location]:
-    rows = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
-    for key, inner in rows:
-        yield (*prefix, key)
-        yield from _paths(inner, (*prefix, key))
+def _tokens(text: str) -> _Tokens:
+    line = 1
+    for match in _TOKEN.finditer(text):
+        if not match[0].startswith("#"):
+            yield match[0], line
+        line += match[0].count("\n")
 
 
-def _title(document: Mapping[str, Any], path: Location) -> str:
-    """`[[channels]] 2 "FB", key unit` of a path."""
-    table, keys = str(path[0]), path[1:]
-    value = document[table]
-    title = f"[{table}]" if isinstance(value, dict) else f"key {table}"
-    if isinstance(value, list) and keys:
-        number, *keys = keys
-        row = value[int(number)]
-        name = row.get("name") if isinstance(row, dict) else None
-        title = f"[[{table}]] {int(number) + 1}" + (f' "{name}"' if isinstance(name, str) else "")
-    return f"{title}, key {'.'.join(map(str, keys))}" if keys else title
+def _positions(text: str) -> Iterator[tuple[Location, int]]:
+    """Headers, keys and entries of arrays, each with the line where it begins."""
+    tokens = _tokens(text)
+    rows: dict[Location, int] = {}
+    prefix: Location = ()
+    key, first = "", 0
+    for token, line in tokens:
+        if token == "\n":
+            key = ""
+        elif token == "[" and not key:
+            name, line = next(tokens)
+            array = name == "["
+            while (token := next(tokens)[0]) != "]":
+                name += token
+            prefix = ()
+            *above, last = _keys(name.removeprefix("["))
+            for step in above:
+                prefix = (*prefix, step, rows[*prefix, step]) if (*prefix, step) in rows else (*prefix, step)
+            prefix = (*prefix, last)
+            if array:
+                rows[prefix] = rows.get(prefix, -1) + 1
+                prefix = (*prefix, rows[prefix])
+            yield prefix, line
+        elif token == "=":
+            path = (*prefix, *_keys(key))
+            yield path, first
+            yield from _inside(tokens, *next(tokens), path)
+        else:
+            key, first = key + token, line if not key else first
+
+
+def _inside(tokens: _Tokens, token: str, line: int, path: Location) -> Iterator[tuple[Location, int]]:
+    """The entries and keys of the value that begins with `token`."""
+    index, key, fresh = 0, "", True
+    closing = {"[": "]", "{": "}"}.get(token)
+    array = closing == "]"
+    if closing is None:
+        return
+    for token, line in tokens:
+        if token == closing:
+            return
+        if token == ",":
+            index, key, fresh = index + 1, "", True
+        elif array and fresh and token != "\n":
+            fresh = False
+            yield (*path, index), line
+            yield from _inside(tokens, token, line, (*path, index))
+        elif not array and token == "=":
+            inner = (*path, *_keys(key))
+            yield inner, line
+            yield from _inside(tokens, *next(tokens), inner)
+        elif not array:
+            key += token
+
+
+def _keys(text: str) -> list[str]:
+    """The keys of a dotted one."""
+    if not {'"', "'"} & {*text}:
+        return text.split(".")
+    keys: list[str] = []
+    inner: Any = tomllib.loads(f"{text} = 0")
+    while inner:
+        key, inner = next(iter(inner.items()))
+        keys.append(key)
+    return keys
+
+
+def _title(document: Any, path: Location) -> str:
+    """`[[channels]] 2 "FB", key unit` of a path, or `[preload], supports 2 "left", key upper`."""
+    words: list[str] = []
+    keys: list[str] = []
+    inner = document
+    for n, key in enumerate(path):
+        value = inner = inner[key]
+        if isinstance(key, int) and (n == 1 or isinstance(value, dict)):
+            name = value.get("name") if isinstance(value, dict) else None
+            row = f"{'.'.join(keys)} {key + 1}" if n > 1 else f"[[{path[0]}]] {key + 1}"
+            words = [*(words if n > 1 else []), row + (f' "{name}"' if isinstance(name, str) else "")]
+            keys = []
+        elif n == 0 and isinstance(value, dict):
+            words = [f"[{key}]"]
+        elif n == 0 and isinstance(value, list) and value and isinstance(value[0], dict):
+            words = [f"[[{key}]]"]
+        else:
+            keys.append(str(key))
+    return ", ".join([*words, *([f"key {'.'.join(keys)}"] if keys else [])])
 
 
 def misfit(

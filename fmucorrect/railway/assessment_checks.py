@@ -30,37 +30,6 @@ def rows(document: Mapping[str, Any], table: str, key: str) -> Iterator[tuple[in
     yield from ((i, row) for i, row in enumerate(found if isinstance(found, list) else []) if isinstance(row, dict))
 
 
-def row_places(text: str, document: Mapping[str, Any]) -> dict[Location, str]:
-    """The places of rows: arrays that stand one row a line, `supports = [` and then lines `{ name = "..." },`; or tables
-    `[[preload.supports]]`."""
-    places: dict[Location, str] = {}
-    lines = [line.replace(" ", "") for line in text.split("\n")]
-    for table, key in ROWS:
-        found = dict(rows(document, table, key))
-        numbers = [i for i, line in enumerate(lines) if line.startswith(f"[[{table}.{key}]]")]
-        header = next((i for i, line in enumerate(lines) if line.startswith(f"[{table}]")), len(lines))
-        start = next((i for i in range(header, len(lines)) if lines[i].startswith(f"{key}=[")), None)
-        if not numbers and start is not None:
-            numbers = [i for i in range(start, len(lines)) if lines[i].startswith("{")][: len(found)]
-        if len(numbers) != len(found):
-            continue
-        for (i, row), number in zip(found.items(), numbers, strict=True):
-            name = f' "{row["name"]}"' if isinstance(row.get("name"), str) else ""
-            title = f"line {number + 1}, [{table}], {key} {i + 1}{name}"
-            places[(table, key, i)] = title
-            for loc, words in _inner(row):
-                places[(table, key, i, *loc)] = f"{title}, key {words}"
-    return places
-
-
-def _inner(row: Mapping[str, Any], before: str = "") -> Found:
-    """The keys of a row, and those of tables in it, as `parameters.cant`."""
-    for key, value in row.items():
-        yield (key,), f"{before}{key}"
-        if isinstance(value, dict):
-            yield from (((key, *loc), words) for loc, words in _inner(value, f"{before}{key}."))
-
-
 def misfits(document: Mapping[str, Any], folder: Path) -> Found:
     """What does not fit between values. Values of a wrong type are passed over: validation reports them."""
     yield from _files(document, folder)

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, ValidationError
 
-from fmucorrect.railway.assessment_checks import MOST_SPEEDS, misfits, row_places
+from fmucorrect.railway.assessment_checks import MOST_SPEEDS, misfits
 from fmucorrect.railway.constants import CONTACT_SPACING, GRAVITY
 from fmucorrect.railway.preload_mapping import CONVERGENCE, RESIDUAL_ACCELERATION, TOLERANCE
 from fmucorrect.railway.supports import GROUND
@@ -278,7 +278,7 @@ def read(data: bytes, folder: Path) -> tuple[AssessmentTable | None, Places, lis
     text, document, wrong = parse_toml(data)
     if wrong:
         return None, {}, wrong
-    places = {**scan(text, document), **row_places(text, document)}
+    places = scan(text, document)
     table, found = None, list(misfits(document, folder))
     try:
         table = AssessmentTable.model_validate(document)
