@@ -12,10 +12,12 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, ValidationError
 
-from fmucorrect import study_training_schema, units
+from fmucorrect import units
 from fmucorrect.errors import SignalError
 from fmucorrect.study_places import Location, Places, by_line, missing_file, nearest, parse_toml, place, scan
+from fmucorrect.study_training import Training, misfits
 from fmucorrect.study_validation import Table, message
+from fmucorrect.toml_table import read_table
 
 _QUANTITIES = {
     "displacement": ("m",),
@@ -194,7 +196,7 @@ class StudyTable(Table):
     groups: list[GroupRow] = []
     rotations: list[RotationRow] = []
     adjustable: list[AdjustableRow] = []
-    training: Any = None  # study_training_schema reads it
+    training: Any = None  # toml_table reads it
     records: RecordsTable = RecordsTable()
     conditions: Annotated[list[ConditionRow], Field(min_length=1)] = Field(
         description="write one [[conditions]] table a condition"
@@ -224,8 +226,12 @@ def read(data: bytes, folder: Path) -> tuple[StudyTable | None, Places, list[str
         return None, {}, wrong
     places = scan(text, document)
     table, problems = None, list(_across(document, folder, places))
-    training, wrong = study_training_schema.read(document)
-    problems += [f"{place(places, loc)}: {text}" for loc, text in wrong]
+    faults: list[tuple[Location, str]] = []
+    training = read_table(Training, document.get("training", {}), ("training",), faults)
+    if not faults:
+        channels = [(str(row.get("name")), str(row.get("simulation"))) for _, row in _rows(document, "channels")]
+        faults += misfits(training, channels, [str(row.get("name")) for _, row in _rows(document, "conditions")])
+    problems += [f"{place(places, loc)}: {text}" for loc, text in faults]
     try:
         table = StudyTable.model_validate(document | {"training": training})
     except ValidationError as error:

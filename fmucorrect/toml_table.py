@@ -1,0 +1,214 @@
+"""A TOML table as a frozen dataclass, whose annotations say what each key may hold.
+
+A field without a default must be there. Its type may be str, int, float, bool, Literal, a dataclass (a table), tuple (an
+array), Mapping (a table of any keys), Any, or one of these | None. `Annotated` adds, in any order: limits (Gt, Ge, Le, Interval
+and MinLen of annotated_types), a text that says what the value is, for whoever left it out, and functions that say what is
+wrong with a value, "" for nothing. A float is finite unless Le(inf) is among its limits.
+
+All that is wrong is found at once. A value that is wrong is blank in the dataclass ("", nan, (), {}), so that what must fit
+between values can be checked beside it: such checks pass over blanks, and nothing else uses a dataclass with problems.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import MISSING, fields, is_dataclass
+from functools import cache
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+
+from annotated_types import Ge, Gt, Interval, Le, MinLen
+
+from fmucorrect.study_places import Location, Places, by_line, nearest, parse_toml, place, scan
+
+Text = Annotated[str, MinLen(1)]
+Positive = Annotated[float, Gt(0)]
+NotNegative = Annotated[float, Ge(0)]
+Sign = Literal[1, -1]
+
+Found = Iterator[tuple[Location, str]]
+"""Where something stands, and what is wrong with it."""
+
+SHOWN = 200
+"""Characters of a wrong value that are shown: an array may have thousands of entries."""
+
+T = TypeVar("T")
+
+
+def read(data: bytes, kind: type[T], misfits: Callable[[T], Found]) -> tuple[T, Places, list[str]]:
+    """The table that a TOML file is, where its values stand, and all that is wrong, a line each, in the order of the file.
+
+    misfits: what does not fit between the values of a table, some of which may be blank.
+    """
+    text, document, wrong = parse_toml(data)
+    if wrong:
+        return _blank(kind), {}, wrong
+    places = scan(text, document)
+    problems: list[tuple[Location, str]] = []
+    table = read_table(kind, document, (), problems)
+    problems += misfits(table)
+    return table, places, by_line(f"{place(places, loc)}: {what}" for loc, what in problems)
+
+
+def unknown(key: str, known: Mapping[str, Any]) -> str:
+    """What is wrong with a key that a table with these does not have."""
+    return f"is not known{nearest(key, known) or '; known here: ' + ', '.join(known)}"
+
+
+def those(name: str, known: Mapping[str, Any], what: str = "there are") -> str:
+    """The nearest of the names that are there, or all of them."""
+    return nearest(name, known) or f"; {what} {', '.join(map(repr, known)) or 'none'}"
+
+
+def read_table(kind: type[T], value: Any, loc: Location, problems: list[tuple[Location, str]]) -> T:
+    """The dataclass that the table at `loc` says; what is wrong with it is added to `problems`."""
+    if not isinstance(value, dict):
+        row = bool(loc) and isinstance(loc[-1], int)
+        expected = f"a table: write [[{_path(loc[:-1])}]]" if row else "a table"
+        problems.append((loc, f"must be {expected}, got {shown(value)}"))
+        return _blank(kind)
+    table = cast(dict[str, Any], value)
+    hints = _hints(kind)
+    problems += [((*loc, key), unknown(key, hints)) for key in table if key not in hints]
+    values: dict[str, Any] = {}
+    for name, required in _required(kind).items():
+        if name in table:
+            values[name] = _value(hints[name], table[name], (*loc, name), problems)
+        elif required:
+            values[name] = _blank(hints[name])
+            words = _words(_parts(hints[name])[1])
+            problems.append(((*loc, name), f"is missing{words and ': '}{words}"))
+    return kind(**values)
+
+
+def _value(hint: Any, value: Any, loc: Location, problems: list[tuple[Location, str]]) -> Any:
+    """The value that a key of this type has; blank, and a problem more, where it is wrong."""
+    kind, notes = _parts(hint)
+    known = len(problems)
+    made = _typed(kind, notes, value, loc, problems)
+    if len(problems) > known:
+        return made
+    for note in notes:
+        text = cast(Callable[[Any], str], note)(made) if callable(note) else _beyond(note, made)
+        if text:
+            problems.append((loc, text if callable(note) else f"{text}, got {shown(value)}"))
+            return _blank(hint)
+    return made
+
+
+def _typed(kind: Any, notes: tuple[Any, ...], value: Any, loc: Location, problems: list[tuple[Location, str]]) -> Any:
+    """The value as what its annotation says, before its limits."""
+    entries = get_args(kind)
+    expected = ""
+    if is_dataclass(kind):
+        return read_table(cast(type, kind), value, loc, problems)
+    if kind is Any:
+        return value
+    if get_origin(kind) is Literal:
+        if isinstance(value, str | int | float) and not isinstance(value, bool) and value in entries:
+            return entries[entries.index(value)]
+        *some, last = map(repr, entries)
+        near = nearest(value, entries) if isinstance(value, str) and isinstance(entries[0], str) else ""
+        problems.append((loc, f"must be {', '.join(some)}{' or ' if some else ''}{last}, got {shown(value)}{near}"))
+        return _blank(kind)
+    if get_origin(kind) is tuple:
+        rows = cast(list[Any], value) if isinstance(value, list) else []
+        many = entries[-1] is Ellipsis
+        if isinstance(value, list) and (many or len(rows) == len(entries)):
+            kinds = [entries[0]] * len(rows) if many else entries
+            return tuple(
+                _value(k, row, (*loc, i), problems) for i, (k, row) in enumerate(zip(kinds, rows, strict=True))
+            )
+        if many:
+            tables = is_dataclass(_parts(entries[0])[0])
+            expected = f"an array of tables: write [[{_path(loc)}]]" if tables else "an array, as [ ... ]"
+        else:
+            expected = _words(notes) or f"an array of {len(entries)} values"
+    elif get_origin(kind) is not None:
+        if isinstance(value, dict):
+            rows = cast(dict[str, Any], value)
+            return {key: _value(entries[1], row, (*loc, key), problems) for key, row in rows.items()}
+        expected = "a table, as { key = value }"
+    elif kind is float:
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            if math.isfinite(value) or Le(math.inf) in notes:
+                return float(value)
+            expected = "a finite number"
+        else:
+            expected = "a number"
+    elif type(value) is kind:
+        return value
+    else:
+        name = "a name in quotes" if MinLen(1) in notes else "a string in quotes"
+        expected = {bool: "true or false", int: "a whole number"}.get(kind, name)
+    problems.append((loc, f"must be {expected}, got {shown(value)}"))
+    return _blank(kind)
+
+
+def _beyond(limit: Any, value: Any) -> str:
+    match limit:
+        case Gt(gt=low) if not value > low:
+            return f"must be above {low:.10g}"
+        case Ge(ge=low) if not value >= low:
+            return f"must be at least {low:.10g}"
+        case Le(le=high) if not value <= high:
+            return f"must be at most {high:.10g}"
+        case Interval(ge=low, le=high) if not low <= value <= high:
+            return f"must be between {low:.10g} and {high:.10g}"
+        case MinLen(min_length=least) if len(value) < least:
+            several = "must name at least one" if least == 1 else f"must have at least {least} entries"
+            return "must be a name, not empty" if isinstance(value, str) else several
+        case _:
+            return ""
+
+
+def _blank(hint: Any) -> Any:
+    """What stands in a table in place of a value that is wrong."""
+    kind, _ = _parts(hint)
+    if is_dataclass(kind):
+        hints = _hints(cast(type, kind))
+        return cast(type, kind)(**{k: _blank(hints[k]) for k, required in _required(kind).items() if required})
+    entries = get_args(kind)
+    if get_origin(kind) is tuple:
+        return () if entries[-1] is Ellipsis else tuple(map(_blank, entries))
+    if get_origin(kind) not in (None, Literal):
+        return {}
+    return {float: math.nan, int: math.nan, bool: False, Any: None}.get(kind, "")
+
+
+def _parts(hint: Any) -> tuple[Any, tuple[Any, ...]]:
+    """A type without `| None`, and what is annotated to it."""
+    notes: tuple[Any, ...] = ()
+    while get_origin(hint) in (Annotated, Union, UnionType):
+        if get_origin(hint) is Annotated:
+            hint, *more = get_args(hint)
+            notes = (*more, *notes)
+        else:
+            hint = next(kind for kind in get_args(hint) if kind is not NoneType)
+    return hint, notes
+
+
+def _words(notes: tuple[Any, ...]) -> str:
+    return next((note for note in reversed(notes) if isinstance(note, str)), "")
+
+
+@cache
+def _hints(kind: type) -> Mapping[str, Any]:
+    return get_type_hints(kind, include_extras=True)
+
+
+@cache
+def _required(kind: Any) -> Mapping[str, bool]:
+    """Whether each field must be there."""
+    return {item.name: item.default is MISSING and item.default_factory is MISSING for item in fields(kind)}
+
+
+def _path(loc: Location) -> str:
+    return ".".join(key for key in loc if isinstance(key, str))
+
+
+def shown(value: Any) -> str:
+    """A wrong value, as much of it as one line takes."""
+    text = repr(value)
+    return text if len(text) <= SHOWN else f"{text[:SHOWN]} ..."
