@@ -12,12 +12,16 @@ from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
 from types import MappingProxyType
+from typing import Annotated, Literal
+
+from annotated_types import MinLen
 
 from fmucorrect import sketch
 from fmucorrect.errors import SignalError, StudyError
 from fmucorrect.signals import NANOSECONDS, Channel, Condition, Reading
 from fmucorrect.study_places import Location, Places, by_line, like, misfit, nearest, place
 from fmucorrect.study_training import Training
+from fmucorrect.toml_table import Positive, Sign, Text
 from fmucorrect.units import NONE, Unit, parse
 
 
@@ -52,9 +56,9 @@ class Excitation:
     asked for, or "actual", what was measured; only an actual motion can show an excitation error by itself.
     """
 
-    simulation: str
-    measurement: str
-    kind: str
+    simulation: Annotated[Text, "FMU output or input variable"]
+    measurement: Annotated[Text, "column of the measured record"]
+    kind: Annotated[Literal["command", "actual"], "'command' or 'actual'"]
 
 
 @dataclass(frozen=True)
@@ -68,22 +72,22 @@ class Joint:
     sign: 1, or -1 where the FMU's input has the opposite convention. kinds: families tried here, () for all.
     """
 
-    name: str
-    force: str
-    displacement: str
-    velocity: str = ""
-    nominal_force: str = ""
-    acceleration: str = ""
-    sign: int = 1
-    kinds: tuple[str, ...] = ()
+    name: Annotated[Text, "what the joint is called"]
+    force: Annotated[Text, "FMU input, N or Nm"]
+    displacement: Annotated[Text, "FMU output, m or rad"]
+    velocity: Text = ""
+    nominal_force: Text = ""
+    acceleration: Text = ""
+    sign: Sign = 1
+    kinds: tuple[Text, ...] = ()
 
 
 @dataclass(frozen=True)
 class Group:
     """Joints, by name, where one law acts alike."""
 
-    name: str
-    joints: tuple[str, ...]
+    name: Annotated[Text, "what the group is called"]
+    joints: Annotated[tuple[Text, ...], MinLen(1), "names of joints where one law acts alike"]
 
 
 @dataclass(frozen=True)
@@ -91,9 +95,9 @@ class Rotation:
     """What turns with the speed. radius: m; order n means n * speed / (2 pi radius). speed: the FMU's variable for the
     vehicle's speed, in effects.toml; a study's conditions have it."""
 
-    name: str
-    radius: float
-    speed: str = ""
+    name: Annotated[Text, "what turns"]
+    radius: Annotated[Positive, "of its rolling circle, m"]
+    speed: Text = ""
 
 
 @dataclass(frozen=True)

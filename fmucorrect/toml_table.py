@@ -12,7 +12,7 @@ between values can be checked beside it: such checks pass over blanks, and nothi
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import MISSING, fields, is_dataclass
 from functools import cache
 from types import NoneType, UnionType
@@ -36,10 +36,11 @@ SHOWN = 200
 T = TypeVar("T")
 
 
-def read(data: bytes, kind: type[T], misfits: Callable[[T], Found]) -> tuple[T, Places, list[str]]:
+def read(data: bytes, kind: type[T], misfits: Callable[[T, Places], Found]) -> tuple[T, Places, list[str]]:
     """The table that a TOML file is, where its values stand, and all that is wrong, a line each, in the order of the file.
 
-    misfits: what does not fit between the values of a table, some of which may be blank.
+    misfits: what does not fit between the values of a table, some of which may be blank; left out where the
+    value itself is wrong already.
     """
     text, document, wrong = parse_toml(data)
     if wrong:
@@ -47,18 +48,36 @@ def read(data: bytes, kind: type[T], misfits: Callable[[T], Found]) -> tuple[T, 
     places = scan(text, document)
     problems: list[tuple[Location, str]] = []
     table = read_table(kind, document, (), problems)
-    problems += misfits(table)
-    return table, places, by_line(f"{place(places, loc)}: {what}" for loc, what in problems)
+    told = {loc for loc, _ in problems}
+    more = [
+        (loc, what) for loc, what in misfits(table, places) if not any(loc[:n] in told for n in range(1, len(loc) + 1))
+    ]
+    return table, places, by_line(f"{place(places, loc)}: {what}" for loc, what in problems + more)
 
 
-def unknown(key: str, known: Mapping[str, Any]) -> str:
+def named(table: str | Location, rows: Iterable[Any]) -> list[tuple[Location, str]]:
+    """Place and name of each row of an array of tables."""
+    loc = (table,) if isinstance(table, str) else table
+    return [((*loc, i), row.name) for i, row in enumerate(rows)]
+
+
+def repeated(rows: Iterable[tuple[Location, str]], places: Places) -> Found:
+    """Names that are given twice."""
+    seen: dict[str, Location] = {}
+    for loc, name in rows:
+        if name and seen.setdefault(name, loc) != loc:
+            yield (*loc, "name"), f"{name!r} is taken by {place(places, seen[name])}; names must differ"
+
+
+def unknown(key: str, known: Iterable[str]) -> str:
     """What is wrong with a key that a table with these does not have."""
     return f"is not known{nearest(key, known) or '; known here: ' + ', '.join(known)}"
 
 
-def those(name: str, known: Mapping[str, Any], what: str = "there are") -> str:
+def those(name: str, known: Iterable[str], what: str = "there are") -> str:
     """The nearest of the names that are there, or all of them."""
-    return nearest(name, known) or f"; {what} {', '.join(map(repr, known)) or 'none'}"
+    some = [other for other in dict.fromkeys(known) if other]
+    return nearest(name, some) or f"; {what} {', '.join(map(repr, some)) or 'none'}"
 
 
 def read_table(kind: type[T], value: Any, loc: Location, problems: list[tuple[Location, str]]) -> T:
@@ -68,7 +87,7 @@ def read_table(kind: type[T], value: Any, loc: Location, problems: list[tuple[Lo
         expected = f"a table: write [[{_path(loc[:-1])}]]" if row else "a table"
         problems.append((loc, f"must be {expected}, got {shown(value)}"))
         return _blank(kind)
-    table = cast(dict[str, Any], value)
+    table, before = cast(dict[str, Any], value), len(problems)
     hints = _hints(kind)
     problems += [((*loc, key), unknown(key, hints)) for key in table if key not in hints]
     values: dict[str, Any] = {}
@@ -79,7 +98,18 @@ def read_table(kind: type[T], value: Any, loc: Location, problems: list[tuple[Lo
             values[name] = _blank(hints[name])
             words = _words(_parts(hints[name])[1])
             problems.append(((*loc, name), f"is missing{words and ': '}{words}"))
-    return kind(**values)
+    return kind(**values) if len(problems) == before else _partial(kind, values)
+
+
+def _partial(kind: type[T], values: Mapping[str, Any]) -> T:
+    """A dataclass with blanks, which its __init__ need not take."""
+    table = object.__new__(kind)
+    for item in fields(cast(Any, kind)):
+        default = None if item.default_factory is MISSING else item.default_factory()
+        object.__setattr__(
+            table, item.name, values.get(item.name, default if item.default is MISSING else item.default)
+        )
+    return table
 
 
 def _value(hint: Any, value: Any, loc: Location, problems: list[tuple[Location, str]]) -> Any:
@@ -168,7 +198,7 @@ def _blank(hint: Any) -> Any:
     kind, _ = _parts(hint)
     if is_dataclass(kind):
         hints = _hints(cast(type, kind))
-        return cast(type, kind)(**{k: _blank(hints[k]) for k, required in _required(kind).items() if required})
+        return _partial(cast(type, kind), {k: _blank(hints[k]) for k, required in _required(kind).items() if required})
     entries = get_args(kind)
     if get_origin(kind) is tuple:
         return () if entries[-1] is Ellipsis else tuple(map(_blank, entries))
