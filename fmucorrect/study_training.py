@@ -6,6 +6,7 @@ Weights that the paper does not print (widths of the TDNN, its activation) are m
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Literal, get_args
@@ -187,7 +188,7 @@ def misfits(training: Training, channels: Sequence[tuple[str, str]], conditions:
     """What does not fit within [training], or to the study. channels: name and variable of each; conditions: names."""
     yield from _names(training, channels, conditions)
     low, high = training.pinn.damping_limits
-    if not low < training.pinn.damping < high:
+    if training.pinn.damping <= low or training.pinn.damping >= high:
         text = f"must lie inside damping_limits = [{low}, {high}], got {training.pinn.damping}"
         yield ("training", "pinn", "damping"), text
     yield from _matrices(training.proposed, len(channels))
@@ -220,6 +221,9 @@ def _matrices(proposed: Proposed, channels: int) -> Found:
     """H_q is J x p with p <= J, the nominal matrices are symmetric positive definite p x p (eq. physics_residual)."""
     import numpy as np
 
+    given = (proposed.observation, proposed.mass, proposed.damping, proposed.stiffness)
+    if any(math.isnan(entry) for matrix in given for row in matrix or () for entry in row):
+        return
     size = channels
     if (rows := proposed.observation) is not None:
         place = ("training", "proposed", "observation")

@@ -52,7 +52,7 @@ def read(data: bytes, kind: type[T], misfits: Callable[[T, Places], Found]) -> t
     more = [
         (loc, what) for loc, what in misfits(table, places) if not any(loc[:n] in told for n in range(1, len(loc) + 1))
     ]
-    return table, places, by_line(f"{place(places, loc)}: {what}" for loc, what in problems + more)
+    return table, places, by_line(f"{place(places, loc)}: {what}" for loc, what in more + problems)
 
 
 def named(table: str | Location, rows: Iterable[Any]) -> list[tuple[Location, str]]:
