@@ -7,7 +7,7 @@ import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from difflib import SequenceMatcher, get_close_matches
 from glob import has_magic
-from itertools import islice
+from itertools import islice, takewhile
 from pathlib import Path
 from typing import Any
 
@@ -127,11 +127,11 @@ def _is_recording(path: Path) -> bool:
 def scan(text: str, document: Mapping[str, Any]) -> Places:
     """The places of a valid TOML text, which `document` is the content of.
 
-    A table stands at its header, a key where it begins, an entry of an array at its own line. What stands behind so many values
-    that nobody wrote them by hand is left out.
+    A table stands at its header, a key where it begins, an entry of an array at its own line. What is nested too deeply, or
+    stands behind so many values that nobody wrote them by hand, is left out.
     """
     places: dict[Location, str] = {(): "line 1"}
-    for path, line in islice(_positions(text), MOST_PLACES):
+    for path, line in islice(_positions(_tokens(text)), MOST_PLACES):
         for n in range(1, len(path) + 1):
             if path[:n] not in places:
                 places[path[:n]] = f"line {line}, {_title(document, path[:n])}"
@@ -149,6 +149,7 @@ _TOKEN = re.compile(
 """Strings, comments, marks and line ends, and what stands bare between them."""
 
 _Tokens = Iterator[tuple[str, int]]
+"""Each with its line."""
 
 
 def _tokens(text: str) -> _Tokens:
@@ -159,59 +160,47 @@ def _tokens(text: str) -> _Tokens:
         line += match[0].count("\n")
 
 
-def _positions(text: str) -> Iterator[tuple[Location, int]]:
-    """Headers, keys and entries of arrays, each with the line where it begins."""
-    tokens = _tokens(text)
+def _positions(tokens: _Tokens, path: Location = (), opened: str = "") -> Iterator[tuple[Location, int]]:
+    """Headers, keys and entries of arrays, each with the line where it begins, inside of what `opened` begins: an array, a
+    table in braces, the file (""), or another value, inside of which there is nothing."""
     rows: dict[Location, int] = {}
-    prefix: Location = ()
-    key, first = "", 0
-    for token, line in tokens:
-        if token == "\n":
-            key = ""
-        elif token == "[" and not key:
-            name, line = next(tokens)
-            array = name == "["
-            while (token := next(tokens)[0]) != "]":
-                name += token
-            prefix = ()
-            *above, last = _keys(name.removeprefix("["))
-            for step in above:
-                prefix = (*prefix, step, rows[*prefix, step]) if (*prefix, step) in rows else (*prefix, step)
-            prefix = (*prefix, last)
-            if array:
-                rows[prefix] = rows.get(prefix, -1) + 1
-                prefix = (*prefix, rows[prefix])
-            yield prefix, line
-        elif token == "=":
-            path = (*prefix, *_keys(key))
-            yield path, first
-            yield from _inside(tokens, *next(tokens), path)
-        else:
-            key, first = key + token, line if not key else first
-
-
-def _inside(tokens: _Tokens, token: str, line: int, path: Location) -> Iterator[tuple[Location, int]]:
-    """The entries and keys of the value that begins with `token`."""
-    index, key, fresh = 0, "", True
-    closing = {"[": "]", "{": "}"}.get(token)
-    array = closing == "]"
-    if closing is None:
-        return
-    for token, line in tokens:
-        if token == closing:
+    key, first, index, fresh = "", 0, 0, True
+    for token, line in tokens if opened in ("", "[", "{") else ():
+        if (opened, token) in (("[", "]"), ("{", "}")):
             return
-        if token == ",":
-            index, key, fresh = index + 1, "", True
-        elif array and fresh and token != "\n":
-            fresh = False
-            yield (*path, index), line
-            yield from _inside(tokens, token, line, (*path, index))
-        elif not array and token == "=":
+        if token in ("\n", ","):
+            key, index, fresh = "", index + (token == ","), fresh or token == ","
+        elif opened == "[":
+            if fresh:  # a date and a time are two tokens
+                fresh = False
+                if len(path) < DEEPEST:
+                    yield (*path, index), line
+                yield from _positions(tokens, (*path, index), token)
+        elif token == "=":
             inner = (*path, *_keys(key))
-            yield inner, line
-            yield from _inside(tokens, *next(tokens), inner)
-        elif not array:
-            key += token
+            if len(inner) <= DEEPEST:
+                yield inner, first
+            yield from _positions(tokens, inner, next(tokens)[0])
+        elif token == "[" and not key:
+            path = _header(tokens, rows)
+            yield path, line
+        else:
+            key, first = key + token, first if key else line
+
+
+def _header(tokens: _Tokens, rows: dict[Location, int]) -> Location:
+    """The table that a header, of which "[" is read, begins. rows: the last row of each array of tables so far."""
+    name = "".join(token for token, _ in takewhile(lambda item: item[0] != "]", tokens))
+    *above, last = _keys(name.removeprefix("["))
+    path: Location = ()
+    for key in above:
+        path = (*path, key)
+        path = (*path, rows[path]) if path in rows else path
+    path = (*path, last)
+    if name.startswith("["):
+        rows[path] = rows.get(path, -1) + 1
+        return (*path, rows[path])
+    return path
 
 
 def _keys(text: str) -> list[str]:

@@ -14,7 +14,7 @@ from typing import Annotated, Literal, get_args
 from annotated_types import Ge, MinLen
 
 from fmucorrect.study_places import nearest
-from fmucorrect.toml_table import Found, NotNegative, Positive
+from fmucorrect.toml_table import Found, NotNegative, Positive, Text
 
 Activation = Literal["tanh", "sigmoid", "relu"]
 Count = Annotated[int, Ge(1)]
@@ -133,7 +133,7 @@ class Corrector:
     none, the numbers of the study hold.
     """
 
-    sees: tuple[str, ...] = ()
+    sees: tuple[Text, ...] = ()
     families: Annotated[tuple[Family, ...], MinLen(1)] = FAMILIES
     baseline_width: Count = 16
     baseline_epochs: Count = 30
@@ -204,9 +204,8 @@ def _names(training: Training, channels: Sequence[tuple[str, str]], conditions: 
             yield loc, f"there is no channel {name!r}{nearest(name, names)}"
     known = {name for row in channels for name in row}
     for i, name in enumerate(sees):
-        if not name or name in sees[:i] or name in known:
-            seen = "is a channel, which is always seen"
-            what = seen if name in known else "stands there twice" if name else "is empty"
+        if name and (name in sees[:i] or name in known):
+            what = "is a channel, which is always seen" if name in known else "stands there twice"
             yield ("training", "corrector", "sees"), f"{name!r} {what}"
     for name in proposed.bands:
         if name not in conditions:
