@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 from fmucorrect import sketch
 from fmucorrect.errors import SignalError, StudyError
@@ -162,7 +163,7 @@ def load_study(path: str | Path) -> Study:
             inputs=resolve(row.inputs),
             measurement=resolve(row.measurement),
             simulated=resolve(row.simulated),
-            clock=_first(row.records.clock, table.records.clock),
+            clock=_clock(row.records.clock, table.records.clock),
             reading=Reading(
                 MappingProxyType({**table.records.columns, **row.records.columns}),
                 MappingProxyType({**table.records.units, **row.records.units}),
@@ -205,7 +206,8 @@ def load_study(path: str | Path) -> Study:
     )
 
 
-def _first(*clocks: str | float | None) -> str | float | None:
+def _clock(*clocks: Any) -> str | float | None:
+    """The first that is said; a whole number of seconds is a number, too."""
     clock = next((clock for clock in clocks if clock is not None), None)
     return float(clock) if isinstance(clock, int) else clock
 

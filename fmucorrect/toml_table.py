@@ -27,8 +27,10 @@ Positive = Annotated[float, Gt(0)]
 NotNegative = Annotated[float, Ge(0)]
 Sign = Literal[1, -1]
 
-Found = Iterator[tuple[Location, str]]
+Problem = tuple[Location, str]
 """Where something stands, and what is wrong with it."""
+
+Found = Iterator[Problem]
 
 SHOWN = 200
 """Characters of a wrong value that are shown: an array may have thousands of entries."""
@@ -46,8 +48,8 @@ def read(data: bytes, kind: type[T], misfits: Callable[[T, Places], Found]) -> t
     if wrong:
         return _blank(kind), {}, wrong
     places = scan(text, document)
-    problems: list[tuple[Location, str]] = []
-    table = read_table(kind, document, (), problems)
+    problems: list[Problem] = []
+    table = _table(kind, document, (), problems)
     told = {loc for loc, _ in problems}
     more = [
         (loc, what) for loc, what in misfits(table, places) if not any(loc[:n] in told for n in range(1, len(loc) + 1))
@@ -80,14 +82,9 @@ def those(name: str, known: Iterable[str], what: str = "there are") -> str:
     return nearest(name, some) or f"; {what} {', '.join(map(repr, some)) or 'none'}"
 
 
-def read_table(kind: type[T], value: Any, loc: Location, problems: list[tuple[Location, str]]) -> T:
+def _table(kind: type[T], table: Mapping[str, Any], loc: Location, problems: list[Problem]) -> T:
     """The dataclass that the table at `loc` says; what is wrong with it is added to `problems`."""
-    if not isinstance(value, dict):
-        row = bool(loc) and isinstance(loc[-1], int)
-        expected = f"a table: write [[{_path(loc[:-1])}]]" if row else "a table"
-        problems.append((loc, f"must be {expected}, got {shown(value)}"))
-        return _blank(kind)
-    table, before = cast(dict[str, Any], value), len(problems)
+    before = len(problems)
     hints = _hints(kind)
     problems += [((*loc, key), unknown(key, hints)) for key in table if key not in hints]
     values: dict[str, Any] = {}
@@ -106,74 +103,62 @@ def _partial(kind: type[T], values: Mapping[str, Any]) -> T:
     table = object.__new__(kind)
     for item in fields(cast(Any, kind)):
         default = None if item.default_factory is MISSING else item.default_factory()
-        object.__setattr__(
-            table, item.name, values.get(item.name, default if item.default is MISSING else item.default)
-        )
+        default = default if item.default is MISSING else item.default
+        object.__setattr__(table, item.name, values.get(item.name, default))
     return table
 
 
-def _value(hint: Any, value: Any, loc: Location, problems: list[tuple[Location, str]]) -> Any:
+def _value(hint: Any, value: Any, loc: Location, problems: list[Problem]) -> Any:
     """The value that a key of this type has; blank, and a problem more, where it is wrong."""
     kind, notes = _parts(hint)
-    known = len(problems)
-    made = _typed(kind, notes, value, loc, problems)
-    if len(problems) > known:
+    before = len(problems)
+    made, expected = _typed(kind, notes, value, loc, problems)
+    texts = [f"must be {expected}, got {shown(value)}"] if expected else []
+    if len(problems) == before and not expected:
+        for note in notes:
+            text = cast(Callable[[Any], str], note)(made) if callable(note) else _beyond(note, made)
+            texts += [text if callable(note) else f"{text}, got {shown(value)}"] if text else []
+    if not texts:
         return made
-    for note in notes:
-        text = cast(Callable[[Any], str], note)(made) if callable(note) else _beyond(note, made)
-        if text:
-            problems.append((loc, text if callable(note) else f"{text}, got {shown(value)}"))
-            return _blank(hint)
-    return made
+    choices = [choice for choice in get_args(kind) if get_origin(kind) is Literal and isinstance(choice, str)]
+    near = nearest(value, choices) if isinstance(value, str) else ""
+    problems.append((loc, texts[0] + near))
+    return _blank(hint)
 
 
-def _typed(kind: Any, notes: tuple[Any, ...], value: Any, loc: Location, problems: list[tuple[Location, str]]) -> Any:
-    """The value as what its annotation says, before its limits."""
-    entries = get_args(kind)
-    expected = ""
-    if is_dataclass(kind):
-        return read_table(cast(type, kind), value, loc, problems)
-    if kind is Any:
-        return value
-    if get_origin(kind) is Literal:
-        if isinstance(value, str | int | float) and not isinstance(value, bool) and value in entries:
-            return entries[entries.index(value)]
-        *some, last = map(repr, entries)
-        near = nearest(value, entries) if isinstance(value, str) and isinstance(entries[0], str) else ""
-        problems.append((loc, f"must be {', '.join(some)}{' or ' if some else ''}{last}, got {shown(value)}{near}"))
-        return _blank(kind)
-    if get_origin(kind) is tuple:
-        rows = cast(list[Any], value) if isinstance(value, list) else []
-        many = entries[-1] is Ellipsis
-        if isinstance(value, list) and (many or len(rows) == len(entries)):
-            kinds = [entries[0]] * len(rows) if many else entries
-            return tuple(
-                _value(k, row, (*loc, i), problems) for i, (k, row) in enumerate(zip(kinds, rows, strict=True))
-            )
-        if many:
-            tables = is_dataclass(_parts(entries[0])[0])
-            expected = f"an array of tables: write [[{_path(loc)}]]" if tables else "an array, as [ ... ]"
-        else:
-            expected = _words(notes) or f"an array of {len(entries)} values"
-    elif get_origin(kind) is not None:
-        if isinstance(value, dict):
-            rows = cast(dict[str, Any], value)
-            return {key: _value(entries[1], row, (*loc, key), problems) for key, row in rows.items()}
-        expected = "a table, as { key = value }"
-    elif kind is float:
-        if isinstance(value, int | float) and not isinstance(value, bool):
-            if math.isfinite(value) or Le(math.inf) in notes:
-                return float(value)
-            expected = "a finite number"
-        else:
-            expected = "a number"
-    elif type(value) is kind:
-        return value
-    else:
-        name = "a name in quotes" if MinLen(1) in notes else "a string in quotes"
-        expected = {bool: "true or false", int: "a whole number"}.get(kind, name)
-    problems.append((loc, f"must be {expected}, got {shown(value)}"))
-    return _blank(kind)
+def _typed(kind: Any, notes: tuple[Any, ...], value: Any, loc: Location, problems: list[Problem]) -> tuple[Any, str]:
+    """The value as what its annotation says, before its limits; and what was expected where it is none."""
+    origin, inner = get_origin(kind), get_args(kind)
+    if is_dataclass(kind) or origin is Mapping:
+        if not isinstance(value, dict):
+            row = f"a table: write [[{_path(loc[:-1])}]]" if isinstance(loc[-1], int) else "a table"
+            return None, row if is_dataclass(kind) else "a table, as { key = value }"
+        table = cast(dict[str, Any], value)
+        if is_dataclass(kind):
+            return _table(cast(type, kind), table, loc, problems), ""
+        return {key: _value(inner[1], entry, (*loc, key), problems) for key, entry in table.items()}, ""
+    if origin is tuple:
+        many = inner[-1] is Ellipsis
+        array = cast(list[Any], value) if isinstance(value, list) else None
+        if array is None or not (many or len(array) == len(inner)):
+            rows = many and is_dataclass(_parts(inner[0])[0])
+            some = f"an array of tables: write [[{_path(loc)}]]" if rows else "an array, as [ ... ]"
+            return None, some if many else _words(notes) or f"an array of {len(inner)} values"
+        kinds = [inner[0]] * len(array) if many else inner
+        return tuple(_value(kinds[i], entry, (*loc, i), problems) for i, entry in enumerate(array)), ""
+    if origin is Literal:
+        if value in inner and not isinstance(value, bool):
+            return inner[inner.index(value)], ""
+        *some, last = map(repr, inner)
+        return None, f"{', '.join(some)}{' or ' if some else ''}{last}"
+    if kind is float:
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            return None, "a number"
+        return float(value), "" if math.isfinite(value) or Le(math.inf) in notes else "a finite number"
+    if kind is Any or type(value) is kind:
+        return value, ""
+    words = "a name in quotes" if MinLen(1) in notes else "a string in quotes"
+    return None, {bool: "true or false", int: "a whole number"}.get(kind, words)
 
 
 def _beyond(limit: Any, value: Any) -> str:
@@ -202,7 +187,7 @@ def _blank(hint: Any) -> Any:
     entries = get_args(kind)
     if get_origin(kind) is tuple:
         return () if entries[-1] is Ellipsis else tuple(map(_blank, entries))
-    if get_origin(kind) not in (None, Literal):
+    if get_origin(kind) is Mapping:
         return {}
     return {float: math.nan, int: math.nan, bool: False, Any: None}.get(kind, "")
 
