@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
@@ -121,13 +120,13 @@ def _rotation(row: EffectRow, law: Law, rotations: list[str]) -> Found:
 def _parameters(law: Law, given: Mapping[str, float], values: Mapping[str, float]) -> Found:
     known = {parameter.name: parameter for parameter in law.parameters}
     forms = [" and ".join(form.required) for form in CATALOGUE[law.name]]
-    wrong = any(map(math.isnan, given.values()))
+    wrong = False
     for name in law.required:
         if name not in values and name != "radius":
             wrong = True
             yield ("parameters",), f"{name} is missing; {law.name} takes {', or '.join(forms)}"
     for name, value in given.items():
-        text = unknown(name, known) if name not in known else None if math.isnan(value) else known[name].problem(value)
+        text = known[name].problem(value) if name in known else unknown(name, known)
         if text:
             wrong = True
             yield ("parameters", name), text

@@ -222,7 +222,7 @@ def _title(document: Any, path: Location) -> str:
     inner = document
     for n, key in enumerate(path):
         value = inner = inner[key]
-        if isinstance(key, int) and (isinstance(value, dict) or words == [f"[[{path[0]}]]"]):
+        if isinstance(key, int) and (n == 1 or isinstance(value, dict)):
             name = value.get("name") if isinstance(value, dict) else None
             row = f"{'.'.join(keys)} {key + 1}" if n > 1 else f"[[{path[0]}]] {key + 1}"
             words = [*(words if n > 1 else []), row + (f' "{name}"' if isinstance(name, str) else "")]

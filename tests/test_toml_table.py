@@ -29,6 +29,7 @@ class Wheel:
 class Spring:
     stiffness: Annotated[float, Ge(0), Le(math.inf)] = math.inf
     factors: Mapping[str, Positive] = field(default_factory=dict[str, float])
+    counts: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -96,7 +97,7 @@ def test_a_table_becomes_the_dataclass_that_it_says() -> None:
         ('sign = "1"', "key sign: must be 1 or -1, got '1'"),
         ("words = 1", "key words: must be a string in quotes, got 1"),
         ("widths = [1]", "key widths: must have at least 2 entries, got [1]"),
-        ("widths = [1, 2.5]", "key widths.1: must be a whole number, got 2.5"),
+        ("spring.counts = [1, 2.5]", "[spring], key counts.1: must be a whole number, got 2.5"),
         ("widths = { a = 1 }", "[widths]: must be an array, as [ ... ], got {'a': 1}"),
         ("spring = 3", "key spring: must be a table, got 3"),
         ("spring.stiffness = -1", "[spring], key stiffness: must be at least 0, got -1"),
@@ -105,7 +106,7 @@ def test_a_table_becomes_the_dataclass_that_it_says() -> None:
         ("spring.factors.a = 0", "[spring], key factors.a: must be above 0, got 0"),
         ("wheels = []", "key wheels: must name at least one, got []"),
         ("wheels = 3", "key wheels: must be an array of tables: write [[wheels]], got 3"),
-        ("wheels = [3]", "key wheels.0: must be a table: write [[wheels]], got 3"),
+        ("wheels = [3]", "[[wheels]] 1: must be a table: write [[wheels]], got 3"),
         ('wheels = [{ name = "a" }, 3]', "[[wheels]] 2: must be a table: write [[wheels]], got 3"),
         ("wheels = [{}]", "[[wheels]] 1, key name: is missing: what the wheel is called"),
         ('wheels = [{ name = "" }]', "[[wheels]] 1 \"\", key name: must be a name, not empty, got ''"),
