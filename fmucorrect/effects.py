@@ -35,8 +35,8 @@ from typing import Any
 
 from fmucorrect import outputs
 from fmucorrect.catalogue import Law, find
-from fmucorrect.effects_schema import OFFSET, parse
-from fmucorrect.errors import WrapError
+from fmucorrect.effects_schema import OFFSET, EffectRow, EffectsTable, parse
+from fmucorrect.errors import WrapError, listed
 from fmucorrect.study import Group, Joint, Rotation
 
 
@@ -124,28 +124,22 @@ def read(path: str | Path) -> Effects:
         data = Path(path).read_bytes()
     except OSError as error:
         raise WrapError(f"cannot be read: {error.strerror}", where=str(path)) from None
-    document = _checked(data, str(path))
-    rows = document.get("effects", ())
-    step = document.get("coupling_step")
+    table = _checked(data, str(path))
     return Effects(
         tuple(
-            ForceEffect(
-                row["effect"], row["joint"], _numbers(row["parameters"]), row.get("rotation", ""), _remarks(row)
-            )
-            for row in rows
-            if row["effect"] != OFFSET
+            ForceEffect(row.effect, row.joint, MappingProxyType(row.parameters), row.rotation or "", _remarks(row))
+            for row in table.effects
+            if row.effect != OFFSET
         ),
         tuple(
-            ParameterOffset(row["joint"], float(row["parameters"]["value"]), _remarks(row))
-            for row in rows
-            if row["effect"] == OFFSET
+            ParameterOffset(row.joint, row.parameters["value"], _remarks(row))
+            for row in table.effects
+            if row.effect == OFFSET
         ),
-        tuple(Joint(**row | {"kinds": tuple(row.get("kinds", ()))}) for row in document.get("joints", ())),
-        tuple(Group(row["name"], tuple(row["joints"])) for row in document.get("groups", ())),
-        tuple(
-            Rotation(row["name"], float(row["radius"]), row.get("speed", "")) for row in document.get("rotations", ())
-        ),
-        None if step is None else float(step),
+        table.joints,
+        table.groups,
+        table.rotations,
+        table.coupling_step,
     )
 
 
@@ -156,25 +150,15 @@ def write(effects: Effects, path: str | Path) -> None:
     outputs.write(path, data)
 
 
-def _checked(data: bytes, where: str) -> dict[str, Any]:
-    document, problems = parse(data)
+def _checked(data: bytes, where: str) -> EffectsTable:
+    table, problems = parse(data)
     if problems:
-        lines = "\n".join(f"  - {problem}" for problem in problems)
-        raise WrapError(f"{len(problems)} problem{'s' if len(problems) > 1 else ''}\n{lines}", where=where)
-    return document
+        raise WrapError(listed(problems), where=where)
+    return table
 
 
-def _numbers(table: Mapping[str, Any]) -> Mapping[str, float]:
-    return MappingProxyType({name: float(value) for name, value in table.items()})
-
-
-def _remarks(row: Mapping[str, Any]) -> Remarks:
-    return Remarks(
-        _numbers(row.get("std", {})),
-        MappingProxyType(dict(row.get("unit", {}))),
-        row.get("equation", ""),
-        None if "probability" not in row else float(row["probability"]),
-    )
+def _remarks(row: EffectRow) -> Remarks:
+    return Remarks(MappingProxyType(row.std), MappingProxyType(row.unit), row.equation, row.probability)
 
 
 def _lines(effects: Effects) -> Iterator[str]:

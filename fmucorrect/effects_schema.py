@@ -1,13 +1,17 @@
-"""What effects.toml may say: keys, the catalogue's parameters and what must fit between them, reported all at once."""
+"""What effects.toml may say: its tables, and what must fit between them and the catalogue."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import Any
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
+
+from annotated_types import Interval
 
 from fmucorrect.catalogue import CATALOGUE, PORTS, Law, find
-from fmucorrect.study_places import Location, by_line, nearest, parse_toml, place, scan
+from fmucorrect.study import Group, Joint, Rotation
+from fmucorrect.study_places import Places
+from fmucorrect.toml_table import Found, Positive, Text, named, read, repeated, those, unknown
 
 OFFSET = "parameter_offset"
 NOT_FORCES = (
@@ -16,216 +20,104 @@ NOT_FORCES = (
 )
 """Effects of the contract that act on signals; no force at a joint expresses them."""
 
-Found = Iterator[tuple[Location, str]]
-Check = Callable[[Any], str | None]
+
+@dataclass(frozen=True)
+class EffectRow:
+    """One of [[effects]]."""
+
+    effect: Annotated[Text, "a name of the catalogue"]
+    joint: Annotated[Text, f"the name of a joint or group; of {OFFSET} the FMU parameter"]
+    parameters: Annotated[Mapping[str, float], "as { friction_force = 512.0 }"]
+    rotation: Text | None = None
+    std: Mapping[str, float] = field(default_factory=dict[str, float])
+    unit: Mapping[str, str] = field(default_factory=dict[str, str])
+    equation: str = ""
+    probability: Annotated[float, Interval(ge=0, le=1)] | None = None
 
 
-def _text(value: Any) -> str | None:
-    return None if isinstance(value, str) and value else f"must be a name in quotes, got {value!r}"
+@dataclass(frozen=True)
+class EffectsTable:
+    """The file. coupling_step: s."""
+
+    format: Annotated[Literal[1], "write format = 1"]
+    coupling_step: Positive | None = None
+    effects: tuple[EffectRow, ...] = ()
+    joints: tuple[Joint, ...] = ()
+    groups: tuple[Group, ...] = ()
+    rotations: tuple[Rotation, ...] = ()
 
 
-def _words(value: Any) -> str | None:
-    return None if isinstance(value, str) else f"must be a string in quotes, got {value!r}"
+def parse(data: bytes) -> tuple[EffectsTable, list[str]]:
+    """What a file says, and all that is wrong with it, a line each, in the order of the file."""
+    table, _, problems = read(data, EffectsTable, _misfits)
+    return table, problems
 
 
-def _number(value: Any) -> str | None:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        return f"must be a finite number, got {value!r}"
-    return None
-
-
-def _positive(value: Any) -> str | None:
-    return _number(value) or (None if value > 0 else f"must be above 0, got {value!r}")
-
-
-def _probability(value: Any) -> str | None:
-    return _number(value) or (None if 0 <= value <= 1 else f"must be between 0 and 1, got {value!r}")
-
-
-def _sign(value: Any) -> str | None:
-    return None if type(value) is int and value in (1, -1) else f"must be 1 or -1, got {value!r}"
-
-
-def _texts(value: Any) -> str | None:
-    fits = isinstance(value, list) and not any(_text(entry) for entry in value)
-    return None if fits else f"must be an array of names, got {value!r}"
-
-
-def _members(value: Any) -> str | None:
-    return _texts(value) or (None if value else "must name at least one joint, got []")
-
-
-def _table(value: Any) -> str | None:
-    return None if isinstance(value, dict) else f"must be a table, as {{ key = value }}, got {value!r}"
-
-
-def _table_of(check: Check) -> Check:
-    def problem(value: Any) -> str | None:
-        wrong = [] if _table(value) else [f"{key} {text}" for key, entry in value.items() if (text := check(entry))]
-        return _table(value) or "; ".join(wrong) or None
-
-    return problem
-
-
-_KEYS: Mapping[str, Mapping[str, Check]] = {
-    "effects": {
-        **{"effect": _text, "joint": _text, "parameters": _table, "rotation": _text},
-        **{"std": _table_of(_number), "unit": _table_of(_words), "equation": _words, "probability": _probability},
-    },
-    "joints": {
-        **{"name": _text, "force": _text, "displacement": _text, "velocity": _text, "nominal_force": _text},
-        **{"acceleration": _text, "sign": _sign, "kinds": _texts},
-    },
-    "groups": {"name": _text, "joints": _members},
-    "rotations": {"name": _text, "radius": _positive, "speed": _text},
-}
-_REQUIRED = {
-    "effects": ("effect", "joint", "parameters"),
-    "joints": ("name", "force", "displacement"),
-    "groups": ("name", "joints"),
-    "rotations": ("name", "radius"),
-}
-
-
-def parse(data: bytes) -> tuple[dict[str, Any], list[str]]:
-    """The document of a file, and all that is wrong with it, a line each, in the order of the file."""
-    text, document, wrong = parse_toml(data)
-    if wrong:
-        return {}, wrong
-    places = scan(text, document)
-    found = [*_shape(document), *_names(document), *_effects(document)]
-    return document, by_line(f"{place(places, loc)}: {text}" for loc, text in found)
-
-
-def _shape(document: Mapping[str, Any]) -> Found:
-    """Keys and types."""
-    if document.get("format") != 1:
-        got = f"must be 1, got {document['format']!r}" if "format" in document else "is missing: write format = 1"
-        yield ("format",), got
-    if text := _positive(document.get("coupling_step", 1)):
-        yield ("coupling_step",), f"{text}, in s"
-    top = ("format", "coupling_step", *_KEYS)
-    yield from (((key,), _unknown(key, top)) for key in document if key not in top)
-    for table, keys in _KEYS.items():
-        rows = document.get(table, [])
-        if not isinstance(rows, list):
-            yield (table,), f"must be an array of tables: write [[{table}]]"
-            continue
-        for i, row in enumerate(rows):
-            if not isinstance(row, dict):
-                yield (table, i), f"must be a table: write [[{table}]]"
-                continue
-            yield from (((table, i, key), "is missing") for key in _REQUIRED[table] if key not in row)
-            for key, value in row.items():
-                if text := keys[key](value) if key in keys else _unknown(key, keys):
-                    yield (table, i, key), text
-
-
-def _unknown(key: str, known: Iterable[str]) -> str:
-    return f"is not known{nearest(key, known) or '; known here: ' + ', '.join(known)}"
-
-
-def _rows(document: Mapping[str, Any], table: str) -> Iterator[tuple[int, dict[str, Any]]]:
-    rows = document.get(table)
-    yield from ((i, row) for i, row in enumerate(rows if isinstance(rows, list) else []) if isinstance(row, dict))
-
-
-def _named(document: Mapping[str, Any], table: str) -> dict[str, dict[str, Any]]:
-    """The rows of a table by their name; those without one are left out."""
-    return {row["name"]: row for _, row in _rows(document, table) if isinstance(row.get("name"), str)}
-
-
-def _names(document: Mapping[str, Any]) -> Found:
-    """Names given twice, and groups of joints that are not there."""
-    seen: dict[str, set[str]] = {"joints": set(), "rotations": set()}
-    for table in ("joints", "groups", "rotations"):
-        taken = seen["rotations" if table == "rotations" else "joints"]
-        for i, row in _rows(document, table):
-            if isinstance(name := row.get("name"), str):
-                if name in taken:
-                    yield (table, i, "name"), f"{name!r} is taken; names must differ"
-                taken.add(name)
-    joints = _named(document, "joints")
-    for i, row in _rows(document, "groups"):
-        for name in [] if _texts(row.get("joints")) else row["joints"]:
+def _misfits(table: EffectsTable, places: Places) -> Found:
+    """What does not fit between values, some of which may be blank: names given twice or not there, parameters of laws."""
+    yield from repeated(named("joints", table.joints) + named("groups", table.groups), places)
+    yield from repeated(named("rotations", table.rotations), places)
+    joints = {joint.name: joint for joint in table.joints}
+    members = {group.name: group.joints for group in table.groups} | {name: (name,) for name in joints}
+    rotations = [rotation.name for rotation in table.rotations]
+    for i, group in enumerate(table.groups):
+        for name in filter(None, group.joints):
             if name not in joints:
-                yield ("groups", i, "joints"), f"there is no joint {name!r}{_those(name, joints)}"
+                yield ("groups", i, "joints"), f"there is no joint {name!r}{those(name, joints)}"
+    for i, row in enumerate(table.effects):
+        if row.effect == OFFSET:
+            found = _offset(row)
+        elif row.effect in CATALOGUE:
+            found = _law(row, joints, members, rotations)
+        else:
+            found = [(("effect",), _no_effect(row.effect))] if row.effect else []
+        yield from ((("effects", i, *loc), text) for loc, text in found)
 
 
-def _those(name: str, known: Iterable[str]) -> str:
-    return nearest(name, known) or f"; there are {', '.join(map(repr, dict.fromkeys(known))) or 'none'}"
-
-
-def _effects(document: Mapping[str, Any]) -> Found:
-    """Names, parameters and joints of effects. What has a wrong type is passed over: _shape reports it."""
-    joints, groups = _named(document, "joints"), _named(document, "groups")
-    rotations = _named(document, "rotations")
-    for i, row in _rows(document, "effects"):
-        name, joint, given = row.get("effect"), row.get("joint"), row.get("parameters")
-        if not isinstance(name, str) or not name:
-            continue
-        if name == OFFSET:
-            yield from (((*("effects", i), *loc), text) for loc, text in _offset(row))
-            continue
-        if name not in CATALOGUE:
-            yield ("effects", i, "effect"), _no_effect(name)
-            continue
-        values = dict(given) if isinstance(given, dict) else {}
-        if "rotation" in row:
-            values["radius"] = 1.0
-        law = find(name, values)
-        yield from (((*("effects", i), *loc), text) for loc, text in _rotation(row, law, rotations))
-        if isinstance(given, dict):
-            yield from (((*("effects", i), *loc), text) for loc, text in _parameters(law, given, values))
-        if isinstance(joint, str) and joint:
-            if joint not in joints and joint not in groups:
-                yield (
-                    ("effects", i, "joint"),
-                    f"there is no joint or group {joint!r}{_those(joint, [*joints, *groups])}",
-                )
-            members = [joint] if joint in joints else groups.get(joint, {}).get("joints", [])
-            for member in [] if _texts(members) else members:
-                yield from (
-                    (("effects", i, "joint"), f"{name} needs the {port} of joint {member!r}, which gives none")
-                    for port in PORTS
-                    if port in law.inputs and port != "velocity" and member in joints and port not in joints[member]
-                )
+def _law(
+    row: EffectRow, joints: Mapping[str, Joint], members: Mapping[str, Iterable[str]], rotations: list[str]
+) -> Found:
+    values = {**row.parameters, **({} if row.rotation is None else {"radius": 1.0})}
+    law = find(row.effect, values)
+    yield from _rotation(row, law, rotations)
+    yield from _parameters(law, row.parameters, values)
+    if row.joint and row.joint not in members:
+        yield ("joint",), f"there is no joint or group {row.joint!r}{those(row.joint, [*joints, *members])}"
+    for name in members.get(row.joint, ()):
+        for port in PORTS:
+            if port in law.inputs and port != "velocity" and name in joints and not getattr(joints[name], port):
+                yield ("joint",), f"{row.effect} needs the {port} of joint {name!r}, which gives none"
 
 
 def _no_effect(name: str) -> str:
     if name in NOT_FORCES:
         return f"{name!r} acts on a signal: it is no force at a joint, and a wrapped FMU cannot express it yet"
     known = [*CATALOGUE, OFFSET]
-    return f"there is no effect {name!r}{nearest(name, known) or '; known are ' + ', '.join(known)}"
+    return f"there is no effect {name!r}{those(name, known, 'known are')}"
 
 
-def _offset(row: Mapping[str, Any]) -> Found:
-    given = row.get("parameters")
-    if isinstance(given, dict):
-        yield from ((("parameters", key), _unknown(key, ["value"])) for key in given if key != "value")
-        if "value" not in given:
-            yield ("parameters",), "value is missing"
-        elif text := _number(given["value"]):
-            yield ("parameters", "value"), text
-    if "rotation" in row:
+def _offset(row: EffectRow) -> Found:
+    yield from ((("parameters", key), unknown(key, ["value"])) for key in row.parameters if key != "value")
+    if "value" not in row.parameters:
+        yield ("parameters",), "value is missing"
+    if row.rotation is not None:
         yield ("rotation",), f"has no meaning for {OFFSET}"
 
 
-def _rotation(row: Mapping[str, Any], law: Law, rotations: Mapping[str, Any]) -> Found:
-    name, given = row.get("rotation"), row.get("parameters")
+def _rotation(row: EffectRow, law: Law, rotations: list[str]) -> Found:
     turns = any(parameter.name == "radius" for parameter in law.parameters)
-    if name is None:
-        if turns and not (isinstance(given, dict) and "radius" in given):
-            yield ("rotation",), f"is missing: the name of one of [[rotations]]{_those('', rotations)}"
+    if row.rotation is None:
+        if turns and "radius" not in row.parameters:
+            yield ("rotation",), f"is missing: the name of one of [[rotations]]{those('', rotations)}"
     elif not turns:
         yield ("rotation",), f"has no meaning for {law.name} with these parameters; `order` counts its revolutions"
-    elif isinstance(given, dict) and "radius" in given:
+    elif "radius" in row.parameters:
         yield ("rotation",), "gives the radius: write either of them"
-    elif isinstance(name, str) and name not in rotations:
-        yield ("rotation",), f"there is no rotation {name!r}{_those(name, rotations)}"
+    elif row.rotation and row.rotation not in rotations:
+        yield ("rotation",), f"there is no rotation {row.rotation!r}{those(row.rotation, rotations)}"
 
 
-def _parameters(law: Law, given: Mapping[str, Any], values: Mapping[str, Any]) -> Found:
+def _parameters(law: Law, given: Mapping[str, float], values: Mapping[str, float]) -> Found:
     known = {parameter.name: parameter for parameter in law.parameters}
     forms = [" and ".join(form.required) for form in CATALOGUE[law.name]]
     wrong = False
@@ -234,11 +126,11 @@ def _parameters(law: Law, given: Mapping[str, Any], values: Mapping[str, Any]) -
             wrong = True
             yield ("parameters",), f"{name} is missing; {law.name} takes {', or '.join(forms)}"
     for name, value in given.items():
-        text = _number(value) or known[name].problem(float(value)) if name in known else _unknown(name, known)
+        text = known[name].problem(value) if name in known else unknown(name, known)
         if text:
             wrong = True
             yield ("parameters", name), text
     if not wrong and all(name in values for name in law.required):
-        full = {p.name: float(values.get(p.name, p.default)) for p in law.parameters}
+        full = {p.name: values.get(p.name, p.default or 0.0) for p in law.parameters}
         if text := law.check(full):
             yield ("parameters",), text

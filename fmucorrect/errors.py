@@ -37,6 +37,12 @@ def one_line(text: str) -> str:
     return printable(text).replace("\n", "\\n")
 
 
+def listed(problems: Sequence[str]) -> str:
+    """How many there are, and a line for each."""
+    lines = "\n".join(f"  - {printable(problem)}" for problem in problems)
+    return f"{len(problems)} problem{'s' if len(problems) > 1 else ''}\n{lines}"
+
+
 SHOWN = 30
 """Most names that the text lists; JSON has them all."""
 
@@ -90,8 +96,7 @@ class StudyError(FmucorrectError):
 
     def __init__(self, path: str, problems: list[str]) -> None:
         self.problems = problems
-        lines = "\n".join(f"  - {printable(problem)}" for problem in problems)
-        super().__init__(f"{one_line(path)}: {len(problems)} problem{'s' if len(problems) > 1 else ''}\n{lines}")
+        super().__init__(listed(problems), where=path)
 
 
 class RecordError(FmucorrectError):

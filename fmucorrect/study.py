@@ -12,11 +12,13 @@ from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 from fmucorrect import sketch
 from fmucorrect.errors import SignalError, StudyError
 from fmucorrect.signals import NANOSECONDS, Channel, Condition, Reading
 from fmucorrect.study_places import Location, Places, by_line, like, misfit, nearest, place
+from fmucorrect.study_schema import Excitation, Group, Joint, Rotation, read_study
 from fmucorrect.study_training import Training
 from fmucorrect.units import NONE, Unit, parse
 
@@ -42,58 +44,6 @@ class Simulation:
     def step_size(self) -> float:
         """The communication step in s."""
         return self.step_ns / NANOSECONDS
-
-
-@dataclass(frozen=True)
-class Excitation:
-    """A known input that is recorded on both sides, for time registration.
-
-    simulation: FMU output or input variable. measurement: column of the measured record. kind: "command", what was
-    asked for, or "actual", what was measured; only an actual motion can show an excitation error by itself.
-    """
-
-    simulation: str
-    measurement: str
-    kind: str
-
-
-@dataclass(frozen=True)
-class Joint:
-    """A place where a missing force may act.
-
-    force: FMU input, N or N.m, where a positive value opposes a positive displacement once multiplied by `sign`.
-    displacement: FMU output, m or rad; it need not belong to the force. velocity: FMU output, m/s or rad/s, "" where it
-    is to be differentiated. nominal_force: FMU output, N or N.m, what the model's own element gives, or "".
-    acceleration: FMU output, m/s2 or rad/s2, absolute, of the body that an added mass would sit on, or "".
-    sign: 1, or -1 where the FMU's input has the opposite convention. kinds: families tried here, () for all.
-    """
-
-    name: str
-    force: str
-    displacement: str
-    velocity: str = ""
-    nominal_force: str = ""
-    acceleration: str = ""
-    sign: int = 1
-    kinds: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class Group:
-    """Joints, by name, where one law acts alike."""
-
-    name: str
-    joints: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Rotation:
-    """What turns with the speed. radius: m; order n means n * speed / (2 pi radius). speed: the FMU's variable for the
-    vehicle's speed, in effects.toml; a study's conditions have it."""
-
-    name: str
-    radius: float
-    speed: str = ""
 
 
 @dataclass(frozen=True)
@@ -193,31 +143,27 @@ class Study:
 
 def load_study(path: str | Path) -> Study:
     """The study that a TOML file holds. Raises StudyError with every problem of the file, each with its line."""
-    from fmucorrect.study_schema import read  # pydantic stays there
-
     file = Path(path).resolve()
     try:
         data = file.read_bytes()
     except OSError as error:
         raise StudyError(str(path), [f"cannot be read: {error.strerror}"]) from None
-    table, places, problems = read(data, file.parent)
-    if table is None or problems:
+    table, places, problems = read_study(data, file.parent)
+    if problems:
         raise StudyError(str(path), problems)
 
     def resolve(name: str | None) -> Path | None:
         return None if name is None else (file.parent / name).resolve()
 
-    channels = [Channel(**row.model_dump(exclude_none=True)) for row in table.channels]
+    elsewhere = ("parameters", "inputs", "measurement", "simulated", "records")
     conditions = [
         Condition(
-            **row.model_dump(exclude={"parameters", "free", "inputs", "measurement", "simulated", "quiet", "records"}),
+            **{key: value for key, value in vars(row).items() if key not in elsewhere},
             parameters=MappingProxyType(row.parameters),
-            free=tuple(row.free),
             inputs=resolve(row.inputs),
             measurement=resolve(row.measurement),
             simulated=resolve(row.simulated),
-            quiet=None if row.quiet is None else (row.quiet[0], row.quiet[1]),
-            clock=row.records.clock if row.records.clock is not None else table.records.clock,
+            clock=_clock(row.records.clock, table.records.clock),
             reading=Reading(
                 MappingProxyType({**table.records.columns, **row.records.columns}),
                 MappingProxyType({**table.records.units, **row.records.units}),
@@ -229,12 +175,9 @@ def load_study(path: str | Path) -> Study:
         )
         for row in table.conditions
     ]
-    joints = [
-        Joint(**row.model_dump(exclude={"kinds"}, exclude_none=True), kinds=tuple(row.kinds)) for row in table.joints
-    ]
     adjustable = [
         Adjustable(
-            tuple(row.parameters or [row.parameter or ""]), **row.model_dump(exclude={"parameter", "parameters"})
+            row.parameters or (row.parameter or "",), row.minimum, row.maximum, row.tolerance, row.absolute_tolerance
         )
         for row in table.adjustable
     ]
@@ -251,16 +194,22 @@ def load_study(path: str | Path) -> Study:
             simulation.tolerance,
             MappingProxyType(simulation.units),
         ),
-        channels=tuple(channels),
+        channels=tuple(Channel(**vars(row)) for row in table.channels),
         conditions=tuple(conditions),
-        excitation=None if table.excitation is None else Excitation(**table.excitation.model_dump()),
-        joints=tuple(joints),
-        groups=tuple(Group(row.name, tuple(row.joints)) for row in table.groups),
-        rotations=tuple(Rotation(row.name, row.radius) for row in table.rotations),
+        excitation=table.excitation,
+        joints=table.joints,
+        groups=table.groups,
+        rotations=table.rotations,
         adjustable=tuple(adjustable),
         training=table.training,
         places=MappingProxyType(places),
     )
+
+
+def _clock(*clocks: Any) -> str | float | None:
+    """The first that is said; a whole number of seconds is a number, too."""
+    clock = next((clock for clock in clocks if clock is not None), None)
+    return float(clock) if isinstance(clock, int) else clock
 
 
 NO_TEXT: Mapping[str, str] = MappingProxyType({})

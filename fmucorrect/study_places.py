@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from difflib import SequenceMatcher, get_close_matches
 from glob import has_magic
-from itertools import islice
+from itertools import islice, takewhile
 from pathlib import Path
 from typing import Any
 
@@ -28,8 +29,8 @@ LONGEST_TEXT = 4096
 MOST_NAMES = 1000
 """Files beside a missing one among which a similar name is looked for."""
 
-MOST_SCANNED = 16 * 2**20
-"""Characters that are parsed to find lines: a value over several lines is parsed again at each of them."""
+MOST_PLACES = 2**17
+"""Keys and entries of arrays whose lines are kept: a file of the largest size may have millions."""
 
 Places = Mapping[Location, str]
 """Where each value stands, in words: `line 16, [[channels]] 2 "FB", key unit`."""
@@ -55,7 +56,8 @@ def place(places: Places, loc: Location) -> str:
     """The place of a value, or the place of the table that it is missing from and the key."""
     known = next(loc[:n] for n in range(len(loc), -1, -1) if loc[:n] in places)
     rest = ".".join(str(key) for key in loc[len(known) :])
-    return f"{places[known]}, key {rest}" if rest else places[known]
+    mark = "." if ", key " in places[known] else ", key "
+    return f"{places[known]}{mark}{rest}" if rest else places[known]
 
 
 def parse_toml(data: bytes) -> tuple[str, dict[str, Any], list[str]]:
@@ -125,65 +127,113 @@ def _is_recording(path: Path) -> bool:
 def scan(text: str, document: Mapping[str, Any]) -> Places:
     """The places of a valid TOML text, which `document` is the content of.
 
-    A table stands at its header, a key at the line where it begins; what is inside an inline value, at that line too. What
-    stands behind values of thousands of lines, which take too long to be scanned, is left out.
+    A table stands at its header, a key where it begins, an entry of an array at its own line. What is nested too deeply, or
+    stands behind so many values that nobody wrote them by hand, is left out.
     """
     places: dict[Location, str] = {(): "line 1"}
-    budget = MOST_SCANNED
-    counts: dict[str, int] = {}
-    prefix: Location = ()
-    statement, first = "", 0
-    for number, line in enumerate(text.split("\n"), start=1):
-        statement, first = (f"{statement}\n{line}", first) if statement else (line, number)
-        budget -= len(statement)
-        if budget < 0:
-            break
-        try:
-            parsed = tomllib.loads(statement)
-        except tomllib.TOMLDecodeError:
-            continue  # goes on in the next line
-        start, statement = statement.lstrip(), ""
-        if start.startswith("["):
-            keys = list(_header(parsed))
-            if start.startswith("[[") and len(keys) == 1:
-                counts[keys[0]] = counts.get(keys[0], -1) + 1
-                places.setdefault((keys[0],), f"line {number}, [[{keys[0]}]]")
-            row = (counts[keys[0]],) if keys[0] in counts else ()
-            prefix = (keys[0], *row, *keys[1:])
-            places.setdefault(prefix, f"line {number}, {_title(document, prefix)}")
-        for path in _paths(parsed, ()) if not start.startswith("[") else ():
-            places.setdefault((*prefix, *path), f"line {first}, {_title(document, (*prefix, *path))}")
+    for path, line in islice(_positions(_tokens(text)), MOST_PLACES):
+        for n in range(1, len(path) + 1):
+            if path[:n] not in places:
+                places[path[:n]] = f"line {line}, {_title(document, path[:n])}"
     return places
 
 
-def _header(parsed: Any) -> Iterator[str]:
-    """The keys of `[a.b]` or `[[a.b]]`, parsed alone."""
-    while parsed:
-        if isinstance(parsed, list):
-            parsed = parsed[0]
-            continue
-        key, parsed = next(iter(parsed.items()))
-        yield key
+_TOKEN = re.compile(
+    r'"""(?:\\.|[^\\])*?"{3,5}'
+    r"|\'{3}.*?\'{3,5}"
+    r'|"(?:\\.|[^"\\\n])*"'
+    r"|'[^'\n]*'"
+    r"|#[^\n]*|[\[\]{},=\n]|[^\s\[\]{},=\"'#]+",
+    re.DOTALL,
+)
+"""Strings, comments, marks and line ends, and what stands bare between them."""
+
+_Tokens = Iterator[tuple[str, int]]
+"""Each with its line."""
 
 
-def _paths(value: Any, prefix: Location) -> Iterator[Location]:
-    rows = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
-    for key, inner in rows:
-        yield (*prefix, key)
-        yield from _paths(inner, (*prefix, key))
+def _tokens(text: str) -> _Tokens:
+    line = 1
+    for match in _TOKEN.finditer(text):
+        if not match[0].startswith("#"):
+            yield match[0], line
+        line += match[0].count("\n")
 
 
-def _title(document: Mapping[str, Any], path: Location) -> str:
-    """`[[channels]] 2 "FB", key unit` of a path."""
-    table, keys = str(path[0]), path[1:]
-    value = document[table]
-    title = f"[{table}]" if isinstance(value, dict) else f"key {table}"
-    if isinstance(value, list) and keys:
-        number, *keys = keys
-        row = value[int(number)]
-        name = row.get("name") if isinstance(row, dict) else None
-        title = f"[[{table}]] {int(number) + 1}" + (f' "{name}"' if isinstance(name, str) else "")
-    return f"{title}, key {'.'.join(map(str, keys))}" if keys else title
+def _positions(tokens: _Tokens, path: Location = (), opened: str = "") -> Iterator[tuple[Location, int]]:
+    """Headers, keys and entries of arrays, each with the line where it begins, inside of what `opened` begins: an array, a
+    table in braces, the file (""), or another value, inside of which there is nothing."""
+    rows: dict[Location, int] = {}
+    key, first, index, fresh = "", 0, 0, True
+    for token, line in tokens if opened in ("", "[", "{") else ():
+        if (opened, token) in (("[", "]"), ("{", "}")):
+            return
+        if token in ("\n", ","):
+            key, index, fresh = "", index + (token == ","), fresh or token == ","
+        elif opened == "[":
+            if fresh:  # a date and a time are two tokens
+                fresh = False
+                if len(path) < DEEPEST:
+                    yield (*path, index), line
+                yield from _positions(tokens, (*path, index), token)
+        elif token == "=":
+            inner = (*path, *_keys(key))
+            if len(inner) <= DEEPEST:
+                yield inner, first
+            yield from _positions(tokens, inner, next(tokens)[0])
+        elif token == "[" and not key:
+            path = _header(tokens, rows)
+            yield path, line
+        else:
+            key, first = key + token, first if key else line
+
+
+def _header(tokens: _Tokens, rows: dict[Location, int]) -> Location:
+    """The table that a header, of which "[" is read, begins. rows: the last row of each array of tables so far."""
+    name = "".join(token for token, _ in takewhile(lambda item: item[0] != "]", tokens))
+    *above, last = _keys(name.removeprefix("["))
+    path: Location = ()
+    for key in above:
+        path = (*path, key)
+        path = (*path, rows[path]) if path in rows else path
+    path = (*path, last)
+    if name.startswith("["):
+        rows[path] = rows.get(path, -1) + 1
+        return (*path, rows[path])
+    return path
+
+
+def _keys(text: str) -> list[str]:
+    """The keys of a dotted one."""
+    if not {'"', "'"} & {*text}:
+        return text.split(".")
+    keys: list[str] = []
+    inner: Any = tomllib.loads(f"{text} = 0")
+    while inner:
+        key, inner = next(iter(inner.items()))
+        keys.append(key)
+    return keys
+
+
+def _title(document: Any, path: Location) -> str:
+    """`[[channels]] 2 "FB", key unit` of a path, or `[preload], supports 2 "left", key upper`."""
+    words: list[str] = []
+    keys: list[str] = []
+    inner = document
+    for n, key in enumerate(path):
+        value = inner = inner[key]
+        if isinstance(key, int) and (n == 1 or isinstance(value, dict)):
+            name = value.get("name") if isinstance(value, dict) else None
+            row = f"{'.'.join(keys)} {key + 1}" if n > 1 else f"[[{path[0]}]] {key + 1}"
+            words = [*(words if n > 1 else []), row + (f' "{name}"' if isinstance(name, str) else "")]
+            keys = []
+        elif n == 0 and isinstance(value, dict):
+            words = [f"[{key}]"]
+        elif n == 0 and isinstance(value, list) and value and isinstance(value[0], dict):
+            words = [f"[[{key}]]"]
+        else:
+            keys.append(str(key))
+    return ", ".join([*words, *([f"key {'.'.join(keys)}"] if keys else [])])
 
 
 def misfit(

@@ -1,21 +1,22 @@
-"""What a study file may say: its tables as pydantic models, and what must fit between them.
-
-Imported by study.load_study only when a file is read; nothing of pydantic leaves this module.
-"""
+"""What a study file may say: its tables, and what must fit between them."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from decimal import Decimal
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, ValidationError
+from annotated_types import Gt, Interval, Le, MinLen
 
-from fmucorrect import study_training_schema, units
+from fmucorrect import study_training, units
 from fmucorrect.errors import SignalError
-from fmucorrect.study_places import Location, Places, by_line, missing_file, nearest, parse_toml, place, scan
-from fmucorrect.study_validation import Table, message
+from fmucorrect.signals import Reading
+from fmucorrect.study_places import Location, Places, missing_file, nearest
+from fmucorrect.study_training import Training
+from fmucorrect.toml_table import Found, NotNegative, Positive, Sign, Text, named, read, repeated, shown, those
 
 _QUANTITIES = {
     "displacement": ("m",),
@@ -53,253 +54,242 @@ FASTEST_RATE = 1e9
 """Hz of samples that still have stamps of their own, in whole ns."""
 
 
-def _step(seconds: float) -> float:
+def _step(seconds: float) -> str:
     if seconds <= 0:
-        raise ValueError(f"must be positive, in s, got {seconds}")
+        return f"must be positive, in s, got {seconds}"
     if not 1e-9 <= seconds <= LONGEST_STEP:
-        raise ValueError(f"must be between 1e-09 and {LONGEST_STEP:g} s, got {seconds!r}")
+        return f"must be between 1e-09 and {LONGEST_STEP:g} s, got {seconds!r}"
     nanoseconds = Decimal(repr(seconds)) * 1_000_000_000
     if nanoseconds % 1:
         below = int(nanoseconds)
         near = f"{below / 1e9!r} or {(below + 1) / 1e9!r}" if below else "1e-09"
-        raise ValueError(f"must be a whole number of nanoseconds, got {seconds!r} s; the nearest is {near}")
-    return seconds
+        return f"must be a whole number of nanoseconds, got {seconds!r} s; the nearest is {near}"
+    return ""
 
 
-def _interval(bounds: list[float]) -> list[float]:
+def _interval(bounds: tuple[float, float]) -> str:
     if bounds[0] < 0:
-        raise ValueError(f"must not begin before 0 s, got {bounds}")
+        return f"must not begin before 0 s, got {[*bounds]}"
     if bounds[1] <= bounds[0]:
-        raise ValueError(f"must end after it begins, in s, got {bounds}; write it as [{bounds[1]}, {bounds[0]}]")
-    return bounds
+        return f"must end after it begins, in s, got {[*bounds]}; write it as [{bounds[1]}, {bounds[0]}]"
+    return ""
 
 
-Text = Annotated[str, Field(min_length=1)]
-Number = Annotated[float, Field(allow_inf_nan=False)]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Feature = Annotated[float, Field(ge=0, le=FASTEST)]
-Sign = Literal[1, -1]
-Rate = Annotated[float, Field(gt=0, le=FASTEST_RATE)]
+def _clock(value: object) -> str:
+    if value in CLOCKS or (isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= LONGEST):
+        return ""
+    guess = nearest(value, CLOCKS) if isinstance(value, str) else ""
+    return f"must be {' or '.join(map(repr, CLOCKS))}, or a time in s, got {shown(value)}{guess}"
 
 
-class SimulationTable(Table):
+Feature = Annotated[float, Interval(ge=0, le=FASTEST)]
+
+
+@dataclass(frozen=True)
+class SimulationTable:
+    """[simulation]. units: also the FMU's own, which check_study knows."""
+
+    step_size: Annotated[float, _step, "the communication step in s, as step_size = 0.001"]
     fmu: Text | None = None
-    step_size: Annotated[float, Field(allow_inf_nan=False), AfterValidator(_step)] = Field(
-        description="the communication step in s, as step_size = 0.001"
-    )
-    parameters: dict[str, Number] = {}
-    step_timeout: Positive | None = Field(None, description="s that the solver may take for one step")
+    parameters: Mapping[str, float] = field(default_factory=dict[str, float])
+    step_timeout: Positive | None = None
     tolerance: Positive | None = None
-    units: dict[str, str] = {}  # any of the FMU's own, too: _across
+    units: Mapping[str, str] = field(default_factory=dict[str, str])
 
 
-class ChannelRow(Table):
-    name: Text = Field(description="what the channel is called")
-    simulation: Text = Field(description="FMU output variable, or column of the simulated record")
-    measurement: Text = Field(description="column of the measured record")
-    quantity: Quantity = Field(description=f"one of {', '.join(_QUANTITIES)}")
-    unit: str = Field(description="unit of the corrected output, as 'mm'")  # or one of the FMU's own: _across
+@dataclass(frozen=True)
+class ChannelRow:
+    """One of [[channels]], with the keys of signals.Channel. unit: also one of the FMU's own, which check_study knows."""
+
+    name: Annotated[Text, "what the channel is called"]
+    simulation: Annotated[Text, "FMU output variable, or column of the simulated record"]
+    measurement: Annotated[Text, "column of the measured record"]
+    quantity: Annotated[Quantity, f"one of {', '.join(_QUANTITIES)}"]
+    unit: Annotated[str, "unit of the corrected output, as 'mm'"]
     axis: str = ""
     positive: str = ""
     frame: str = ""
     noise: NotNegative | None = None
     measurement_sign: Sign = 1
-    acceleration: Text | None = None
+    acceleration: Text = ""
 
 
-class ExcitationTable(Table):
-    simulation: Text = Field(description="FMU output or input variable")
-    measurement: Text = Field(description="column of the measured record")
-    kind: Literal["command", "actual"] = Field(description="'command' or 'actual'")
+@dataclass(frozen=True)
+class Excitation:
+    """A known input that is recorded on both sides, for time registration.
+
+    simulation: FMU output or input variable. measurement: column of the measured record. kind: "command", what was
+    asked for, or "actual", what was measured; only an actual motion can show an excitation error by itself.
+    """
+
+    simulation: Annotated[Text, "FMU output or input variable"]
+    measurement: Annotated[Text, "column of the measured record"]
+    kind: Annotated[Literal["command", "actual"], "'command' or 'actual'"]
 
 
-class JointRow(Table):
-    name: Text = Field(description="what the joint is called")
-    force: Text = Field(description="FMU input, N or Nm")
-    displacement: Text = Field(description="FMU output, m or rad")
-    velocity: Text | None = None
-    nominal_force: Text | None = None
-    acceleration: Text | None = None
+@dataclass(frozen=True)
+class Joint:
+    """A place where a missing force may act.
+
+    force: FMU input, N or N.m, where a positive value opposes a positive displacement once multiplied by `sign`.
+    displacement: FMU output, m or rad; it need not belong to the force. velocity: FMU output, m/s or rad/s, "" where it
+    is to be differentiated. nominal_force: FMU output, N or N.m, what the model's own element gives, or "".
+    acceleration: FMU output, m/s2 or rad/s2, absolute, of the body that an added mass would sit on, or "".
+    sign: 1, or -1 where the FMU's input has the opposite convention. kinds: families tried here, () for all.
+    """
+
+    name: Annotated[Text, "what the joint is called"]
+    force: Annotated[Text, "FMU input, N or Nm"]
+    displacement: Annotated[Text, "FMU output, m or rad"]
+    velocity: Text = ""
+    nominal_force: Text = ""
+    acceleration: Text = ""
     sign: Sign = 1
-    kinds: list[Text] = []
+    kinds: tuple[Text, ...] = ()
 
 
-class GroupRow(Table):
-    name: Text = Field(description="what the group is called")
-    joints: Annotated[list[Text], Field(min_length=1)] = Field(description="names of joints where one law acts alike")
+@dataclass(frozen=True)
+class Group:
+    """Joints, by name, where one law acts alike."""
+
+    name: Annotated[Text, "what the group is called"]
+    joints: Annotated[tuple[Text, ...], MinLen(1), "names of joints where one law acts alike"]
 
 
-class RotationRow(Table):
-    name: Text = Field(description="what turns")
-    radius: Positive = Field(description="m")
+@dataclass(frozen=True)
+class Rotation:
+    """What turns with the speed. radius: m; order n means n * speed / (2 pi radius). speed: the FMU's variable for the
+    vehicle's speed, in effects.toml; a study's conditions have it."""
+
+    name: Annotated[Text, "what turns"]
+    radius: Annotated[Positive, "of its rolling circle, m"]
+    speed: Text = ""
 
 
-class AdjustableRow(Table):
+@dataclass(frozen=True)
+class AdjustableRow:
+    """One of [[adjustable]]: one parameter, or several."""
+
+    minimum: Annotated[float, "lower bound"]
+    maximum: Annotated[float, "upper bound"]
     parameter: Text | None = None
-    parameters: Annotated[list[Text], Field(min_length=1)] | None = None
-    minimum: Number = Field(description="lower bound")
-    maximum: Number = Field(description="upper bound")
+    parameters: Annotated[tuple[Text, ...], MinLen(1)] | None = None
     tolerance: Positive | None = None
     absolute_tolerance: Positive | None = None
 
 
-def _clock(value: object) -> str | float:
-    if value in CLOCKS or (isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= LONGEST):
-        return value if isinstance(value, str) else float(value)  # type: ignore[arg-type]
-    guess = nearest(value, CLOCKS) if isinstance(value, str) else ""
-    raise ValueError(f"must be {' or '.join(map(repr, CLOCKS))}, or a time in s, got {value!r}{guess}")
+@dataclass(frozen=True)
+class RecordsTable(Reading):
+    """[records], and `records` of a condition: what is known of record files, and where measurements lie in time."""
 
-
-class RecordsTable(Table):
-    time: str = ""
-    rate: Rate = 0.0
-    clock: Annotated[Any, AfterValidator(_clock)] = None
-    repair: str = ""
-    units: dict[str, str] = {}  # any of the FMU's own, too: _across
-    columns: dict[str, Text] = {}
-    delimiter: str = ""
+    columns: Mapping[str, Text] = field(default_factory=dict[str, str])
+    rate: Annotated[float, Gt(0), Le(FASTEST_RATE)] = 0.0
     decimal: Literal["", ".", ","] = ""
-    encoding: str = ""
+    clock: Annotated[Any, _clock] = None
 
 
-class ConditionRow(Table):
-    name: Text = Field(description="name, role and measurement are required")
-    role: Literal["development", "evaluation"] = Field(description="'development' or 'evaluation'")
+@dataclass(frozen=True)
+class ConditionRow:
+    """One of [[conditions]], with the keys of signals.Condition but for `records`; files are relative to the study's."""
+
+    name: Annotated[Text, "name, role and measurement are required"]
+    role: Annotated[Literal["development", "evaluation"], "'development' or 'evaluation'"]
+    measurement: Annotated[Text, "the measured record's file; name, role and measurement are required"]
     speed: Feature = 0.0
     amplitude: Feature = 0.0
     frequency: Feature = 0.0
-    start: Annotated[float, Field(ge=-LONGEST, le=LONGEST)] = 0.0
-    parameters: dict[str, Number] = {}
-    free: list[Text] = []
+    start: Annotated[float, Interval(ge=-LONGEST, le=LONGEST)] = 0.0
+    parameters: Mapping[str, float] = field(default_factory=dict[str, float])
+    free: tuple[Text, ...] = ()
     inputs: Text | None = None
-    measurement: Text = Field(description="the measured record's file; name, role and measurement are required")
     simulated: Text | None = None
-    quiet: Annotated[list[Number], Field(min_length=2, max_length=2), AfterValidator(_interval)] | None = None
+    quiet: Annotated[tuple[float, float], "of two numbers, as [begin, end]", _interval] | None = None
     score: Literal["all", "steady"] = "all"
     records: RecordsTable = RecordsTable()
 
 
-class StudyTable(Table):
-    format: Literal[1] = Field(description="write format = 1")
+@dataclass(frozen=True)
+class StudyTable:
+    """The file."""
+
+    format: Annotated[Literal[1], "write format = 1"]
+    simulation: Annotated[SimulationTable, "write a [simulation] table with step_size and, where an FMU is run, fmu"]
+    channels: Annotated[tuple[ChannelRow, ...], MinLen(1), "write one [[channels]] table a response channel"]
+    conditions: Annotated[tuple[ConditionRow, ...], MinLen(1), "write one [[conditions]] table a condition"]
     name: str = ""
-    simulation: SimulationTable = Field(
-        description="write a [simulation] table with step_size and, where an FMU is run, fmu"
-    )
-    channels: Annotated[list[ChannelRow], Field(min_length=1)] = Field(
-        description="write one [[channels]] table a response channel"
-    )
-    excitation: ExcitationTable | None = None
-    joints: list[JointRow] = []
-    groups: list[GroupRow] = []
-    rotations: list[RotationRow] = []
-    adjustable: list[AdjustableRow] = []
-    training: Any = None  # study_training_schema reads it
+    excitation: Excitation | None = None
+    joints: tuple[Joint, ...] = ()
+    groups: tuple[Group, ...] = ()
+    rotations: tuple[Rotation, ...] = ()
+    adjustable: tuple[AdjustableRow, ...] = ()
+    training: Training = field(default_factory=Training)
     records: RecordsTable = RecordsTable()
-    conditions: Annotated[list[ConditionRow], Field(min_length=1)] = Field(
-        description="write one [[conditions]] table a condition"
-    )
 
 
-_TABLES: dict[str | int, type[Table]] = {
-    "simulation": SimulationTable,
-    "channels": ChannelRow,
-    "excitation": ExcitationTable,
-    "joints": JointRow,
-    "groups": GroupRow,
-    "rotations": RotationRow,
-    "adjustable": AdjustableRow,
-    "records": RecordsTable,
-    "conditions": ConditionRow,
-}
+def read_study(data: bytes, folder: Path) -> tuple[StudyTable, Places, list[str]]:
+    """What a file says whose paths are relative to `folder`, where its values stand, and all that is wrong."""
+    return read(data, StudyTable, partial(_misfits, folder=folder))
 
 
-def read(data: bytes, folder: Path) -> tuple[StudyTable | None, Places, list[str]]:
-    """The tables of a file whose paths are relative to `folder`, where its values stand, and all that is wrong.
-
-    The tables are None when a single one is wrong; they are there but not to be used when they do not fit together.
-    """
-    text, document, wrong = parse_toml(data)
-    if wrong:
-        return None, {}, wrong
-    places = scan(text, document)
-    table, problems = None, list(_across(document, folder, places))
-    training, wrong = study_training_schema.read(document)
-    problems += [f"{place(places, loc)}: {text}" for loc, text in wrong]
-    try:
-        table = StudyTable.model_validate(document | {"training": training})
-    except ValidationError as error:
-        for item in error.errors():
-            at = item["loc"]
-            inner = RecordsTable if "records" in at[1:-1] else _TABLES[at[0]] if len(at) > 1 else StudyTable
-            fields = inner.model_fields
-            problems.append(f"{place(places, item['loc'])}: {message(dict(item), fields)}")
-    return table, places, by_line(problems)
-
-
-def _rows(document: Mapping[str, Any], table: str) -> Iterator[tuple[int, dict[str, Any]]]:
-    rows = document.get(table)
-    yield from ((i, row) for i, row in enumerate(rows if isinstance(rows, list) else []) if isinstance(row, dict))
-
-
-def _across(document: Mapping[str, Any], folder: Path, places: Places) -> Iterator[str]:
-    """What does not fit between values. Values of a wrong type are passed over: validation reports them."""
-    names: dict[str, dict[str, Location]] = {}
-    for table in ("channels", "joints", "groups", "rotations", "conditions"):
-        seen = names.setdefault(table, {})
-        for i, row in _rows(document, table):
-            loc, name = (table, i, "name"), row.get("name")
-            if not isinstance(name, str):
-                continue
-            if other := seen.get(name) or (names["joints"].get(name) if table == "groups" else None):
-                yield f"{place(places, loc)}: {name!r} is taken by {place(places, other[:2])}; names must differ"
-            seen.setdefault(name, loc)
-    simulation = document.get("simulation")
-    own = isinstance(simulation, dict) and "fmu" in simulation
-    for i, row in _rows(document, "channels"):
-        quantity, unit = row.get("quantity"), row.get("unit")
-        # an FMU may declare a unit of its own, which check_study knows
-        if isinstance(unit, str) and not own and (text := unknown_unit(unit)):
-            yield f"{place(places, ('channels', i, 'unit'))}: {text}"
-        if isinstance(unit, str) and isinstance(quantity, str) and quantity in _QUANTITIES:
-            yield from _fits(place(places, ("channels", i, "unit")), quantity, unit)
-    for i, row in _rows(document, "groups"):
-        for name in row.get("joints", ()) if isinstance(row.get("joints"), list) else ():
-            if isinstance(name, str) and name not in names["joints"]:
-                hint = (
-                    nearest(name, names["joints"]) or f"; joints are {', '.join(map(repr, names['joints'])) or 'none'}"
-                )
-                yield f"{place(places, ('groups', i, 'joints'))}: there is no joint {name!r}{hint}"
-    for loc, table in (
-        (("simulation",), simulation),
-        (("records",), document.get("records")),
-        *((("conditions", i, "records"), row.get("records")) for i, row in _rows(document, "conditions")),
-    ):
-        told = table.get("units") if isinstance(table, dict) and not own else None
-        for column, unit in told.items() if isinstance(told, dict) else ():
-            if isinstance(unit, str) and (text := unknown_unit(unit)):
-                yield f"{place(places, (*loc, 'units', column))}: {text}"
-        if isinstance(table, dict) and table.get("clock") == "excitation" and "excitation" not in document:
-            yield f"{place(places, (*loc, 'clock'))}: there is no [excitation] in the study"
-        if isinstance(table, dict) and "rate" in table and table.get("time"):
+def _misfits(table: StudyTable, places: Places, folder: Path) -> Found:
+    """What does not fit between values, some of which may be blank."""
+    yield from repeated(named("channels", table.channels), places)
+    yield from repeated(named("joints", table.joints) + named("groups", table.groups), places)
+    yield from repeated(named("rotations", table.rotations), places)
+    yield from repeated(named("conditions", table.conditions), places)
+    yield from _units(table)
+    joints = [joint.name for joint in table.joints]
+    for i, group in enumerate(table.groups):
+        for name in group.joints:
+            if name and name not in joints:
+                yield ("groups", i, "joints"), f"there is no joint {name!r}{those(name, joints, 'joints are')}"
+    for i, rotation in enumerate(table.rotations):
+        if rotation.speed:
+            yield ("rotations", i, "speed"), "belongs into effects.toml: in a study the conditions have the speed"
+    for loc, records in _records(table):
+        if records.clock == "excitation" and table.excitation is None:
+            yield (*loc, "clock"), "there is no [excitation] in the study"
+        if records.rate and records.time:
             text = "write either time, the column that is the time, or rate, where files hold samples only; not both"
-            yield f"{place(places, (*loc, 'rate'))}: {text}"
+            yield (*loc, "rate"), text
     owners: dict[str, int] = {}
-    for i, row in _rows(document, "adjustable"):
-        yield from (f"{place(places, ('adjustable', i, key))}: {text}" for key, text in _adjustable(row, i, owners))
-    for i, row in _rows(document, "conditions"):
-        yield from (f"{place(places, ('conditions', i, 'free'))}: {text}" for text in _free(row, owners))
-    yield from _files(document, folder, places)
+    for i, row in enumerate(table.adjustable):
+        yield from ((("adjustable", i, key), text) for key, text in _adjustable(row, i, owners))
+    for i, row in enumerate(table.conditions):
+        yield from ((("conditions", i, "free"), text) for text in _free(row, owners))
+    yield from _files(table, folder)
+    channels = [(row.name, row.simulation) for row in table.channels]
+    yield from study_training.misfits(table.training, channels, [row.name for row in table.conditions])
 
 
-def _free(row: Mapping[str, Any], adjustable: Mapping[str, int]) -> Iterator[str]:
+def _records(table: StudyTable) -> list[tuple[Location, RecordsTable]]:
+    own: list[tuple[Location, RecordsTable]] = [(("records",), table.records)]
+    return own + [(("conditions", i, "records"), row.records) for i, row in enumerate(table.conditions)]
+
+
+def _units(table: StudyTable) -> Found:
+    """Units that are not known, or are none of their quantity. An FMU may declare some of its own, which check_study knows."""
+    told = [(("channels", i, "unit"), row.unit) for i, row in enumerate(table.channels)]
+    for loc, units_of in ((("simulation",), table.simulation), *_records(table)):
+        told += [((*loc, "units", name), unit) for name, unit in units_of.units.items()]
+    for loc, unit in told if table.simulation.fmu is None else ():
+        if text := unknown_unit(unit):
+            yield loc, text
+    for i, row in enumerate(table.channels):
+        known = _QUANTITIES.get(row.quantity, ())
+        if known and not unknown_unit(row.unit):
+            dimension = units.parse(row.unit).dimension[:5]
+            if all(units.parse(k).dimension[:5] != dimension for k in known):
+                text = f"{row.unit!r} is no unit of {row.quantity}; write one like {' or '.join(map(repr, known))}"
+                yield ("channels", i, "unit"), text
+
+
+def _free(row: ConditionRow, adjustable: Mapping[str, int]) -> Iterator[str]:
     """What is wrong with the start values that a condition says are not known."""
-    names = row.get("free")
-    free = [name for name in names if isinstance(name, str)] if isinstance(names, list) else []
-    if free and "simulated" in row:
+    if row.free and row.simulated is not None:
         yield "a simulated record has begun already; leave out either free or simulated"
-    for name in dict.fromkeys(free):
-        if free.count(name) > 1:
+    for name in dict.fromkeys(row.free):
+        if name and row.free.count(name) > 1:
             yield f"{name!r} stands twice"
         if name in adjustable:
             yield (
@@ -308,43 +298,28 @@ def _free(row: Mapping[str, Any], adjustable: Mapping[str, int]) -> Iterator[str
             )
 
 
-def _fits(where: str, quantity: str, unit: str) -> Iterator[str]:
-    """A problem when `unit` is known and measures something else than `quantity`."""
-    try:
-        dimension = units.parse(unit).dimension[:5]
-    except SignalError:
-        return
-    known = _QUANTITIES[quantity]
-    if all(units.parse(k).dimension[:5] != dimension for k in known):
-        yield f"{where}: {unit!r} is no unit of {quantity}; write one like {' or '.join(map(repr, known))}"
-
-
-def _adjustable(row: Mapping[str, Any], index: int, owners: dict[str, int]) -> Iterator[tuple[str, str]]:
+def _adjustable(row: AdjustableRow, index: int, owners: dict[str, int]) -> Iterator[tuple[str, str]]:
     """Key and text of each problem of one row; `owners` collects which row has which parameter."""
-    if ("parameter" in row) == ("parameters" in row):
+    if (row.parameter is None) == (row.parameters is None):
         yield "parameter", 'write either parameter = "..." or parameters = [...], not both and not neither'
-    for key in ("parameter", "parameters"):
-        value = row.get(key)
-        for name in value if isinstance(value, list) else [value]:
-            if isinstance(name, str) and owners.setdefault(name, index) != index:
+    for key, names in (("parameter", [row.parameter or ""]), ("parameters", row.parameters or ())):
+        for name in filter(None, names):
+            if owners.setdefault(name, index) != index:
                 yield key, f"{name!r} is already in [[adjustable]] {owners[name] + 1}"
-    low, high = row.get("minimum"), row.get("maximum")
-    if isinstance(low, int | float) and isinstance(high, int | float) and low >= high:
-        yield "maximum", f"must be above minimum = {low}, got {high}"
-    if "tolerance" in row and "absolute_tolerance" in row:
+    if row.minimum >= row.maximum:
+        yield "maximum", f"must be above minimum = {row.minimum}, got {row.maximum}"
+    if row.tolerance is not None and row.absolute_tolerance is not None:
         yield "absolute_tolerance", "write either tolerance or absolute_tolerance, not both"
 
 
-def _files(document: Mapping[str, Any], folder: Path, places: Places) -> Iterator[str]:
+def _files(table: StudyTable, folder: Path) -> Found:
     """Files that are not there, and conditions that neither an FMU nor a record simulates."""
-    simulation = document.get("simulation")
-    fmu = simulation.get("fmu") if isinstance(simulation, dict) else None
-    files: list[tuple[Location, Any]] = [(("simulation", "fmu"), fmu)]
-    for i, row in _rows(document, "conditions"):
-        files += [(("conditions", i, key), row.get(key)) for key in ("inputs", "measurement", "simulated")]
-        if fmu is None and "simulated" not in row:
+    files: list[tuple[Location, str | None]] = [(("simulation", "fmu"), table.simulation.fmu)]
+    for i, row in enumerate(table.conditions):
+        files += [(("conditions", i, key), getattr(row, key)) for key in ("inputs", "measurement", "simulated")]
+        if table.simulation.fmu is None and row.simulated is None:
             text = "is missing: without [simulation] fmu every condition needs a simulated record"
-            yield f"{place(places, ('conditions', i, 'simulated'))}: {text}"
+            yield ("conditions", i, "simulated"), text
     for loc, name in files:
-        if isinstance(name, str) and name and (text := missing_file(folder, name, "the study", loc[-1] != "fmu")):
-            yield f"{place(places, loc)}: {text}"
+        if name and (text := missing_file(folder, name, "the study", loc[-1] != "fmu")):
+            yield loc, text

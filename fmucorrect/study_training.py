@@ -1,23 +1,26 @@
 """What a study may choose about training: the [training] table, with the paper's values as defaults.
 
-Plain dataclasses: study_schema makes the tables of the file from them, training/ reads them. Neither knows torch here.
+Plain dataclasses, which the file's tables are read as and training/ reads. Nothing knows torch here.
 Weights that the paper does not print (widths of the TDNN, its activation) are marked as ours.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Literal, get_args
 
-from annotated_types import Ge, Gt, MinLen
+from annotated_types import Ge, MinLen
+
+from fmucorrect.study_places import nearest
+from fmucorrect.toml_table import Found, NotNegative, Positive, Text
 
 Activation = Literal["tanh", "sigmoid", "relu"]
 Count = Annotated[int, Ge(1)]
 Widths = Annotated[tuple[Count, ...], MinLen(1)]
-Weight = Annotated[float, Ge(0)]
-Positive = Annotated[float, Gt(0)]
-Band = tuple[Weight, Positive]
+Weight = NotNegative
+Band = Annotated[tuple[Weight, Positive], "of two numbers, as [begin, end]"]
 Matrix = tuple[tuple[float, ...], ...]
 
 
@@ -130,7 +133,7 @@ class Corrector:
     none, the numbers of the study hold.
     """
 
-    sees: tuple[str, ...] = ()
+    sees: tuple[Text, ...] = ()
     families: Annotated[tuple[Family, ...], MinLen(1)] = FAMILIES
     baseline_width: Count = 16
     baseline_epochs: Count = 30
@@ -179,3 +182,65 @@ class Training:
     proposed: Proposed = Proposed()
     corrector: Corrector = Corrector()
     recurrent: Recurrent = Recurrent()
+
+
+def misfits(training: Training, channels: Sequence[tuple[str, str]], conditions: Sequence[str]) -> Found:
+    """What does not fit within [training], or to the study. channels: name and variable of each; conditions: names."""
+    yield from _names(training, channels, conditions)
+    low, high = training.pinn.damping_limits
+    if training.pinn.damping <= low or training.pinn.damping >= high:
+        text = f"must lie inside damping_limits = [{low}, {high}], got {training.pinn.damping}"
+        yield ("training", "pinn", "damping"), text
+    yield from _matrices(training.proposed, len(channels))
+
+
+def _names(training: Training, channels: Sequence[tuple[str, str]], conditions: Sequence[str]) -> Found:
+    """Channels and conditions that [training.proposed] names and the study does not have; what `sees` names beside the channels
+    and need not; bands that end before they begin."""
+    proposed, sees, names = training.proposed, training.corrector.sees, [name for name, _ in channels]
+    for name in proposed.acceleration_channels or ():
+        if name not in names:
+            loc = ("training", "proposed", "acceleration_channels")
+            yield loc, f"there is no channel {name!r}{nearest(name, names)}"
+    known = {name for row in channels for name in row}
+    for i, name in enumerate(sees):
+        if name and (name in sees[:i] or name in known):
+            what = "is a channel, which is always seen" if name in known else "stands there twice"
+            yield ("training", "corrector", "sees"), f"{name!r} {what}"
+    for name in proposed.bands:
+        if name not in conditions:
+            loc = ("training", "proposed", "bands")
+            yield loc, f"there is no condition {name!r}{nearest(name, conditions)}"
+    for key, band in (("band", proposed.band), *(("bands", band) for band in proposed.bands.values())):
+        if band is not None and band[1] <= band[0]:
+            yield ("training", "proposed", key), f"must end above where it begins, in Hz, got {list(band)}"
+
+
+def _matrices(proposed: Proposed, channels: int) -> Found:
+    """H_q is J x p with p <= J, the nominal matrices are symmetric positive definite p x p (eq. physics_residual)."""
+    import numpy as np
+
+    given = (proposed.observation, proposed.mass, proposed.damping, proposed.stiffness)
+    if any(math.isnan(entry) for matrix in given for row in matrix or () for entry in row):
+        return
+    size = channels
+    if (rows := proposed.observation) is not None:
+        place = ("training", "proposed", "observation")
+        widths = {len(row) for row in rows}
+        if len(rows) != channels or len(widths) != 1 or not 1 <= min(widths) <= channels:
+            yield place, f"must have {channels} rows, one a channel, of p numbers each, 1 <= p <= {channels}"
+            return
+        size = min(widths)
+        if np.linalg.matrix_rank(np.array(rows)) < size:
+            yield place, "must have independent columns, or reduced coordinates could not be told apart"
+    for key in ("mass", "damping", "stiffness"):
+        matrix = getattr(proposed, key)
+        if matrix is None:
+            continue
+        place = ("training", "proposed", key)
+        if len(matrix) != size or any(len(row) != size for row in matrix):
+            yield place, f"must be {size} x {size}, one row and column a reduced coordinate"
+            continue
+        values = np.array(matrix)
+        if not np.array_equal(values, values.T) or np.linalg.eigvalsh(values).min() <= 0.0:
+            yield place, "must be symmetric and positive definite"

@@ -235,7 +235,7 @@ name = "bare"
         (14, "key extra: is not known"),
         (18, "there is no joint or group 'bar'; did you mean 'bare'?"),
         (19, "parameters.gap: must be above 0, got -1.0"),
-        (19, "parameters.stiffness: must be a finite number, got 'a'"),
+        (19, "parameters.stiffness: must be a number, got 'a'"),
         (23, "damper_saturation needs the nominal_force of joint 'bare'"),
         (24, "force is missing; damper_saturation takes force, or velocity"),
         (25, "must be between 0 and 1, got 2"),
@@ -244,11 +244,11 @@ name = "bare"
         (33, "key rotation: is missing"),
         (41, "parameters.valu: is not known; did you mean 'value'?"),
         (41, "value is missing"),
-        (42, "value must be a finite number, got 'x'"),
+        (42, "key std.value: must be a number, got 'x'"),
         (48, "must be 1 or -1, got 2"),
         (52, "there is no joint 'bear'; did you mean 'bare'?"),
-        (54, "joints: is missing"),
-        (55, "'bare' is taken; names must differ"),
+        (54, "joints: is missing: names of joints where one law acts alike"),
+        (55, "'bare' is taken by line 44, [[joints]] 1 \"bare\"; names must differ"),
     ):
         assert any(f"line {line}," in row and words in row for row in message.splitlines()), (line, words, message)
     assert "24 problems" in message, message
@@ -292,7 +292,7 @@ def test_a_missing_velocity_is_no_problem_but_other_ports_are(tmp_path):
             'format = 1\n[[effects]]\neffect = ["x"]\njoint = {}\nparameters = {}\nrotation = []\n',
             "key effect: must be a name",
         ),
-        ('format = 1\n[[groups]]\nname = "g"\njoints = []\n', "must name at least one joint"),
+        ('format = 1\n[[groups]]\nname = "g"\njoints = []\n', "key joints: must name at least one, got []"),
         ('format = 1\n[[rotations]]\nname = "g"\nradius = -1\n', "must be above 0, got -1"),
     ],
 )

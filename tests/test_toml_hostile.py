@@ -187,10 +187,48 @@ def test_what_no_value_can_be_is_told_with_its_line(text: str, told: str) -> Non
 
 
 def test_places_of_a_value_over_very_many_lines_take_no_longer_than_they_may(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(study_places, "MOST_SCANNED", 2**19)
     text = "a = 1\nb = [\n" + "[1],\n" * 50_000 + "]\nc = 2\n"
     places = scan(text, tomllib.loads(text))
     assert places[("a",)] == "line 1, key a"
+    assert places[("b", 49_999, 0)] == "line 50002, [[b]] 50000, key 0"
+    assert places[("c",)] == "line 50004, key c"
+    deep = "a = " + "[" * 200 + "]" * 200
+    assert max(map(len, scan(deep, tomllib.loads(deep)))) == DEEPEST
+    monkeypatch.setattr(study_places, "MOST_PLACES", 1000)
+    assert len(scan(text, tomllib.loads(text))) < 1010
+
+
+def test_every_way_of_writing_a_value_has_its_line() -> None:
+    """Strings that look like TOML, quoted and dotted keys, tables in tables, entries over several lines."""
+    text = '''\
+# ["no header"]
+a."b.c" . d = """
+[x] # " = \\"""
+y = 1"""\u0020
+'e' = { f = ["]", '}#'], "g h".i = 1979-05-27 07:32:00, j = { } } # ]
+[[k]]
+[[k]]
+m = [ # ,
+  [1,
+   2], { n = "o" }, # }
+]
+[[k.p]]
+[[k.p]]
+q = \'\'\'
+r = 1\'\'\'\'
+[k.s."t"]
+u = 07:32:00
+'''.replace("\\u0020", "")
+    places = scan(text, tomllib.loads(text))
+    lines = {loc: int(words.split(",")[0].removeprefix("line ")) for loc, words in places.items()}
+    assert lines == {
+        **{(): 1, ("a",): 2, ("a", "b.c"): 2, ("a", "b.c", "d"): 2},
+        **{("e",): 5, ("e", "f"): 5, ("e", "f", 0): 5, ("e", "f", 1): 5},
+        **{("e", "g h"): 5, ("e", "g h", "i"): 5, ("e", "j"): 5, ("k",): 6, ("k", 0): 6, ("k", 1): 7, ("k", 1, "m"): 8},
+        **{("k", 1, "m", 0): 9, ("k", 1, "m", 0, 0): 9, ("k", 1, "m", 0, 1): 10, ("k", 1, "m", 1): 10},
+        **{("k", 1, "m", 1, "n"): 10, ("k", 1, "p"): 12, ("k", 1, "p", 0): 12, ("k", 1, "p", 1): 13},
+        **{("k", 1, "p", 1, "q"): 14, ("k", 1, "s"): 16, ("k", 1, "s", "t"): 16, ("k", 1, "s", "t", "u"): 17},
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize(

@@ -9,12 +9,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 from fmucorrect.errors import SignalError, StudyError
 from fmucorrect.fmu import FmuDescription
+from fmucorrect.railway.assessment_checks import misfits
+from fmucorrect.railway.assessment_schema import AssessmentTable, CriticalSpeedTable, SafetyTable
 from fmucorrect.railway.constants import KMH
 from fmucorrect.railway.critical_speed_assessment import (
     BifurcationMapping,
@@ -25,7 +27,7 @@ from fmucorrect.railway.critical_speed_assessment import (
 )
 from fmucorrect.railway.disturbance import Disturbance
 from fmucorrect.railway.limit_cycle import Observation
-from fmucorrect.railway.preload_mapping import Load, PreloadMapping, RodBush
+from fmucorrect.railway.preload_mapping import PreloadMapping
 from fmucorrect.railway.ring_down import RingDown
 from fmucorrect.railway.rod_bush import effective_stiffness, external_force
 from fmucorrect.railway.running_safety import ReferenceOrder, Run, SafetyMapping
@@ -33,13 +35,10 @@ from fmucorrect.railway.safety_limits import SafetyLimits
 from fmucorrect.railway.safety_quantities import Acceleration, Wheel
 from fmucorrect.railway.speed_parameter import SpeedParameter
 from fmucorrect.railway.static_equilibrium import StaticEquilibrium
-from fmucorrect.railway.supports import Body, Support
 from fmucorrect.railway.track_sections import TrackSection, cant_deficiency, divide
 from fmucorrect.signals import NANOSECONDS, Channel
 from fmucorrect.study_places import Location, Places, by_line, misfit, place
-
-if TYPE_CHECKING:  # pydantic stays in the schema
-    from fmucorrect.railway import assessment_schema as schema
+from fmucorrect.toml_table import read
 
 SECTIONS = ("preload", "critical_speed", "safety")
 
@@ -67,20 +66,16 @@ class Assessment:
 
 def load_assessment(path: str | Path) -> Assessment:
     """The assessment that a TOML file holds. Raises StudyError with every problem of the file, each with its line."""
-    from fmucorrect.railway.assessment_schema import read
-
     file = Path(path).resolve()
     try:
         data = file.read_bytes()
     except OSError as error:
         raise StudyError(str(path), [f"cannot be read: {error.strerror}"]) from None
-    table, places, problems = read(data, file.parent)
-    if table is None or problems:
+    table, places, problems = read(data, AssessmentTable, partial(misfits, folder=file.parent))
+    if problems:
         raise StudyError(str(path), problems)
-    simulation = table.simulation
-    problems = []
+    simulation, preload = table.simulation, table.preload
     equilibrium: StaticEquilibrium | None = None
-    preload = None if table.preload is None else _preload(table.preload)
     if preload is not None:
         found = [*_rod_bushes(preload)]
         try:
@@ -111,24 +106,6 @@ def load_assessment(path: str | Path) -> Assessment:
     )
 
 
-def _preload(table: schema.PreloadTable) -> PreloadMapping:
-    return PreloadMapping(
-        **table.model_dump(exclude={"bodies", "supports", "loads", "rod_bushes", "accelerations", "elements"}),
-        accelerations=tuple(table.accelerations),
-        elements=tuple(table.elements),
-        bodies=tuple(Body(row.name, row.mass, _point(row.centre)) for row in table.bodies),
-        supports=tuple(
-            Support(**row.model_dump(exclude={"position"}), position=_point(row.position)) for row in table.supports
-        ),
-        loads=tuple(Load(r.name, r.group, tuple(r.outputs), tuple(r.supports), r.factor) for r in table.loads),
-        rod_bushes=tuple(RodBush(**row.model_dump()) for row in table.rod_bushes),
-    )
-
-
-def _point(values: Sequence[float]) -> tuple[float, float, float]:
-    return values[0], values[1], values[2]
-
-
 def _rod_bushes(mapping: PreloadMapping) -> list[tuple[Location, str]]:
     """Bushes whose support in the equilibrium is another one than they say."""
     supports = {support.name: support for support in mapping.supports}
@@ -146,7 +123,7 @@ def _rod_bushes(mapping: PreloadMapping) -> list[tuple[Location, str]]:
     return found
 
 
-def _critical_speed(table: schema.CriticalSpeedTable) -> CriticalSpeedMapping:
+def _critical_speed(table: CriticalSpeedTable) -> CriticalSpeedMapping:
     low, high = (speed / KMH for speed in table.range)
     slow, steps = table.deceleration, table.bifurcation
     disturbance = Disturbance(start=MappingProxyType(table.disturbance))
@@ -157,13 +134,11 @@ def _critical_speed(table: schema.CriticalSpeedTable) -> CriticalSpeedMapping:
         parameters=MappingProxyType(table.parameters),
         method=table.method,
         settle=table.settle,
-        states=tuple(table.states),
-        ring_down=RingDown(watched, disturbance, **table.ring_down.model_dump())
-        if watched and table.disturbance
-        else None,
+        states=table.states,
+        ring_down=RingDown(watched, disturbance, **vars(table.ring_down)) if watched and table.disturbance else None,
         conicity=table.conicity,
-        outputs=tuple(table.outputs),
-        flags=tuple(table.flags),
+        outputs=table.outputs,
+        flags=table.flags,
         disturbance=disturbance,
         observation=Observation(table.still, window=table.window, longest=table.longest),
         deceleration=slow and DecelerationMapping(slow.speeds[0] / KMH, slow.speeds[1] / KMH, slow.rate, slow.settling),
@@ -185,7 +160,7 @@ def _critical_speed(table: schema.CriticalSpeedTable) -> CriticalSpeedMapping:
 
 
 def _safety(
-    table: schema.SafetyTable, equilibrium: StaticEquilibrium | None, parameters: Mapping[str, float]
+    table: SafetyTable, equilibrium: StaticEquilibrium | None, parameters: Mapping[str, float]
 ) -> SafetyMapping:
     runs: list[Run] = []
     for row in table.runs:
@@ -216,7 +191,7 @@ def _safety(
         runs=tuple(runs),
         outward=MappingProxyType({row.name: row.outward for row in table.wheels}),
         accelerations=tuple(Acceleration(row.name, row.output, row.cutoff) for row in table.accelerations),
-        flags=tuple(table.flags),
+        flags=table.flags,
         limits=SafetyLimits(math.radians(limits.flange_angle), limits.friction, limits.k1, limits.wheel_unloading),
         references=tuple(
             ReferenceOrder(row.quantity, row.place, row.source, dict(zip(row.radii, row.values, strict=True)))

@@ -1,170 +1,93 @@
-"""What does not fit between the values of a mapping file, and between the file and the FMU that it names."""
+"""What does not fit between the values of a mapping file, some of which may be blank, and to the files beside it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+import math
 from pathlib import Path
-from typing import Any
 
+from fmucorrect.railway.assessment_schema import MOST_SPEEDS, AssessmentTable, CriticalSpeedTable, SafetyTable
+from fmucorrect.railway.preload_mapping import PreloadMapping
 from fmucorrect.railway.supports import GROUND
-from fmucorrect.study_places import Location, missing_file, nearest
-
-Found = Iterator[tuple[Location, str]]
-"""Where something stands, and what is wrong with it."""
-
-MOST_SPEEDS = 10_000
-"""Speeds that a curve over the speed may have, at each of which the model runs or is linearised anew: 0.05 km/h apart over
-500 km/h, which no assessment asks for."""
-ROWS = (
-    *(("preload", key) for key in ("bodies", "supports", "loads", "rod_bushes")),
-    ("critical_speed", "published"),
-    *(("safety", key) for key in ("wheels", "accelerations", "runs", "references")),
-)
-"""Arrays of a section whose rows are tables."""
+from fmucorrect.study_places import Location, Places, missing_file
+from fmucorrect.toml_table import Found, named, repeated, those
 
 
-def rows(document: Mapping[str, Any], table: str, key: str) -> Iterator[tuple[int, dict[str, Any]]]:
-    """The rows of an array that are tables, with their numbers."""
-    section = document.get(table)
-    found = section.get(key) if isinstance(section, dict) else None
-    yield from ((i, row) for i, row in enumerate(found if isinstance(found, list) else []) if isinstance(row, dict))
-
-
-def row_places(text: str, document: Mapping[str, Any]) -> dict[Location, str]:
-    """The places of rows: arrays that stand one row a line, `supports = [` and then lines `{ name = "..." },`; or tables
-    `[[preload.supports]]`."""
-    places: dict[Location, str] = {}
-    lines = [line.replace(" ", "") for line in text.split("\n")]
-    for table, key in ROWS:
-        found = dict(rows(document, table, key))
-        numbers = [i for i, line in enumerate(lines) if line.startswith(f"[[{table}.{key}]]")]
-        header = next((i for i, line in enumerate(lines) if line.startswith(f"[{table}]")), len(lines))
-        start = next((i for i in range(header, len(lines)) if lines[i].startswith(f"{key}=[")), None)
-        if not numbers and start is not None:
-            numbers = [i for i in range(start, len(lines)) if lines[i].startswith("{")][: len(found)]
-        if len(numbers) != len(found):
-            continue
-        for (i, row), number in zip(found.items(), numbers, strict=True):
-            name = f' "{row["name"]}"' if isinstance(row.get("name"), str) else ""
-            title = f"line {number + 1}, [{table}], {key} {i + 1}{name}"
-            places[(table, key, i)] = title
-            for loc, words in _inner(row):
-                places[(table, key, i, *loc)] = f"{title}, key {words}"
-    return places
-
-
-def _inner(row: Mapping[str, Any], before: str = "") -> Found:
-    """The keys of a row, and those of tables in it, as `parameters.cant`."""
-    for key, value in row.items():
-        yield (key,), f"{before}{key}"
-        if isinstance(value, dict):
-            yield from (((key, *loc), words) for loc, words in _inner(value, f"{before}{key}."))
-
-
-def misfits(document: Mapping[str, Any], folder: Path) -> Found:
-    """What does not fit between values. Values of a wrong type are passed over: validation reports them."""
-    yield from _files(document, folder)
-    yield from _names(document)
-    yield from _wheels(document)
-    yield from _critical_speed(document)
-
-
-def _files(document: Mapping[str, Any], folder: Path) -> Found:
-    simulation = document.get("simulation")
-    if not isinstance(simulation, dict):
-        return
-    name = simulation.get("fmu")
-    if name is None:
+def misfits(table: AssessmentTable, places: Places, folder: Path) -> Found:
+    """All of it, for a file whose paths are relative to `folder`."""
+    fmu, preload = table.simulation.fmu, table.preload or PreloadMapping()
+    if fmu is None:
         yield ("simulation", "fmu"), "is missing: the FMU to assess, as fmu = 'vehicle.fmu'"
-    elif isinstance(name, str) and name and (text := missing_file(folder, name, "the mapping")):
+    elif fmu and (text := missing_file(folder, fmu, "the mapping")):
         yield ("simulation", "fmu"), text
+    yield from _preload(preload, places)
+    if table.critical_speed is not None:
+        yield from _critical_speed(table.critical_speed)
+    if table.safety is not None:
+        yield from _safety(table.safety, places)
+    wanted: list[tuple[Location, str | None]] = []
+    for i, load in enumerate(preload.loads):
+        wanted += [(("preload", "loads", i, "supports"), name) for name in load.supports]
+    wanted += [(("preload", "rod_bushes", i, "support"), bush.support) for i, bush in enumerate(preload.rod_bushes)]
+    if table.safety is not None:
+        wanted += [(("safety", "wheels", i, "support"), wheel.support) for i, wheel in enumerate(table.safety.wheels)]
+    supports = [support.name for support in preload.supports]
+    for loc, name in wanted:
+        if name and name not in supports:
+            yield loc, f"there is no support {name!r} in [preload]{those(name, supports)}"
 
 
-def _names(document: Mapping[str, Any]) -> Found:
-    """Names given twice, and names of bodies and supports that are not there."""
-    named: dict[str, dict[str, int]] = {}
-    for table, key in ROWS:
-        seen = named.setdefault(key, {})
-        for i, row in rows(document, table, key):
-            name = row.get("name")
-            if isinstance(name, str) and key != "published":
-                if name in seen:
-                    yield (table, key, i, "name"), f"{name!r} is taken by row {seen[name] + 1}; names must differ"
-                seen.setdefault(name, i)
-    bodies, supports = named["bodies"], named["supports"]
-    for i, row in rows(document, "preload", "supports"):
-        for key, there in (("upper", list(bodies)), ("lower", [*bodies, GROUND])):
-            if isinstance(name := row.get(key), str) and name not in there:
-                yield ("preload", "supports", i, key), f"there is no body {name!r}{_those(name, there)}"
-    for table, key, inner in (
-        ("preload", "loads", "supports"),
-        ("preload", "rod_bushes", "support"),
-        ("safety", "wheels", "support"),
-    ):
-        for i, row in rows(document, table, key):
-            value = row.get(inner)
-            for name in value if isinstance(value, list) else [value]:
-                if isinstance(name, str) and name not in supports:
-                    yield (table, key, i, inner), f"there is no support {name!r} in [preload]{_those(name, supports)}"
+def _preload(preload: PreloadMapping, places: Places) -> Found:
+    for key in ("bodies", "supports", "loads", "rod_bushes"):
+        yield from repeated(named(("preload", key), getattr(preload, key)), places)
+    bodies = [body.name for body in preload.bodies]
+    for i, support in enumerate(preload.supports):
+        for key, name, there in (("upper", support.upper, bodies), ("lower", support.lower, [*bodies, GROUND])):
+            if name and name not in there:
+                yield ("preload", "supports", i, key), f"there is no body {name!r}{those(name, there)}"
 
 
-def _wheels(document: Mapping[str, Any]) -> Found:
+def _critical_speed(table: CriticalSpeedTable) -> Found:
+    for key in ("deceleration", "bifurcation"):
+        if getattr(table, key) is not None:
+            if not table.outputs:
+                text = f"is missing: [critical_speed.{key}] needs to know which displacements are watched"
+                yield ("critical_speed", "outputs"), text
+            if not table.disturbance:
+                text = f"is missing: [critical_speed.{key}] needs to know what starts the hunting"
+                yield ("critical_speed", "disturbance"), text
+    if (steps := table.bifurcation) is not None:
+        low, high = steps.speeds
+        if high - low > MOST_SPEEDS * steps.step > 0.0:
+            text = f"makes more than {MOST_SPEEDS} speeds of {low} to {high} km/h"
+            yield ("critical_speed", "bifurcation", "step"), text
+
+
+def _safety(table: SafetyTable, places: Places) -> Found:
+    for key in ("wheels", "accelerations", "runs"):
+        yield from repeated(named(("safety", key), getattr(table, key)), places)
     sides: dict[str, list[str]] = {}
     first: dict[str, int] = {}
-    for i, row in rows(document, "safety", "wheels"):
-        if isinstance(axle := row.get("axle"), str) and isinstance(side := row.get("side"), str):
-            sides.setdefault(axle, []).append(side)
-            first.setdefault(axle, i)
-        if ("static_load" in row) == ("support" in row):
+    for i, wheel in enumerate(table.wheels):
+        sides.setdefault(wheel.axle, []).append(wheel.side)
+        first.setdefault(wheel.axle, i)
+        if (wheel.static_load is None) == (wheel.support is None):
             text = (
                 "write either static_load = N or support = the name of a support in [preload], not both and not neither"
             )
             yield ("safety", "wheels", i, "static_load"), text
     for axle, found in sides.items():
-        if sorted(found) != ["left", "right"] and {*found} <= {"left", "right"}:
+        if axle and sorted(found) != ["left", "right"] and {*found} <= {"left", "right"}:
             text = f"axle {axle!r} has the wheels {', '.join(found)}; it needs one on each side"
             yield ("safety", "wheels", first[axle]), text
     radii: dict[float, int] = {}
-    for i, row in rows(document, "safety", "runs"):
-        radius = row.get("radius")
-        if isinstance(radius, float | int) and radius in radii:
-            yield ("safety", "runs", i, "radius"), f"{radius:g} m is run {radii[radius] + 1} already; radii must differ"
-        elif isinstance(radius, float | int):
-            radii[float(radius)] = i
-    for i, row in rows(document, "safety", "references"):
-        given, values = row.get("radii"), row.get("values")
-        if isinstance(given, list) and isinstance(values, list):
-            if len(given) != len(values):
-                text = f"must be one value a radius, got {len(values)} for {len(given)} radii"
-                yield ("safety", "references", i, "values"), text
-            elif set(given) != set(radii):
-                text = f"must be the radii of the runs, {sorted(radii)}, got {given}"
-                yield ("safety", "references", i, "radii"), text
-
-
-def _critical_speed(document: Mapping[str, Any]) -> Found:
-    section = document.get("critical_speed")
-    if not isinstance(section, dict):
-        return
-    for key in ("deceleration", "bifurcation"):
-        if key in section:
-            for needed, what in (
-                ("outputs", "which displacements are watched"),
-                ("disturbance", "what starts the hunting"),
-            ):
-                if not section.get(needed):
-                    yield ("critical_speed", needed), f"is missing: [critical_speed.{key}] needs to know {what}"
-    steps = section.get("bifurcation")
-    speeds, step = (steps.get("speeds"), steps.get("step")) if isinstance(steps, dict) else (None, None)
-    match speeds, step:
-        case [int() | float() as low, int() | float() as high], int() | float() if (
-            high - low > MOST_SPEEDS * step > 0.0
-        ):
-            text = f"makes more than {MOST_SPEEDS} speeds of {low} to {high} km/h"
-            yield ("critical_speed", "bifurcation", "step"), text
-        case _:
-            pass
-
-
-def _those(name: str, known: Iterable[str]) -> str:
-    return nearest(name, known) or f"; there are {', '.join(map(repr, known)) or 'none'}"
+    for i, run in enumerate(table.runs):
+        if radii.setdefault(run.radius, i) != i:
+            text = f"{run.radius:g} m is run {radii[run.radius] + 1} already; radii must differ"
+            yield ("safety", "runs", i, "radius"), text
+    for i, row in enumerate(table.references):
+        if len(row.radii) != len(row.values):
+            text = f"must be one value a radius, got {len(row.values)} for {len(row.radii)} radii"
+            yield ("safety", "references", i, "values"), text
+        elif set(row.radii) != set(radii) and not any(map(math.isnan, (*radii, *row.radii))):
+            text = f"must be the radii of the runs, {sorted(radii)}, got {[*row.radii]}"
+            yield ("safety", "references", i, "radii"), text

@@ -5,10 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
+from typing import Annotated
+
+from annotated_types import MinLen
 
 from fmucorrect.railway.constants import GRAVITY
 from fmucorrect.railway.static_equilibrium import StaticEquilibrium, static_equilibrium
 from fmucorrect.railway.supports import Body, Support
+from fmucorrect.toml_table import Positive, Text
 
 RESIDUAL_ACCELERATION = 0.1
 """m/s2, the paper's screening threshold; its model reaches 0.0189."""
@@ -25,10 +29,10 @@ class Load:
     group: what the figure puts together, as "primary spring".
     """
 
-    name: str
-    group: str
-    outputs: tuple[str, ...]
-    supports: tuple[str, ...]
+    name: Annotated[Text, "what the load is called"]
+    group: Annotated[Text, "what the figure puts together, as 'primary spring'"]
+    outputs: Annotated[tuple[Text, ...], MinLen(1), "FMU outputs, N, whose sum it is"]
+    supports: Annotated[tuple[Text, ...], MinLen(1), "supports whose loads it is the sum of"]
     factor: float = 1.0
 
 
@@ -40,14 +44,14 @@ class RodBush:
     Its deformation is that of `support` in the equilibrium, of the FMU's output `deformation` (m), or 0 without either.
     """
 
-    name: str
-    external: str
-    internal_preload: float
-    series: float
-    parallel: float
-    internal: str | None = None
-    support: str | None = None
-    deformation: str | None = None
+    name: Annotated[Text, "what the rod bush is called"]
+    external: Annotated[Text, "FMU output, N: the force between its external markers"]
+    internal_preload: Annotated[float, "N, the preload of its internal node"]
+    series: Annotated[Positive, "N/m, stiffness of the series branch"]
+    parallel: Annotated[Positive, "N/m, stiffness of the parallel branch"]
+    internal: Text | None = None
+    support: Text | None = None
+    deformation: Text | None = None
 
 
 @dataclass(frozen=True)
@@ -62,21 +66,21 @@ class PreloadMapping:
     """
 
     parameters: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
-    duration: float = 20.0
-    window: float = 2.0
+    duration: Positive = 20.0
+    window: Positive = 2.0
     disturbance: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
-    accelerations: tuple[str, ...] = ()
-    arm: float = 1.0
-    elements: tuple[str, ...] = ()
+    accelerations: tuple[Text, ...] = ()
+    arm: Positive = 1.0
+    elements: tuple[Text, ...] = ()
     bodies: tuple[Body, ...] = ()
     supports: tuple[Support, ...] = ()
     loads: tuple[Load, ...] = ()
     rod_bushes: tuple[RodBush, ...] = ()
-    gravity: float = GRAVITY
+    gravity: Positive = GRAVITY
     displaced: bool = False
-    residual_acceleration: float = RESIDUAL_ACCELERATION
-    tolerance: float = TOLERANCE
-    convergence: float = CONVERGENCE
+    residual_acceleration: Positive = RESIDUAL_ACCELERATION
+    tolerance: Positive = TOLERANCE
+    convergence: Positive = CONVERGENCE
 
     def equilibrium(self) -> StaticEquilibrium | None:
         """The independent equilibrium, None without bodies. Raises SignalError where they cannot rest on the supports."""

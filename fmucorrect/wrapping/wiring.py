@@ -20,21 +20,19 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from fmucorrect.bundle import Info
 from fmucorrect.bundle_metadata import FEATURES, Trained
-from fmucorrect.errors import FmuError, SignalError, WrapError
+from fmucorrect.errors import FmuError, SignalError, WrapError, listed
 from fmucorrect.fmu import FmuDescription, Variable
 from fmucorrect.fmu.startvalues import start_values
-from fmucorrect.study_places import parse_toml
+from fmucorrect.study_places import Places
+from fmucorrect.toml_table import Found, Text, read, shown, unknown
 from fmucorrect.units import conversion
 
 CONDITIONS = FEATURES
 """What a corrector may be conditioned on, and in which unit; a wrapped FMU knows those that mean something to its own."""
-
-TABLES = ("channels", "conditions", "parameters", "units")
-"""What a mapping file may hold."""
 
 
 @dataclass(frozen=True)
@@ -74,33 +72,35 @@ class MappingFile:
         return fmu.known({**trained, **self.units})
 
 
+def _source(value: object) -> str:
+    known = value != "" if isinstance(value, str) else _number(value)
+    return "" if known else f"must be a variable's name or a number, got {shown(value)}"
+
+
+@dataclass(frozen=True)
+class MappingTable:
+    """The file."""
+
+    channels: Mapping[str, Text] = field(default_factory=dict[str, str])
+    conditions: Mapping[str, Annotated[Any, _source]] = field(default_factory=dict[str, Any])
+    parameters: Mapping[str, float] | None = None
+    units: Mapping[str, Text] = field(default_factory=dict[str, str])
+
+
+def _misfits(table: MappingTable, _: Places) -> Found:
+    yield from ((("conditions", key), unknown(key, CONDITIONS)) for key in table.conditions if key not in CONDITIONS)
+
+
 def read_mapping(path: Path) -> MappingFile:
-    """Raises WrapError that names everything wrong with the file at once."""
+    """Raises WrapError that names everything wrong with the file at once, each with its line."""
     try:
-        _, data, wrong = parse_toml(path.read_bytes())
+        data = path.read_bytes()
     except OSError as error:
         raise WrapError(f"cannot be read: {error.strerror}", where=str(path)) from error
-    if wrong:
-        raise WrapError("; ".join(wrong), where=str(path))
-    problems = [f"unknown table {name!r}" for name in data if name not in TABLES]
-    tables: dict[str, dict[str, Any]] = {}
-    for name in TABLES:
-        table = data.get(name, {})
-        tables[name] = table if isinstance(table, dict) else {}
-        if not isinstance(table, dict):
-            problems.append(f"{name}: expected a table, got {table!r}")
-    problems += [f"channels.{k}: expected an output's name" for k, v in tables["channels"].items() if not _text(v)]
-    for key, value in tables["conditions"].items():
-        if key not in CONDITIONS:
-            problems.append(f"conditions.{key}: expected one of {', '.join(CONDITIONS)}")
-        elif not _text(value) and not _number(value):
-            problems.append(f"conditions.{key}: expected a variable's name or a number, got {value!r}")
-    problems += [f"parameters.{k}: expected a number" for k, v in tables["parameters"].items() if not _number(v)]
-    problems += [f"units.{k}: expected a unit, as 'm'" for k, v in tables["units"].items() if not _text(v)]
+    table, _, problems = read(data, MappingTable, _misfits)
     if problems:
-        raise WrapError("; ".join(problems), where=str(path))
-    parameters = tables["parameters"] if "parameters" in data else None
-    return MappingFile(path, tables["channels"], tables["conditions"], parameters, tables["units"])
+        raise WrapError(listed(problems), where=str(path))
+    return MappingFile(path, table.channels, table.conditions, table.parameters, table.units)
 
 
 def wire(fmu: FmuDescription, info: Info, mapping: MappingFile) -> Wiring:
@@ -212,10 +212,6 @@ def _factor(fmu: FmuDescription, variable: Variable, unit: str, where: str) -> f
 
 def _real(variable: Variable) -> bool:
     return variable.number and variable.type in ("Real", "Float64", "Float32")
-
-
-def _text(value: object) -> bool:
-    return isinstance(value, str) and bool(value)
 
 
 def _number(value: object) -> bool:

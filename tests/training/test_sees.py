@@ -157,7 +157,7 @@ def test_what_corrects_nothing_asks_for_no_more_than_the_channels(tmp_path: Path
         ('["wind", "wind"]', "stands there twice"),
         ('["travel"]', "is a channel"),
         ('["z"]', "is a channel"),
-        ('[""]', "is empty"),
+        ('[""]', "must be a name, not empty"),
     ],
 )
 def test_what_cannot_be_meant_is_told(sees: str, told: str, tmp_path: Path) -> None:

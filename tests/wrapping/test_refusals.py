@@ -238,7 +238,7 @@ def test_everything_wrong_with_a_mapping_is_said_at_once(tmp_path):
     mapping = tmp_path / "mapping.toml"
     for text, expected in (
         ("[channels]\nx = 1\n[conditions]\nwind = 2\nspeed = true\n[parameters]\nf = 'a'\n[more]",
-         ["channels.x", "conditions.wind", "conditions.speed", "parameters.f", "'more'"]),
+         ["[channels], key x", "[conditions], key wind", "[conditions], key speed", "[parameters], key f", "[more]"]),
         ("[channels]\nx = 'xx'\ny = 'flag'\n", ["'xx'", "'flag' is of type Boolean", "--mapping"]),
         ("[channels]\nq = 'x'\n", ["no channel q", "expected x, y, z"]),
         ("[conditions]\nspeed = 'vv'\n", ["'vv'", "did you mean 'v'", "conditions.speed"]),

@@ -261,12 +261,22 @@ def test_a_mapping_file_says_otherwise(tmp_path):
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        (b"[more]\n[channels]\nx = 1\ny = ''", ["unknown table 'more'", "channels.x: expected an output", "channels.y: "]),
-        (b"channels = 3\nconditions = 'a'", ["channels: expected a table, got 3", "conditions: expected a table, got 'a'"]),
-        (b"[conditions]\nwind = 1", ["conditions.wind: expected one of speed, amplitude, frequency, start"]),
-        (b"[conditions]\nspeed = true\nstart = nan\nfrequency = ''", [f"conditions.{k}: expected a variable's name or a number"
-                                                                     for k in ("speed", "start", "frequency")]),
-        (b"[parameters]\na = 'b'\nc = false\nd = inf", [f"parameters.{k}: expected a number" for k in "acd"]),
+        (b"[more]\n[channels]\nx = 1\ny = ''", [
+            "line 1, [more]: is not known",
+            "line 3, [channels], key x: must be a name in quotes, got 1",
+            "line 4, [channels], key y: must be a name, not empty"]),
+        (b"channels = 3\nconditions = 'a'", [
+            "line 1, key channels: must be a table, as { key = value }, got 3",
+            "line 2, key conditions: must be a table, as { key = value }, got 'a'"]),
+        (b"[conditions]\nwind = 1", [
+            "line 2, [conditions], key wind: is not known; known here: speed, amplitude, frequency, start"]),
+        (b"[conditions]\nspeed = true\nstart = nan\nfrequency = ''", [
+            f"line {i}, [conditions], key {k}: must be a variable's name or a number"
+            for i, k in enumerate(("speed", "start", "frequency"), 2)]),
+        (b"[parameters]\na = 'b'\nc = false\nd = inf", [
+            "line 2, [parameters], key a: must be a number, got 'b'",
+            "line 3, [parameters], key c: must be a number, got False",
+            "line 4, [parameters], key d: must be a finite number, got inf"]),
         (b"[channels", ["TOML"]),
         (b"# \xff", ["UTF-8"]),
     ],
