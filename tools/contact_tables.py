@@ -18,16 +18,16 @@ from pathlib import Path
 import numpy as np
 
 from fmucorrect.errors import FmucorrectError, SignalError
-from fmucorrect.railway.contact_geometry import Placement, WheelOnRail
-from fmucorrect.railway.contact_table import LOAD, ContactTable, Smoothing, make_contact_table, write_contact_table
-from fmucorrect.railway.equivalent_conicity import (
+from fmucorrect.railway.contact.equivalent_conicity import (
     Column,
     equivalent_conicity,
     radius_difference,
     wheelset_contact,
 )
-from fmucorrect.railway.profile_file import UNITS, load_profile
-from fmucorrect.railway.profile_smoothing import smoothed
+from fmucorrect.railway.contact.geometry import Placement, WheelOnRail
+from fmucorrect.railway.contact.profile_file import UNITS, load_profile
+from fmucorrect.railway.contact.smoothing import smoothed
+from fmucorrect.railway.contact.table import LOAD, ContactTable, Smoothing, make_contact_table, write_contact_table
 
 AMPLITUDES = (1e-3, 2e-3, 3e-3, 4e-3, 5e-3, 6e-3)
 LARGE = 1e-3  # m: jumps of the contact point that are told one by one

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from fmucorrect.railway.supports import GROUND
+from fmucorrect.railway.preload.supports import GROUND
 from fmucorrect.study_places import Location, missing_file, nearest
 
 Found = Iterator[tuple[Location, str]]

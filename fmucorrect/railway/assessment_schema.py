@@ -14,8 +14,8 @@ from pydantic import AfterValidator, Field, ValidationError
 
 from fmucorrect.railway.assessment_checks import MOST_SPEEDS, misfits, row_places
 from fmucorrect.railway.constants import CONTACT_SPACING, GRAVITY
-from fmucorrect.railway.preload_mapping import CONVERGENCE, RESIDUAL_ACCELERATION, TOLERANCE
-from fmucorrect.railway.supports import GROUND
+from fmucorrect.railway.preload.mapping import CONVERGENCE, RESIDUAL_ACCELERATION, TOLERANCE
+from fmucorrect.railway.preload.supports import GROUND
 from fmucorrect.study_places import Places, by_line, parse_toml, place, scan
 from fmucorrect.study_schema import NotNegative, Number, Positive, Sign, SimulationTable, Text
 from fmucorrect.study_validation import Table, message

@@ -11,12 +11,12 @@ import numpy as np
 from plotly import graph_objects as go
 from plotly.subplots import make_subplots
 
-from fmucorrect.railway.bifurcation import Bifurcation
 from fmucorrect.railway.constants import KMH
-from fmucorrect.railway.critical_speed import LinearStability
-from fmucorrect.railway.critical_speed_assessment import CriticalSpeedAssessment
-from fmucorrect.railway.limit_cycle import Deceleration, Motion
-from fmucorrect.railway.preload_assessment import LoadComparison, PreloadAssessment
+from fmucorrect.railway.preload.assessment import LoadComparison, PreloadAssessment
+from fmucorrect.railway.stability.assessment import CriticalSpeedAssessment
+from fmucorrect.railway.stability.bifurcation import Bifurcation
+from fmucorrect.railway.stability.critical_speed import LinearStability
+from fmucorrect.railway.stability.limit_cycle import Deceleration, Motion
 from fmucorrect.report.assess_text import kmh, percent
 from fmucorrect.report.figures import CORRECTED, SIMULATED
 from fmucorrect.report.training_figures import CYCLE, style

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from fmucorrect.railway.assess import NOTICE, Findings
 from fmucorrect.railway.constants import KMH
-from fmucorrect.railway.critical_speed_assessment import CriticalSpeedAssessment
-from fmucorrect.railway.preload_assessment import PreloadAssessment
+from fmucorrect.railway.preload.assessment import PreloadAssessment
+from fmucorrect.railway.stability.assessment import CriticalSpeedAssessment
 from fmucorrect.report import assess_figures as drawn
 from fmucorrect.report import assess_text
 from fmucorrect.report.assess_parts import AssessmentPage

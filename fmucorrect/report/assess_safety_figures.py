@@ -10,8 +10,8 @@ from plotly import graph_objects as go
 from plotly.subplots import make_subplots
 
 from fmucorrect import units
-from fmucorrect.railway.filters import low_pass, uniform_interval
-from fmucorrect.railway.running_safety import RunningSafety
+from fmucorrect.railway.safety.filters import low_pass, uniform_interval
+from fmucorrect.railway.safety.running_safety import RunningSafety
 from fmucorrect.report.figures import CORRECTED, SIMULATED
 from fmucorrect.report.training_figures import CYCLE, panels, style
 

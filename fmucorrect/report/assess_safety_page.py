@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fmucorrect.railway.running_safety import RunningSafety
+from fmucorrect.railway.safety.running_safety import RunningSafety
 from fmucorrect.report import assess_safety_figures, assess_text
 from fmucorrect.report.assess_parts import AssessmentPage
 from fmucorrect.report.assess_text import kmh, percent, short

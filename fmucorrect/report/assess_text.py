@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 from fmucorrect.railway.assess import Findings
 from fmucorrect.railway.constants import KMH
-from fmucorrect.railway.critical_speed_assessment import CriticalSpeedAssessment, Published
-from fmucorrect.railway.preload_assessment import PreloadAssessment
-from fmucorrect.railway.running_safety import RunningSafety
-from fmucorrect.railway.safety import SectionValue
+from fmucorrect.railway.preload.assessment import PreloadAssessment
+from fmucorrect.railway.safety.running_safety import RunningSafety
+from fmucorrect.railway.safety.section_values import SectionValue
+from fmucorrect.railway.stability.assessment import CriticalSpeedAssessment, Published
 
 TITLES = {"preload": "Preload and static equilibrium", "critical_speed": "Critical speed", "safety": "Running safety"}
 PAPER_RESIDUAL = 0.0189

@@ -15,8 +15,8 @@ from test_compare_page import opened
 from test_page import BROWSER, MOST
 
 from fmucorrect.railway.assess import Findings
-from fmucorrect.railway.estimated_maximum import estimated_maximum
-from fmucorrect.railway.safety_assessment import SafetyEstimate
+from fmucorrect.railway.safety.assessment import SafetyEstimate
+from fmucorrect.railway.safety.estimated_maximum import estimated_maximum
 from fmucorrect.report import assess_figures, assess_page, assess_safety_figures, assess_text
 
 

@@ -1,0 +1,276 @@
+"""The contact table: its laws, its limits in closed form, its file, and the command that makes it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fmucorrect.errors import RecordError, SignalError
+from fmucorrect.railway.contact.equivalent_conicity import equivalent_conicity, radius_difference
+from fmucorrect.railway.contact.geometry import Placement, WheelOnRail
+from fmucorrect.railway.contact.kalker import hertz_ellipse, kalker_coefficients
+from fmucorrect.railway.contact.profile import Profile
+from fmucorrect.railway.contact.smoothing import smoothed
+from fmucorrect.railway.contact.standard_profiles import rail_60e1, s1002
+from fmucorrect.railway.contact.table import (
+    COLUMNS,
+    LOAD,
+    ContactTable,
+    Smoothing,
+    make_contact_table,
+    read_contact_table,
+    write_contact_table,
+)
+
+ROOT = Path(__file__).resolve().parents[3]
+TOOL = ROOT / "tools" / "contact_tables.py"
+SHIPPED = ROOT / "fmus" / "full_vehicle" / "contact.csv"
+GRID = np.arange(-300, 301) * 0.05e-3
+
+
+@pytest.fixture(scope="module")
+def pair() -> WheelOnRail:
+    return WheelOnRail(s1002(), rail_60e1(), Placement())
+
+
+@pytest.fixture(scope="module")
+def table(pair: WheelOnRail) -> ContactTable:
+    return make_contact_table(pair, GRID, Smoothing())
+
+
+def test_the_lift_grows_with_the_tangent_of_the_angle(pair: WheelOnRail) -> None:
+    """d lift / d y = tan(angle) over tread, jumps and flange (Simpson's rule over a fine grid)."""
+    fine = make_contact_table(pair, np.arange(-50, 801) * 10e-6, Smoothing())
+    slope = np.tan(fine.angle)
+    risen = 10e-6 / 3.0 * (slope[:-2] + 4.0 * slope[1:-1] + slope[2:])
+    assert fine.lift[2:] - fine.lift[:-2] == pytest.approx(risen, abs=1e-9)
+
+
+def test_every_column_is_continuous(pair: WheelOnRail) -> None:
+    """Halving the step halves the largest increment of every column, also where the rigid contact jumps."""
+    coarse = make_contact_table(pair, np.arange(-40, 401) * 20e-6, Smoothing())
+    fine = make_contact_table(pair, np.arange(-80, 801) * 10e-6, Smoothing())
+    for name in COLUMNS:
+        largest = [np.abs(np.diff(getattr(each, name))).max() for each in (coarse, fine)]
+        assert largest[1] < 0.6 * largest[0], name
+
+
+def test_a_hard_contact_is_the_rigid_one_away_from_jumps(pair: WheelOnRail) -> None:
+    rigid = pair.contact(GRID)
+    hard = make_contact_table(pair, GRID, Smoothing(1e-6, 0.0))
+    jumps = np.array([jump.y for jump in pair.jumps(GRID)])
+    away = np.abs(GRID[:, None] - jumps).min(axis=1) > 0.4e-3
+    assert hard.radius[away] == pytest.approx(rigid.radius[away], abs=20e-6)
+    assert hard.angle[away] == pytest.approx(rigid.angle[away], abs=3e-3)
+    assert hard.lift == pytest.approx(rigid.lift, abs=10e-6)
+
+
+def test_a_cone_on_a_round_rail_in_closed_form() -> None:
+    """Softness changes neither angle nor lift of a cone; the patch is centred where the rail has the cone's slope, the
+    curvatures are the rail's alone, and the ellipse is Hertz's."""
+    slope, crown = 0.05, 0.3
+    y = np.arange(-36.0, 60.01, 0.5) * 1e-3
+    flange = np.arange(-52.0, -36.0, 0.5) * 1e-3
+    rows = np.concatenate(
+        (np.column_stack((flange, (flange - y[0]) * 1.7 + slope * y[0])), np.column_stack((y, slope * y)))
+    )
+    head = np.linspace(-35.0, 35.0, 281) * 1e-3
+    side = np.arange(35.5, 52.0, 0.5) * 1e-3
+    arc = np.sqrt(crown**2 - head**2) - crown
+    sides = arc[-1] - (side - head[-1]) * 2.0
+    points = np.column_stack((np.concatenate((-side[::-1], head, side)), np.concatenate((sides[::-1], arc, sides))))
+    placement = Placement(inclination=0.0)
+    pair = WheelOnRail(Profile("cone", "wheel", rows), Profile("round", "rail", points), placement)
+    made = make_contact_table(pair, np.arange(-100, 101) * 20e-6, Smoothing())
+    assert made.angle == pytest.approx(np.full(201, np.arctan(slope)), abs=1e-5)
+    assert made.lift == pytest.approx(slope * made.y, abs=1e-8)
+    assert made.radius == pytest.approx(0.430 - slope * made.wheel_y, abs=1e-8)
+    assert np.diff(made.wheel_y) == pytest.approx(np.full(200, -20e-6), abs=1e-8)
+    assert made.rail_curvature == pytest.approx(np.full(201, 1.0 / crown), rel=2e-3)
+    assert made.wheel_curvature == pytest.approx(np.zeros(201), abs=1e-3)
+    ellipse = hertz_ellipse(np.array([np.cos(np.arctan(slope)) / made.radius[100]]), np.array([1.0 / crown]), LOAD)
+    assert (made.a[100], made.b[100]) == pytest.approx((ellipse.a[0], ellipse.b[0]), rel=1e-3)
+
+
+def test_ellipse_and_coefficients_follow_from_the_curvatures(table: ContactTable) -> None:
+    along = np.cos(table.angle) / table.radius
+    ellipse = hertz_ellipse(along, table.rail_curvature + table.wheel_curvature, LOAD)
+    c = kalker_coefficients(table.a / table.b)
+    assert np.array_equal(table.a, ellipse.a)
+    assert np.array_equal(table.b, ellipse.b)
+    assert np.array_equal(np.stack((table.c11, table.c22, table.c23)), np.stack((c.c11, c.c22, c.c23)))
+
+
+def test_the_table_reaches_from_field_side_to_flange(table: ContactTable) -> None:
+    """+-15 mm at 0.05 mm; lift zero at rest; the flange's 70 degrees; nothing that is no number."""
+    assert table.y[[0, 300, -1]] == pytest.approx([-15e-3, 0.0, 15e-3], abs=1e-12)
+    assert table.lift[300] == 0.0
+    assert np.degrees(table.angle.max()) == pytest.approx(70.0, abs=0.1)
+    assert np.isfinite(np.stack([getattr(table, name) for name in COLUMNS])).all()
+    assert (np.diff(table.lift) > 0.0).all()
+
+
+def test_conicity_survives_the_softness(pair: WheelOnRail, table: ContactTable) -> None:
+    """At 3 and 4 mm within 5 % of the rigid profiles' 0.174 and 0.155."""
+    y = np.linspace(-8e-3, 8e-3, 3201)
+    soft = np.interp(y, table.y, table.radius) - np.interp(-y, table.y, table.radius)
+    for amplitude in (3e-3, 4e-3):
+        rigid = equivalent_conicity(y, radius_difference(pair, pair, y), amplitude)
+        assert equivalent_conicity(y, soft, amplitude) == pytest.approx(rigid, rel=0.05)
+
+
+def test_a_measured_pair_gives_nearly_the_table_of_the_clean_one(table: ContactTable) -> None:
+    """10 um of noise on points 0.2 mm apart, smoothed over 8 mm: conicity at 3 mm within 12 %,
+    the area of the ellipse on the tread within 10 % in the median (noise makes it smaller)."""
+    rng = np.random.default_rng(3)
+    wheel, rail = (
+        smoothed(Profile("measured", p.kind, p.points[::2] + rng.normal(0.0, 10e-6, p.points[::2].shape)), 8e-3)
+        for p in (s1002(), rail_60e1())
+    )
+    made = make_contact_table(WheelOnRail(wheel, rail, Placement()), GRID, Smoothing())
+    y = np.linspace(-8e-3, 8e-3, 3201)
+    measured, clean = (
+        equivalent_conicity(y, np.interp(y, t.y, t.radius) - np.interp(-y, t.y, t.radius), 3e-3) for t in (made, table)
+    )
+    assert measured == pytest.approx(clean, rel=0.12)
+    tread = GRID < 5e-3
+    area = (made.a * made.b / (table.a * table.b))[tread]
+    assert np.median(area) == pytest.approx(1.0, abs=0.1)
+    assert (made.rail_curvature + made.wheel_curvature > 0.0).all()
+
+
+def test_written_and_read_again(tmp_path: Path, table: ContactTable) -> None:
+    write_contact_table(tmp_path / "contact.csv", table, ["made by a test", "two lines"])
+    lines = (tmp_path / "contact.csv").read_text(encoding="utf-8").splitlines()
+    assert lines[:3] == ["# made by a test", "# two lines", ",".join(COLUMNS)]
+    again = read_contact_table(tmp_path / "contact.csv")
+    for field in fields(ContactTable):
+        assert getattr(again, field.name) == pytest.approx(getattr(table, field.name), rel=1e-8, abs=1e-15)
+
+
+def rows_of(table: ContactTable) -> list[str]:
+    return [
+        ",".join(COLUMNS),
+        *(",".join(f"{getattr(table, name)[i]:.9g}" for name in COLUMNS) for i in range(300, 310)),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda rows: rows[1:], "no contact table.*contact_tables.py"),
+        (lambda rows: [rows[0].replace("lift", "height"), *rows[1:]], "no contact table"),
+        (lambda rows: [], "no header"),
+        (lambda rows: [*rows[:4], rows[4].replace("0.", "x.", 1), *rows[5:]], "line 5 does not hold 12 finite numbers"),
+        (lambda rows: [*rows[:4], rows[4].rsplit(",", 1)[0], *rows[5:]], "line 5"),
+        (lambda rows: [*rows[:4], rows[4].rsplit(",", 1)[0] + ",nan", *rows[5:]], "line 5"),
+        (lambda rows: [*rows[:4], *rows[5:]], "not rising and uniform"),
+        (lambda rows: [rows[0], *rows[:0:-1]], "not rising and uniform"),
+        (lambda rows: rows[:2], "not rising and uniform"),
+        (
+            lambda rows: [*rows[:4], ",-1,".join([rows[4].split(",")[0], rows[4].split(",", 2)[2]]), *rows[5:]],
+            "radius.*line 5",
+        ),
+    ],
+)
+def test_a_file_that_is_no_table_says_where(tmp_path: Path, table: ContactTable, spoil, message: str) -> None:
+    (tmp_path / "contact.csv").write_text("\n".join(spoil(rows_of(table))), encoding="utf-8")
+    with pytest.raises(RecordError, match=message):
+        read_contact_table(tmp_path / "contact.csv")
+
+
+def test_a_file_that_is_not_there(tmp_path: Path, table: ContactTable) -> None:
+    with pytest.raises(RecordError, match="cannot be read"):
+        read_contact_table(tmp_path / "none.csv")
+    with pytest.raises(RecordError, match="cannot be written"):
+        write_contact_table(tmp_path / "no" / "folder.csv", table, [])
+
+
+@pytest.mark.parametrize(
+    ("grid", "smoothing", "message"),
+    [
+        (np.array([-1e-3, 0.0, 2e-3]), Smoothing(), "uniform grid"),
+        (GRID[::-1], Smoothing(), "uniform grid"),
+        (GRID[400:], Smoothing(), "holds y = 0"),
+        (GRID, Smoothing(softness=0.0), "softness"),
+        (GRID, Smoothing(softness=15e-3), "softness"),
+        (GRID, Smoothing(width=0.4), "width"),
+        (np.arange(-80, 81) * 1e-3, Smoothing(), "runs off the profiles"),
+    ],
+)
+def test_what_cannot_be_made_is_refused(
+    pair: WheelOnRail, grid: np.ndarray, smoothing: Smoothing, message: str
+) -> None:
+    with pytest.raises(SignalError, match=message):
+        make_contact_table(pair, grid, smoothing)
+
+
+def command(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, str(TOOL), *arguments], capture_output=True, text=True, timeout=120, check=False
+    )
+
+
+def test_the_command_makes_the_shipped_table(tmp_path: Path) -> None:
+    """As the first lines of fmus/full_vehicle/contact.csv say, from names alone."""
+    path = tmp_path / "contact.csv"
+    done = command("S1002", "60E1", "--inclination", "1:40", "-o", str(path))
+    assert done.returncode == 0, done.stderr
+    made, shipped = (read_contact_table(each) for each in (path, SHIPPED))
+    for name in COLUMNS:
+        assert getattr(made, name) == pytest.approx(getattr(shipped, name), rel=1e-6, abs=1e-9), name
+    heads = [
+        [line for line in each.read_text(encoding="utf-8").splitlines() if line[0] == "#"] for each in (path, SHIPPED)
+    ]
+    assert heads[0] == heads[1]
+    text = "\n".join(heads[0])
+    for stated in (
+        "S1002",
+        "60E1",
+        "1:40",
+        "1435 mm",
+        "1360 mm",
+        "r0 430 mm",
+        "0.174 at 3 mm",
+        "jumps at y = 6.610 mm",
+    ):
+        assert stated in text
+
+
+def test_the_command_takes_files_and_other_dimensions(tmp_path: Path) -> None:
+    """Profiles in text files, the rail already inclined, give the built-in ones' table."""
+    wheel, rail = s1002(), rail_60e1().turned(float(np.arctan(1.0 / 20.0)))
+    np.savetxt(tmp_path / "wheel.txt", wheel.points * 1e3)
+    np.savetxt(tmp_path / "rail.csv", rail.points, delimiter=",", header="y [m],z [m]", comments="")
+    out = str(tmp_path / "contact.csv")
+    sizes = ("--back-to-back", "1356", "--reach", "4", "--step", "0.1")
+    files = (str(tmp_path / "wheel.txt"), str(tmp_path / "rail.csv"), "--wheel-unit", "mm", "--inclination", "0")
+    done = command(*files, *sizes, "-o", out)
+    assert done.returncode == 0, done.stderr
+    placement = replace(Placement(inclination=float(np.arctan(1.0 / 20.0))), back_to_back=1.356)
+    expected = make_contact_table(WheelOnRail(wheel, rail_60e1(), placement), np.arange(-40, 41) * 1e-4, Smoothing())
+    assert read_contact_table(Path(out)).radius == pytest.approx(expected.radius, abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("60E1", "60E1"), "60E1 is a rail profile"),
+        (("S1002", "none.prr"), "none.prr: the file cannot be read"),
+        (("S1002", "60E1", "--inclination", "40"), "no inclination of a rail"),
+        (("S1002", "60E1", "--gauge", "1.435"), "gauge out of range"),
+        (("S1002", "60E1", "--reach", "80"), "runs off the profiles"),
+        (("S1002", "60E1", "--step", "0"), "step"),
+    ],
+)
+def test_the_command_says_what_is_wrong(tmp_path: Path, arguments: tuple[str, ...], message: str) -> None:
+    done = command(*arguments, "-o", str(tmp_path / "contact.csv"))
+    assert done.returncode == 2
+    assert message in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not (tmp_path / "contact.csv").exists()
