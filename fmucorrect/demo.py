@@ -16,8 +16,8 @@ from fmucorrect.comparison import Comparison, compare
 from fmucorrect.errors import RecordError
 from fmucorrect.live.layout import Curve, layout
 from fmucorrect.metrics import Scores
-from fmucorrect.report import comparison_page
-from fmucorrect.report.comparison_page import Context, Reference
+from fmucorrect.report.correction import page as comparison_page
+from fmucorrect.report.correction.page import Context, Reference
 from fmucorrect.signals import Condition, Record
 from fmucorrect.stepper import CorrectedStepper, run
 from fmucorrect.study import Study, load_study

@@ -31,7 +31,7 @@ from plant import Plant
 
 from fmucorrect.discovery.augmented import augmented_study, toml
 from fmucorrect.records import writer
-from fmucorrect.report import models_page
+from fmucorrect.report.training import models_page
 from fmucorrect.study import Study, load_study
 from fmucorrect.training.models import compare_models, lines, require_alike, total, verdict
 from fmucorrect.training.tasks import CORES, Workshop

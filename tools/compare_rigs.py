@@ -16,7 +16,7 @@ from pathlib import Path
 from tqdm import tqdm
 
 from fmucorrect.experiment import pair
-from fmucorrect.report import compare_page
+from fmucorrect.report.training import compare_page
 from fmucorrect.study import Study, load_study
 from fmucorrect.training.ablation import VARIANTS, ablation_table, budget, fit_variants
 from fmucorrect.training.cases import needed

@@ -48,7 +48,7 @@ def demo(out: Path, overwrite: bool, as_json: bool) -> None:
     Example: fmucorrect demo -o /tmp/demo
     """
     from fmucorrect import demo as demonstration
-    from fmucorrect.report.comparison_page import headline
+    from fmucorrect.report.correction.page import headline
 
     with progress_bar(len(demonstration.STEPS) - 1, "step", "demo") as advance:
         begun: list[str] = []

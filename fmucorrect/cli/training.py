@@ -23,7 +23,7 @@ from fmucorrect.cli.group import (
 )
 
 if TYPE_CHECKING:
-    from fmucorrect.report.training_page import Guarded
+    from fmucorrect.report.training.page import Guarded
     from fmucorrect.study import Study
     from fmucorrect.training.results import Results
 
@@ -72,7 +72,7 @@ def train(
 
     Example: fmucorrect train study.toml -o model
     """
-    from fmucorrect.report import training_page
+    from fmucorrect.report.training import page as training_page
 
     protocol, results, tasks, verdicts = _training("protocol", "results", "tasks", "verdict")
     the_study = open_study(study, allow_damaged).with_step_timeout(step_timeout)
@@ -110,8 +110,8 @@ def train(
 
 def _where_it_ends(done: Results) -> Guarded:
     """The page's section on it. A guard is there."""
-    from fmucorrect.report.training_figures import Place
-    from fmucorrect.report.training_page import Guarded
+    from fmucorrect.report.training.envelope import Place
+    from fmucorrect.report.training.page import Guarded
 
     (verdicts,) = _training("verdict")
     guard, selection = done.trained.guard, done.trained.selection
@@ -171,7 +171,7 @@ def compare(
             raise UserError("--seeds and --ablate belong to the comparison of methods on one study")
         say(_compare_models(loaded, out, device, scheduler, overwrite, as_json))
         return
-    from fmucorrect.report import compare_page
+    from fmucorrect.report.training import compare_page
 
     cases, table, results, tasks = _training("compare", "compare_table", "results", "tasks")
     _claim(out, "compare", ("compare.html", "compare.json", "compare.npz"), loaded, overwrite)
@@ -201,7 +201,7 @@ def _compare_models(
 ) -> str:
     """Several models of the same measurements: what is to be printed."""
     from fmucorrect import outputs
-    from fmucorrect.report import models_page
+    from fmucorrect.report.training import models_page
 
     models, results, tasks = _training("models", "results", "tasks")
     models.require_alike(studies)
@@ -246,7 +246,7 @@ def diagnose(
         marked = {"made_by": outputs.mark("diagnose")} | found.to_json()
         outputs.write(out, json.dumps(marked, indent=1) + "\n")
     elif out is not None:
-        from fmucorrect.report import diagnosis_page
+        from fmucorrect.report.training import diagnosis_page
 
         diagnosis_page.write_page(out, f"{the_study.name}: accelerometers", found)
     say(text if as_json else diagnosis.table(found))

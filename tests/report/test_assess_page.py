@@ -17,7 +17,10 @@ from test_page import BROWSER, MOST
 from fmucorrect.railway.assess import Findings
 from fmucorrect.railway.safety.assessment import SafetyEstimate
 from fmucorrect.railway.safety.estimated_maximum import estimated_maximum
-from fmucorrect.report import assess_figures, assess_page, assess_safety_figures, assess_text
+from fmucorrect.report.assessment import figures as assess_figures
+from fmucorrect.report.assessment import page as assess_page
+from fmucorrect.report.assessment import safety_figures as assess_safety_figures
+from fmucorrect.report.assessment import text as assess_text
 
 
 def words(found: Findings) -> str:

@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 from test_page import BROWSER, MOST
 
-from fmucorrect.report import compare_page, training_figures, training_page
+from fmucorrect.report.training import ablation, compare_page
+from fmucorrect.report.training import cases as drawn
 
 CHANNELS = ["FW", "FB"]
 CASES = [  # case, family, NRMSE of the first seed, parameters, epochs, held out
@@ -198,7 +199,7 @@ def test_ablation_sentence_follows_from_the_numbers() -> None:
     assert "No difference seen from: no amplitude (+0.033)." in text
     assert "no smooth 1.603 ± 0.096 0.9100 ± 0.0100 +0.503 ± 0.009 helps" in text
     assert "passes it 18 times in 100, and 3 variants are judged" in text  # Student's t, two degrees of freedom
-    assert training_page.false_alarm(2) == pytest.approx(1 - 2 / np.pi * np.arctan(2.0))
+    assert ablation.false_alarm(2) == pytest.approx(1 - 2 / np.pi * np.arctan(2.0))
     single = result()
     single["ablation"]["seeds"] = [0]
     for row in single["ablation"]["rows"]:
@@ -234,15 +235,15 @@ def test_gaps_in_the_data_are_no_trouble() -> None:
 def test_common_axes_cover_the_cases_but_not_one_that_runs_away() -> None:
     t = np.arange(3000) * 1e-3
     wave = np.sin(4 * np.pi * t)[:, None]
-    made = [training_figures.Curve(str(gain), gain * wave, "#000", gain < 2) for gain in (1.0, 1.5, 100.0)]
-    (label, view), *rest = training_figures.overlay_views(t, made[:2], wave)
+    made = [drawn.Curve(str(gain), gain * wave, "#000", gain < 2) for gain in (1.0, 1.5, 100.0)]
+    (label, view), *rest = drawn.overlay_views(t, made[:2], wave)
     assert label == "a few waves"
     assert view["xaxis"][1] - view["xaxis"][0] == pytest.approx(3.0, abs=0.01)  # six periods of 2 Hz, all there is
     assert view["yaxis"] == pytest.approx((-1.68, 1.68), rel=1e-3)
     assert rest[-1][0] == "all 3 s"
-    wide = training_figures.overlay_views(t, made, wave)[0][1]["yaxis"]
+    wide = drawn.overlay_views(t, made, wave)[0][1]["yaxis"]
     assert wide == pytest.approx((-1.12 * 4.5, 1.12 * 4.5), rel=1e-3)
-    figure = training_figures.overlay(t, made, ["a"], "mm", view, 1000)
+    figure = drawn.overlay(t, made, ["a"], "mm", view, 1000)
     assert [trace.visible for trace in figure.data] == [True, True, "legendonly"]
     assert np.allclose(figure.data[1].y, 1.5 * wave[::3, 0], atol=1e-6)
 

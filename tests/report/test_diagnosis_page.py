@@ -13,7 +13,7 @@ from test_compare_page import opened
 from test_page import BROWSER, MOST
 
 from fmucorrect.diagnosis import Agreement, Diagnosis, recommend
-from fmucorrect.report import diagnosis_page
+from fmucorrect.report.training import diagnosis_page
 
 FREQUENCIES = np.arange(0.0, 20.5, 0.5)
 

@@ -16,7 +16,9 @@ import numpy as np
 import pytest
 from test_page import BROWSER, MOST
 
-from fmucorrect.report import discovery_figures, discovery_page, discovery_pictures
+from fmucorrect.report.discovery import figures as discovery_figures
+from fmucorrect.report.discovery import page as discovery_page
+from fmucorrect.report.discovery import pictures as discovery_pictures
 
 VERDICTS = ("named", "ambiguous", "none", "unexplained")
 ALL = {verdict: example.report(verdict) for verdict in VERDICTS} | {"recorded": example.recorded()}

@@ -21,8 +21,11 @@ import test_training_page
 from plotly import graph_objects as go
 from test_page import BROWSER, CONTEXT, MOST, comparison, figures_of
 
-from fmucorrect.report import assess_page, compare_page, comparison_page, diagnosis_page, discovery_page
-from fmucorrect.report.still import POINTS, still
+from fmucorrect.report.assessment import page as assess_page
+from fmucorrect.report.base.still import POINTS, still
+from fmucorrect.report.correction import page as comparison_page
+from fmucorrect.report.discovery import page as discovery_page
+from fmucorrect.report.training import compare_page, diagnosis_page
 
 NPM = shutil.which("npm")
 

@@ -17,9 +17,10 @@ import pytest
 
 from fmucorrect.comparison import Comparison
 from fmucorrect.registration import Offset
-from fmucorrect.report import comparison_page, figures
-from fmucorrect.report.comparison_page import Context, Reference
-from fmucorrect.report.html import Page, Row
+from fmucorrect.report.base.html import Page, Row
+from fmucorrect.report.correction import figures
+from fmucorrect.report.correction import page as comparison_page
+from fmucorrect.report.correction.page import Context, Reference
 from fmucorrect.signals import Channel, Condition
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None)

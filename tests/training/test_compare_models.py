@@ -12,7 +12,7 @@ from closed_form import SPEEDS, make_study
 from fmucorrect import cli
 from fmucorrect.errors import StudyError
 from fmucorrect.records import read, writer
-from fmucorrect.report import models_page
+from fmucorrect.report.training import models_page
 from fmucorrect.signals import Channel, Record
 from fmucorrect.study import load_study
 from fmucorrect.training.models import compare_models, labels, lines, require_alike, total, verdict

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from plotly import graph_objects as go
 
-from fmucorrect.report.discovery_figures import numbers, plain_style
-from fmucorrect.report.discovery_text import scaled, texts
-from fmucorrect.report.figures import CORRECTED, MEASURED
+from fmucorrect.report.base.figures import CORRECTED, MEASURED
+from fmucorrect.report.base.words import scaled
+from fmucorrect.report.discovery.figures import numbers, plain_style
+from fmucorrect.report.discovery.text import texts
 
 
 def pictures(picture: Mapping[str, Any]) -> list[go.Figure]:

@@ -12,31 +12,16 @@ from typing import Any, cast
 
 import numpy as np
 
-from fmucorrect.report import discovery_figures as drawn
-from fmucorrect.report.discovery_effects import effects_section, laws_section, source_section
-from fmucorrect.report.discovery_learned import learned_section
-from fmucorrect.report.discovery_next import left_section, next_section, run_section
-from fmucorrect.report.discovery_parts import DiscoveryPage
-from fmucorrect.report.discovery_rivals import rivals_section
-from fmucorrect.report.discovery_text import (
-    NARROW,
-    at,
-    error,
-    known,
-    listed,
-    mapping,
-    number,
-    percent,
-    plain,
-    quantity,
-    rows,
-    short,
-    texts,
-    titled,
-)
-from fmucorrect.report.discovery_where import where
-from fmucorrect.report.figures import POINTS
-from fmucorrect.report.html import Row
+from fmucorrect.report.base.figures import POINTS
+from fmucorrect.report.base.html import Page, Row
+from fmucorrect.report.base.words import NARROW, error, known, listed, number, percent, quantity, short, titled
+from fmucorrect.report.discovery import figures as drawn
+from fmucorrect.report.discovery.effects import effects_section, laws_section, source_section
+from fmucorrect.report.discovery.learned import learned_section
+from fmucorrect.report.discovery.next_steps import left_section, next_section, run_section
+from fmucorrect.report.discovery.rivals import rivals_section
+from fmucorrect.report.discovery.text import at, mapping, plain, rows, texts
+from fmucorrect.report.discovery.where import where
 
 NAMED = 3
 """Most effects that the title names; more are counted there, and named in the sentence below."""
@@ -69,10 +54,10 @@ def write_page(path: Path, report: Mapping[str, Any]) -> None:
     build(report).write(path)
 
 
-def build(report: Mapping[str, Any]) -> DiscoveryPage:
+def build(report: Mapping[str, Any]) -> Page:
     """The page, ready to be written."""
     study = str(mapping(report.get("study")).get("name") or "")
-    page = DiscoveryPage(*lead(report), kicker=" · ".join(["fmucorrect discover", *([study] if study else [])]))
+    page = Page(*lead(report), kicker=" · ".join(["fmucorrect discover", *([study] if study else [])]))
     page.warnings(report.get("warnings", ()))
     if report.get("complete") is False:
         ahead = "; ".join(texts(report.get("not_looked_at")))
@@ -153,7 +138,7 @@ def mean(items: Sequence[Mapping[str, Any]], key: str) -> float:
     return float(np.mean(found)) if found else float("nan")
 
 
-def _tiles(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
+def _tiles(page: Page, report: Mapping[str, Any]) -> None:
     items, held = judged(report)
     effects = rows(report.get("effects"))
     verdict = report.get("verdict")
@@ -196,7 +181,7 @@ def _tiles(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
         page.tiles(tiles)
 
 
-def _gap_section(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
+def _gap_section(page: Page, report: Mapping[str, Any]) -> None:
     items = rows(report.get("gap"))
     if not items:
         return
@@ -249,7 +234,7 @@ def r2(value: Any) -> str:
     return f"{x:.{2 if x < 0.9 else 3 if x < 0.99 else 4}f}".replace("-", "−")
 
 
-def _series_section(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
+def _series_section(page: Page, report: Mapping[str, Any]) -> None:
     found = {str(name): mapping(item) for name, item in mapping(report.get("series")).items()}
     roles = {str(item.get("condition")): item.get("role") for item in rows(report.get("gap"))}
     order = sorted(found, key=lambda name: roles.get(name) != "evaluation")

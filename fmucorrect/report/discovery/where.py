@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from fmucorrect.report import discovery_figures as drawn
-from fmucorrect.report.discovery_parts import DiscoveryPage
-from fmucorrect.report.discovery_text import error, known, listed, mapping, number, percent, rows, titled
-from fmucorrect.report.figures import CORRECTED, MEASURED
-from fmucorrect.report.html import Row
+from fmucorrect.report.base.figures import CORRECTED, MEASURED
+from fmucorrect.report.base.html import Page, Row
+from fmucorrect.report.base.words import error, known, listed, number, percent, titled
+from fmucorrect.report.discovery import figures as drawn
+from fmucorrect.report.discovery.text import mapping, rows
 
 BLIND = "not known: without an FMU that has joints no place inside the model can be told from another"
 AS_WELL = 0.02
@@ -18,7 +18,7 @@ SPEAKS = 0.02
 """Share from which orders of a rotation are worth a picture."""
 
 
-def where(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
+def where(page: Page, report: Mapping[str, Any]) -> None:
     """The section in words, then its figures; nothing where the report says nothing."""
     found = mapping(report.get("where"))
     facts = _facts(found, mapping(report.get("study")))
@@ -81,7 +81,7 @@ def _conditions(found: Mapping[str, Any]) -> list[tuple[str, str]]:
     return [("at which conditions", text)]
 
 
-def _places(page: DiscoveryPage, found: Mapping[str, Any]) -> None:
+def _places(page: Page, found: Mapping[str, Any]) -> None:
     joints, bands, orders = (_shares(found.get(key)) for key in ("joints", "bands", "orders"))
     orders = {name: share for name, share in orders.items() if max(orders.values()) >= SPEAKS}
     channels = {str(name): mapping(item) for name, item in mapping(found.get("channels")).items()}
@@ -115,7 +115,7 @@ def _places(page: DiscoveryPage, found: Mapping[str, Any]) -> None:
         page.close_pair()
 
 
-def _dependence(page: DiscoveryPage, found: Mapping[str, Any]) -> None:
+def _dependence(page: Page, found: Mapping[str, Any]) -> None:
     harmonics = {str(name): mapping(item) for name, item in mapping(found.get("harmonics")).items() if mapping(item)}
     time = {str(name): mapping(item) for name, item in mapping(found.get("time")).items()}
     time = {name: item for name, item in time.items() if len(drawn.numbers(item.get("t"))) > 1}
@@ -157,7 +157,7 @@ def _varied(found: Mapping[str, Any], key: str) -> list[Mapping[str, Any]]:
     return items if len({item[key] for item in items}) > 1 else []
 
 
-def _rest(page: DiscoveryPage, shares: Mapping[str, float]) -> None:
+def _rest(page: Page, shares: Mapping[str, float]) -> None:
     more = len(shares) - drawn.BARS
     if more > 0:
         page.text_block(f"{more} more, all of them smaller, are in report.json.")

@@ -1,23 +1,20 @@
-"""The page of a training: what it is worth at conditions that were held out, histories, band, where it ends, how it was chosen.
-
-`losses` and `ablation_section` are for other pages too.
-"""
+"""The page of a training: what it is worth where it was not fitted, histories, band, where it ends, how it was chosen."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from html import escape
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from plotly import graph_objects as go
 
 from fmucorrect.comparison import BAND_90, Comparison
-from fmucorrect.report import figures
-from fmucorrect.report import training_figures as drawn
-from fmucorrect.report.html import Page, Row
+from fmucorrect.report.base.html import Page, Row
+from fmucorrect.report.base.words import lag_text
+from fmucorrect.report.correction import figures
+from fmucorrect.report.training.envelope import Place, envelope_map, flagged
+from fmucorrect.report.training.losses import Training, losses
 
 ROLES = {
     "evaluation": "Evaluation: nothing fitted to these",
@@ -35,15 +32,6 @@ CAUTION = (
 
 
 @dataclass(frozen=True)
-class Verdict:
-    """NRMSE of a variant minus that of the full formulation, paired by seed: mean and its standard error, % points."""
-
-    difference: float
-    error: float
-    word: str
-
-
-@dataclass(frozen=True)
 class Guarded:
     """Where a corrector ends. words: how it knows, and how often it errs. rows: a motion, share flagged of the rows in motion,
     share of the samples that the 90 % band holds (None: nothing was measured). envelope: outer low, inner low, inner high and
@@ -52,7 +40,7 @@ class Guarded:
     words: str
     rows: Sequence[tuple[str, float, float | None]]
     envelope: Mapping[str, tuple[float, float, float, float]]
-    places: Sequence[drawn.Place]
+    places: Sequence[Place]
 
 
 @dataclass(frozen=True)
@@ -137,7 +125,7 @@ def build(
     page.section("What these figures are no evidence for")
     page.caution(CAUTION)
     page.end()
-    losses(page, [drawn.Training("", curves, chosen_epochs(curves))])
+    losses(page, [Training("", curves, chosen_epochs(curves))])
     return page
 
 
@@ -215,120 +203,20 @@ def _covered(item: Comparison, kind: str) -> Row:
 
 def _guarded(page: Page, guarded: Guarded) -> None:
     page.section("Where it ends", guarded.words)
-    found = drawn.envelope_map(guarded.envelope, guarded.places)
+    found = envelope_map(guarded.envelope, guarded.places)
     if found is not None:
         legend = (
             "corrected whole where the ground is blue, fading where it is pale, the bare simulation beyond; a diamond: "
         )
         page.facts([("on the map", legend + "held out of everything")])
         page.figure(found)
-    page.figure(drawn.flagged(guarded.rows))
+    page.figure(flagged(guarded.rows))
     page.end()
-
-
-def losses(page: Page, trainings: Sequence[drawn.Training]) -> None:
-    """Two sections side by side, terms of the refit and held-out errors of the folds; nothing where there are none."""
-    terms, held = drawn.loss_terms(trainings), drawn.held_out(trainings)
-    if terms is None and held is None:
-        return
-    page.open_pair()
-    if terms is not None:
-        page.section("Loss terms of the refit", "Each with its weight, on all development conditions, log axis.")
-        page.figure(terms)
-        page.end()
-    if held is not None:
-        page.section(
-            "Error at held-out conditions",
-            "NRMSE where one development condition was left out of training; large errors at the start are cut.",
-        )
-        page.figure(held)
-        page.end()
-    page.close_pair()
 
 
 def chosen_epochs(curves: Sequence[Mapping[str, Any]]) -> dict[str, int]:
     """The last epoch of each stage's refit: a refit runs for as long as the folds recommend."""
     return {c["stage"]: int(c["epochs"][-1]) for c in curves if c["fold"] == "refit" and len(c["epochs"])}
-
-
-def spread(values: np.ndarray, digits: int) -> str:
-    """Mean +- standard deviation, the latter where there is more than one value; more digits where it would read 0."""
-    if len(values) < 2:
-        return f"{values.mean():.{digits}f}"
-    deviation = float(values.std(ddof=1))
-    if 0.0 < deviation < 0.5 * 10.0**-digits:
-        digits = min(digits + 2, int(np.ceil(-np.log10(2.0 * deviation))))
-    return f"{values.mean():.{digits}f} ± {deviation:.{digits}f}"
-
-
-def standard_error(values: np.ndarray) -> float:
-    """Standard error of the mean; 0 for a single value."""
-    return float(values.std(ddof=1) / np.sqrt(len(values))) if len(values) > 1 else 0.0
-
-
-def verdict(variant: Sequence[float], full: Sequence[float]) -> Verdict:
-    """Does what the variant lacks help? By the paired differences of NRMSE over the seeds, against two standard errors."""
-    difference = np.subtract(variant, full)
-    mean, error = float(difference.mean()), standard_error(difference)
-    if len(difference) < 2 or abs(mean) <= 2.0 * error:
-        return Verdict(mean, error, "no difference seen")
-    return Verdict(mean, error, "helps" if mean > 0 else "hurts")
-
-
-def ablation_sentence(rows: Sequence[Mapping[str, Any]], verdicts: Sequence[Verdict]) -> str:
-    """Which variants differ from the full formulation by more than the seeds do, in plain words."""
-    seeds = len(rows[0]["nrmse"]) if rows else 0
-    if seeds < 2:
-        return "With a single seed no difference can be told from chance."
-    said: list[str] = []
-    for word, what in (
-        ("helps", "The full formulation beats these by more than two standard errors, so what they lack helps"),
-        ("hurts", "These beat the full formulation by more than two standard errors, so what they lack hurts"),
-        ("no difference seen", "No difference seen from"),
-    ):
-        found = [f"{r['label']} ({v.difference:+.3f})" for r, v in zip(rows, verdicts, strict=True) if v.word == word]
-        said += [f"{what}: {', '.join(found)}."] * bool(found)
-    return " ".join(said)
-
-
-def false_alarm(seeds: int) -> float:
-    """Probability that a variant that changes nothing passes two standard errors all the same (Student's t, both sides)."""
-    from scipy.special import stdtr
-
-    return 2.0 * float(stdtr(seeds - 1, -2.0))
-
-
-def ablation_section(page: Page, ablation: Mapping[str, Any]) -> None:
-    rows: Sequence[Mapping[str, Any]] = ablation["rows"]
-    full = next((row for row in rows if row["variant"] == "full"), None)
-    variants = [row for row in rows if row is not full] if full else []
-    verdicts = [verdict(row["nrmse"], full["nrmse"]) for row in variants] if full else []
-    by_name = dict(zip((row["variant"] for row in variants), verdicts, strict=True))
-    seeds = len(ablation["seeds"])
-    page.section(
-        "Ablation",
-        f"{ablation['epochs']} epochs, {seeds} seed{'s' * (seeds != 1)}, mean ± standard deviation; NRMSE means over "
-        "evaluation conditions and channels. Difference: variant minus full, paired by seed, ± standard error.",
-    )
-    if variants:
-        page.facts([("by the figures", ablation_sentence(variants, verdicts))])
-    table: list[Row] = []
-    for row in rows:
-        found = by_name.get(row["variant"])
-        cells = [spread(np.array(row["nrmse"]), 3), spread(np.array(row["r2"]), 4)]
-        cells += [spread(np.array(row["held_out_nrmse"]), 3) if row["held_out_nrmse"] else ""]
-        cells += [f"{found.difference:+.3f} ± {found.error:.3f}", found.word] if found else ["", ""]
-        table.append(Row([row["label"], *cells], "strong" if row is full else ""))
-    page.table(["", "NRMSE, %", "R²", "held-out NRMSE, %", "difference, % points", "what it lacks"], table)
-    if variants and full:
-        pairs = [(row["label"], np.subtract(row["nrmse"], full["nrmse"])) for row in variants]
-        page.figure(_differences(pairs, [item.word for item in verdicts]))
-    if variants and seeds > 1:
-        page.caution(
-            f"Two standard errors of {seeds} seeds are a rule of thumb: a variant that changes nothing passes it "
-            f"{100 * false_alarm(seeds):.0f} times in 100, and {len(variants)} variants are judged here."
-        )
-    page.end()
 
 
 def _tiles(page: Page, items: Sequence[Comparison], unseen: bool) -> None:
@@ -382,7 +270,7 @@ def _row(item: Comparison, kind: str) -> Row:
 
 def _oracle(item: Comparison) -> Row:
     lag, scores = item.oracle.lag, item.oracle.scores
-    values = [drawn.signed(lag), f"{scores.mean_r2:.4f}", f"{scores.mean_nrmse:.3f}", f"{scores.mean_nmae:.3f}"]
+    values = [lag_text(lag), f"{scores.mean_r2:.4f}", f"{scores.mean_nrmse:.3f}", f"{scores.mean_nmae:.3f}"]
     return Row([f"{_name(item)}, {item.condition.role}", *values])
 
 
@@ -401,23 +289,3 @@ def _name(item: Comparison) -> str:
     """The condition's name, with its speed where the name does not say it."""
     name, speed = item.condition.name, f"{item.condition.speed:g}"
     return name if speed == "0" else f"{speed} km/h" if name == speed else f"{name} ({speed} km/h)"
-
-
-def _differences(variants: Sequence[tuple[str, np.ndarray]], verdicts: Sequence[str]) -> go.Figure:
-    """NRMSE of each variant minus that of the full formulation, per cent points: a dot a seed, a bar at the mean."""
-    shades = {"helps": "#1b7f4b", "hurts": figures.SIMULATED}
-    figure = go.Figure()
-    labels = [escape(label) for label, _ in variants]
-    for label, (_, values), verdict in zip(labels, variants, verdicts, strict=True):
-        colour = shades.get(verdict, figures.MEASURED)
-        common: dict[str, Any] = {"showlegend": False, "hovertemplate": "%{y}: %{x:+.4f} % points<extra></extra>"}
-        figure.add_bar(
-            x=[values.mean()], y=[label], orientation="h", marker_color=colour, opacity=0.35, width=0.5, **common
-        )
-        marker = {"color": colour if verdict in shades else "#5b6675", "size": 8, "line": {"color": "#fff", "width": 1}}
-        figure.add_scatter(x=values, y=[label] * len(values), mode="markers", marker=marker, **common)
-    drawn.style(figure, 44 * len(labels) + 120)
-    figure.update_layout(margin={"t": 20}, barmode="overlay")
-    figure.update_yaxes(autorange="reversed", automargin=True, ticklabelposition="outside")
-    figure.update_xaxes(title_text="NRMSE minus full, % points", zeroline=True, zerolinecolor=figures.INK)
-    return figure

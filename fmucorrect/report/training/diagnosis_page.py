@@ -12,8 +12,9 @@ from plotly import graph_objects as go
 
 from fmucorrect import outputs
 from fmucorrect.diagnosis import COHERENT, LOW_PASS, SEGMENT, Agreement, Diagnosis
-from fmucorrect.report.html import Page, Row
-from fmucorrect.report.training_figures import colours, line, panels, signed
+from fmucorrect.report.base.figures import colours, line, panels
+from fmucorrect.report.base.html import Page, Row
+from fmucorrect.report.base.words import lag_text
 
 PROOF = (
     "The diagnosis judges each pair of sensors under this processing (low-pass, second difference, Welch's spectra). "
@@ -115,7 +116,7 @@ def _rows(diagnosis: Diagnosis) -> list[Row]:
             values = [
                 f"{item.r2:.4f}",
                 f"{item.correlation:.4f}",
-                signed(item.lag),
+                lag_text(item.lag),
                 f"{item.lagged:.4f}",
                 f"{item.overlap:.4f}",
             ]

@@ -5,28 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from fmucorrect.report import discovery_figures as drawn
-from fmucorrect.report.discovery_parts import DiscoveryPage
-from fmucorrect.report.discovery_text import (
-    at,
-    beside,
-    key,
-    known,
-    listed,
-    number,
-    percent,
-    rows,
-    short,
-    titled,
-)
-from fmucorrect.report.html import Row
+from fmucorrect.report.base.html import Page, Row
+from fmucorrect.report.base.words import known, listed, number, percent, short, titled
+from fmucorrect.report.discovery import figures as drawn
+from fmucorrect.report.discovery.text import at, beside, key, rows
 
 MOST = 12
 """Most sets in the table that are behind what was found."""
 Item = Mapping[str, Any]
 
 
-def rivals_section(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
+def rivals_section(page: Page, report: Mapping[str, Any]) -> None:
     """The candidates in a table, each by what makes it different from what was found."""
     effects, candidates = rows(report.get("effects")), rows(report.get("candidates"))
     classes = {key(effect): rows(effect.get("indistinguishable_from")) for effect in effects}

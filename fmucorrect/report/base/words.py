@@ -1,11 +1,10 @@
-"""Words and numbers of the page of a discovery: rounded, with units as engineers write them, gaps tolerated."""
+"""Numbers in words: rounded, with units as engineers write them, gaps tolerated."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
-from html import escape
+from collections.abc import Sequence
 from typing import Any
 
 MISSING = "–"
@@ -14,16 +13,6 @@ NARROW = "\u00a0"
 PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T"}
 PREFIXED = ("N", "Nm", "Ns", "m", "s", "rad", "Hz", "Pa", "V", "W", "J")
 """Leading units that take a prefix; others keep their number as it is."""
-NAMES = {"bouc_wen": "Bouc-Wen", "coulomb": "Coulomb", "stribeck": "Stribeck", "dahl": "Dahl", "maxwell": "Maxwell"}
-OWN = ("sensor", "parameter", "excitation")
-"""What an effect's name begins with where it is no force at a joint."""
-SYMBOLS = {
-    **{"alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "Delta": "Δ", "zeta": "ζ", "eta": "η", "kappa": "κ"},
-    **{"lambda": "λ", "mu": "µ", "nu": "ν", "xi": "ξ", "pi": "π", "rho": "ρ", "sigma": "σ", "tau": "τ", "phi": "φ"},
-    **{"psi": "ψ", "omega": "ω", "Omega": "Ω", "epsilon": "ε", "theta": "θ"},
-}
-_TOKEN = re.compile(r"[A-Za-z]+\d*(?:_\w+)?|\^\(([^()]*)\)|\^(-?[\w.]+)|.", re.DOTALL)
-_SMALL = ' style="font-size:.7em;line-height:0"'
 _DIGITS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -37,25 +26,6 @@ def number(value: Any) -> float:
 def known(value: Any) -> bool:
     """Whether it is a finite number."""
     return math.isfinite(number(value))
-
-
-def mapping(value: Any) -> Mapping[str, Any]:
-    """A mapping; empty for whatever is none."""
-    return value if isinstance(value, Mapping) else {}
-
-
-def rows(value: Any) -> list[Mapping[str, Any]]:
-    """The mappings of a list; empty for whatever is none."""
-    if not isinstance(value, Sequence) or isinstance(value, str):
-        return []
-    return [mapping(item) for item in value if isinstance(item, Mapping)]
-
-
-def texts(value: Any) -> list[str]:
-    """The texts of a list, or the one text."""
-    if isinstance(value, str):
-        return [value] if value else []
-    return [str(item) for item in value] if isinstance(value, Sequence) else []
 
 
 def duration(seconds: float) -> str:
@@ -144,82 +114,14 @@ def pretty(unit: str) -> str:
     return re.sub(r"(?<=[A-Za-z])(\d+)", lambda m: m[1].translate(_DIGITS), unit).replace(".", "·").replace("*", "·")
 
 
-def plain(name: Any) -> str:
-    """coulomb_friction as Coulomb friction."""
-    text = str(name or MISSING)
-    for key, proper in NAMES.items():
-        text = re.sub(rf"(?<![A-Za-z]){key}(?![A-Za-z])", proper, text)
-    return text.replace("_", " ")
-
-
 def titled(text: str) -> str:
     """With a capital first letter."""
     return text[:1].upper() + text[1:]
 
 
-def place(item: Mapping[str, Any]) -> str:
-    """The joint, channel or parameter of an effect, in quotes where its name has a comma."""
-    return " and ".join(f"“{name}”" if "," in name else name for name in texts(item.get("joint"))) or MISSING
-
-
-def at(item: Mapping[str, Any]) -> str:
-    """Effect and place: backlash at left yaw damper, sensor gain of FW, excitation lag."""
-    name, where = plain(item.get("effect")), place(item)
-    if name.startswith(where):
-        return name
-    return f"{name} {'of' if name.startswith(OWN) else 'at'} {where}"
-
-
-def key(item: Mapping[str, Any]) -> tuple[str, tuple[str, ...]]:
-    """By which an effect is the same as another: its name and its places."""
-    return str(item.get("effect")), tuple(texts(item.get("joint")))
-
-
-def beside(added: Sequence[Mapping[str, Any]], without: Sequence[Mapping[str, Any]]) -> str:
-    """How a set of effects differs from another one: with A in the place of B, without B, with A as well."""
-    more, less = listed([at(item) for item in added]), listed([at(item) for item in without])
-    if more and less:
-        return f"with {more} in the place of {less}"
-    return f"with {more} as well" if more else f"without {less}"
-
-
-def changes(item: Mapping[str, Any]) -> dict[str, str]:
-    """Of an effect that moves FMU parameters: each one's name, and its value before and after."""
-    number_of = mapping(next(iter(mapping(item.get("parameters")).values()), None))
-    unit = str(number_of.get("unit") or "")
-
-    def told(pair: Mapping[str, Any]) -> str:
-        return " → ".join(quantity(pair.get(key), unit=unit) for key in ("before", "after"))
-
-    return {str(name): told(mapping(pair)) for name, pair in mapping(item.get("changes")).items()}
-
-
 def listed(names: Sequence[str], word: str = "and") -> str:
     """a, b and c."""
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} {word} {names[-1]}" if names else ""
-
-
-def markup(equation: str) -> str:
-    """An equation in plain text as HTML: letters in italics, _ lowers behind a letter, ^ raises, Greek by name; names of
-    parameters stay as they are; all is escaped."""
-    return "".join(_token(found) for found in _TOKEN.finditer(equation.strip()))
-
-
-def _token(found: re.Match[str]) -> str:
-    text = found[0]
-    if text.startswith("^") and len(text) > 1:
-        return f"<sup{_SMALL}>{markup(found[1] or found[2])}</sup>"
-    if text[0].isascii() and text[0].isalpha():
-        name, _, below = text.partition("_")
-        letter = re.match(r"[A-Za-z]+", name)
-        head, tail = (letter[0], name[letter.end() :]) if letter else (name, "")
-        symbol = SYMBOLS.get(head, head)
-        upright = len(symbol) > 2
-        if upright and below and head not in SYMBOLS:  # the name of an FMU's parameter
-            return escape(text)
-        lowered = escape(SYMBOLS.get(tail + below, tail + below))
-        return (symbol if upright else f"<i>{symbol}</i>") + (f"<sub{_SMALL}>{lowered}</sub>" if lowered else "")
-    return {"*": "&middot;", "-": "−"}.get(text, escape(text))
 
 
 def _decimals(x: float, deviation: float) -> int:
@@ -235,3 +137,8 @@ def _decimals(x: float, deviation: float) -> int:
 
 def _superscript(exponent: int) -> str:
     return ("⁻" if exponent < 0 else "") + str(abs(exponent)).translate(_DIGITS)
+
+
+def lag_text(samples: int) -> str:
+    """A lag in samples."""
+    return f"{samples:+d}" if samples else "0"

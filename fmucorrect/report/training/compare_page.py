@@ -10,10 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from fmucorrect.report import training_figures as drawn
-from fmucorrect.report.figures import MEASURED, POINTS
-from fmucorrect.report.html import Page, Row
-from fmucorrect.report.training_page import ablation_section, losses, spread, standard_error
+from fmucorrect.report.base.figures import MEASURED, POINTS, colours
+from fmucorrect.report.base.html import Page, Row
+from fmucorrect.report.base.words import lag_text
+from fmucorrect.report.training import cases as drawn
+from fmucorrect.report.training.ablation import ablation_section, spread, standard_error
+from fmucorrect.report.training.losses import Training, losses
 
 FAMILIES = {
     "bare": "Doing nothing",
@@ -59,7 +61,7 @@ def build(result: Mapping[str, Any], histories: Mapping[str, np.ndarray]) -> Pag
         "conditions or other machines. They are no evidence for safety, certification or acceptance."
     )
     page.end()
-    losses(page, [drawn.Training(case["label"], case["curves"], case["epochs"]) for case in cases])
+    losses(page, [Training(case["label"], case["curves"], case["epochs"]) for case in cases])
     page.section("Study and settings")
     page.facts([("study", result["study"]), ("SHA-256", result["study_sha256"])])
     page.commands(json.dumps(result["settings"], indent=2))
@@ -215,7 +217,7 @@ def _oracle_section(page: Page, result: Mapping[str, Any]) -> None:
         found = [[run["conditions"][name]["oracle"] for name in result["evaluation"]] for run in case["runs"]]
         r2 = np.array([[item["mean_r2"] for item in run] for run in found]).mean(axis=1)
         lags = [sorted({run[i]["lag_samples"] for run in found}) for i in range(len(result["evaluation"]))]
-        text = "; ".join(" to ".join(dict.fromkeys((drawn.signed(a[0]), drawn.signed(a[-1])))) for a in lags)
+        text = "; ".join(" to ".join(dict.fromkeys((lag_text(a[0]), lag_text(a[-1])))) for a in lags)
         rows.append(Row([case["label"], spread(scores(result, case, "r2"), 4), spread(r2, 4), text]))
     if result.get("paper_oracle_r2") is not None:
         theirs = next((f"{entry['r2']:.4f}" for entry in result["paper"] if entry["case"] == "proposed"), "")
@@ -298,7 +300,7 @@ def _bars(result: Mapping[str, Any], case: Mapping[str, Any]) -> drawn.Bars:
 
 def _colour(result: Mapping[str, Any], case: Mapping[str, Any]) -> str:
     names = [item["case"] for item in result["cases"]]
-    return drawn.CASES.get(case["case"]) or drawn.colours(names)[case["case"]]
+    return drawn.CASES.get(case["case"]) or colours(names)[case["case"]]
 
 
 def _shown(result: Mapping[str, Any]) -> set[str]:

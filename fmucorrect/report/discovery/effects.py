@@ -6,27 +6,12 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from fmucorrect.report import discovery_figures as drawn
-from fmucorrect.report.discovery_parts import DiscoveryPage, formula
-from fmucorrect.report.discovery_pictures import pictures
-from fmucorrect.report.discovery_text import (
-    MISSING,
-    OWN,
-    at,
-    changes,
-    known,
-    listed,
-    mapping,
-    moved_by,
-    number,
-    percent,
-    plain,
-    quantity,
-    rows,
-    short,
-    titled,
-)
-from fmucorrect.report.html import Row
+from fmucorrect.report.base.html import Page, Row
+from fmucorrect.report.base.words import MISSING, known, listed, moved_by, number, percent, quantity, short, titled
+from fmucorrect.report.discovery import figures as drawn
+from fmucorrect.report.discovery.equation import equation, formula
+from fmucorrect.report.discovery.pictures import pictures
+from fmucorrect.report.discovery.text import OWN, at, changes, mapping, plain, rows
 
 HEADINGS = {"named": "What", "ambiguous": "What, most likely", "none": "What would fit best, though nothing is needed"}
 LETTERS = {
@@ -40,7 +25,7 @@ LETTERS = {
 }
 
 
-def effects_section(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
+def effects_section(page: Page, report: Mapping[str, Any]) -> None:
     """A section an effect, and one for the parameters that moved; for verdicts without effects, what that means."""
     verdict, effects = str(report.get("verdict") or ""), rows(report.get("effects"))
     if not effects and verdict == "none":
@@ -70,7 +55,7 @@ def effects_section(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
     _sensors(page, report)
 
 
-def laws_section(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
+def laws_section(page: Page, report: Mapping[str, Any]) -> None:
     """Force against displacement and velocity of effects that have a picture; where none was named, that of the likeliest
     joint, against time too, and those of what came nearest."""
     found = [(at(effect), mapping(effect.get("picture"))) for effect in rows(report.get("effects"))]
@@ -91,7 +76,7 @@ def laws_section(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
     page.end()
 
 
-def source_section(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
+def source_section(page: Page, report: Mapping[str, Any]) -> None:
     """The effects as text for other tools, folded."""
     found = [
         (f"{at(effect)}: {label}", str(effect[key]))
@@ -107,7 +92,7 @@ def source_section(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
     page.end()
 
 
-def _overview(page: DiscoveryPage, effects: Sequence[Mapping[str, Any]]) -> None:
+def _overview(page: Page, effects: Sequence[Mapping[str, Any]]) -> None:
     """All effects in a table: the main number of each, and how sure it is."""
     page.section("What the model lacks")
     table: list[Row] = []
@@ -128,7 +113,7 @@ def _sized(name: str, item: Any) -> str:
     return f"{plain(name)} {quantity(found.get('value'), found.get('std'), str(found.get('unit') or ''))}"
 
 
-def _effect(page: DiscoveryPage, effect: Mapping[str, Any], verdict: str) -> None:
+def _effect(page: Page, effect: Mapping[str, Any], verdict: str) -> None:
     heading = HEADINGS.get(verdict, "Closest, but not it")
     page.section(f"{heading}: {at(effect)}", str(effect.get("description") or ""))
     if verdict == "unexplained":
@@ -143,7 +128,7 @@ def _effect(page: DiscoveryPage, effect: Mapping[str, Any], verdict: str) -> Non
     if effect.get("uneven"):
         page.caution(_differs(mapping(effect["uneven"])))
     if effect.get("equation"):
-        page.equation(str(effect["equation"]))
+        page.markup(equation(str(effect["equation"])))
     parameters = {str(name): mapping(item) for name, item in mapping(effect.get("parameters")).items()}
     if parameters:
         symbols = any(item.get("symbol") for item in parameters.values())
@@ -207,7 +192,7 @@ def _parameter(name: str, item: Mapping[str, Any], symbols: bool) -> Row:
     return Row([plain(name), *cells])
 
 
-def _adjusted(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
+def _adjusted(page: Page, report: Mapping[str, Any]) -> None:
     after, before, by = (mapping(report.get(key)) for key in ("adjusted", "adjusted_from", "adjusted_by"))
     if not after:
         return
@@ -226,7 +211,7 @@ def _adjusted(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
     page.end()
 
 
-def _sensors(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
+def _sensors(page: Page, report: Mapping[str, Any]) -> None:
     sensors = rows(report.get("sensors"))
     far = [abs(number(row.get(key))) for row in sensors for key in ("gain_by", "lag_by") if known(row.get(key))]
     if max(far, default=0.0) < 1.0:

@@ -12,8 +12,8 @@ import numpy as np
 from fmucorrect.comparison import Comparison
 from fmucorrect.metrics import Scores
 from fmucorrect.registration import Offset
-from fmucorrect.report import figures
-from fmucorrect.report.html import Page, Row
+from fmucorrect.report.base.html import Page, Row
+from fmucorrect.report.correction import figures
 from fmucorrect.signals import NANOSECONDS
 from fmucorrect.stepper import Status
 

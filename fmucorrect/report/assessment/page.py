@@ -8,12 +8,11 @@ from fmucorrect.railway.assess import NOTICE, Findings
 from fmucorrect.railway.constants import KMH
 from fmucorrect.railway.preload.assessment import PreloadAssessment
 from fmucorrect.railway.stability.assessment import CriticalSpeedAssessment
-from fmucorrect.report import assess_figures as drawn
-from fmucorrect.report import assess_text
-from fmucorrect.report.assess_parts import AssessmentPage
-from fmucorrect.report.assess_safety_page import add_safety
-from fmucorrect.report.assess_text import given, kmh, percent, short
-from fmucorrect.report.html import Row
+from fmucorrect.report.assessment import figures as drawn
+from fmucorrect.report.assessment import text
+from fmucorrect.report.assessment.safety import add_safety
+from fmucorrect.report.assessment.text import given, kmh, percent, short
+from fmucorrect.report.base.html import Page, Row
 
 
 def write_page(path: Path, found: Findings) -> None:
@@ -21,13 +20,13 @@ def write_page(path: Path, found: Findings) -> None:
     build(found).write(path)
 
 
-def build(found: Findings) -> AssessmentPage:
+def build(found: Findings) -> Page:
     """The page, ready to be written."""
     title = f"{found.assessment.name}: is the model sound in itself?"
-    page = AssessmentPage(title, lead(found), kicker="fmucorrect assess")
+    page = Page(title, lead(found), kicker="fmucorrect assess")
     page.tiles(_tiles(found))
     page.section("Verdicts")
-    page.facts(assess_text.verdict_rows(found))
+    page.facts(text.verdict_rows(found))
     page.caution(NOTICE)
     page.end()
     if found.preload is not None:
@@ -58,11 +57,11 @@ def lead(found: Findings) -> str:
     failed = [
         title
         for (title, _), item in zip(
-            assess_text.TITLES.items(), (found.preload, found.critical_speed, found.safety), strict=True
+            text.TITLES.items(), (found.preload, found.critical_speed, found.safety), strict=True
         )
         if item is not None and not item.passed
     ]
-    names = [assess_text.TITLES[name].lower() for name in failed]
+    names = [text.TITLES[name].lower() for name in failed]
     if names:
         return f"Not in order: {' and '.join(names)}."
     count = {1: "The one assessment", 2: "Both assessments", 3: "All three assessments"}[len(assessed)]
@@ -79,7 +78,7 @@ def _tiles(found: Findings) -> list[tuple[str, str, str, str]]:
             )
             tiles.append(("Largest load error", "", percent(abs(worst.error)), detail))
         if preload.residuals:
-            detail = f"threshold {given(preload.threshold)}; the paper's model has {assess_text.PAPER_RESIDUAL}"
+            detail = f"threshold {given(preload.threshold)}; the paper's model has {text.PAPER_RESIDUAL}"
             tiles.append(("Residual acceleration, m/s²", "", short(preload.residual), detail))
     if (critical := found.critical_speed) is not None:
         linear = critical.linear
@@ -94,16 +93,16 @@ def _tiles(found: Findings) -> list[tuple[str, str, str, str]]:
             tiles.append(("Nonlinear critical speed", "", kmh(critical.found("nonlinear")), how))
     if found.safety is not None:
         for name, symbol in (("derailment_quotient", "Y/Q"), ("wheel_unloading", "ΔQ/Q₀")):
-            if worst := assess_text.largest(found.safety, name):
+            if worst := text.largest(found.safety, name):
                 tiles.append((f"Largest {symbol}", "", short(worst.extreme), f"wheel {worst.place}, {worst.section}"))
     return tiles
 
 
-def _preload(page: AssessmentPage, found: PreloadAssessment) -> None:
+def _preload(page: Page, found: PreloadAssessment) -> None:
     note = f"Settling over {found.duration:g} s; the last {found.window:g} s are judged."
     if found.disturbed:
         note += " It starts from a disturbed position; “start” is the model's own, undisturbed one."
-    page.section(assess_text.TITLES["preload"], note)
+    page.section(text.TITLES["preload"], note)
     if found.loads:
         page.heading("Loads side by side")
         page.text_block(
@@ -176,8 +175,8 @@ def _load_rows(found: PreloadAssessment) -> list[Row]:
     return rows
 
 
-def _critical_speed(page: AssessmentPage, found: CriticalSpeedAssessment) -> None:
-    page.section(assess_text.TITLES["critical_speed"])
+def _critical_speed(page: Page, found: CriticalSpeedAssessment) -> None:
+    page.section(text.TITLES["critical_speed"])
     page.heading("Root locus over speed")
     page.text_block(
         f"Eigenvalues of the FMU's linearisation ({found.linear.method}). Right of the dotted line a mode grows. What decays "

@@ -12,8 +12,7 @@ from plotly.subplots import make_subplots
 from fmucorrect import units
 from fmucorrect.railway.safety.filters import low_pass, uniform_interval
 from fmucorrect.railway.safety.running_safety import RunningSafety
-from fmucorrect.report.figures import CORRECTED, SIMULATED
-from fmucorrect.report.training_figures import CYCLE, panels, style
+from fmucorrect.report.base.figures import CORRECTED, CYCLE, SIMULATED, panels, style
 
 POINTS = 2500
 """Most points of a history that are drawn."""

@@ -10,16 +10,9 @@ import numpy as np
 from jaxtyping import Float
 from plotly import graph_objects as go
 
-from fmucorrect.report.discovery_text import (
-    MISSING,
-    known,
-    mapping,
-    number,
-    percent,
-    pretty,
-)
-from fmucorrect.report.figures import CORRECTED, INK, MEASURED, SIMULATED
-from fmucorrect.report.training_figures import colours, line, panels, style
+from fmucorrect.report.base.figures import CORRECTED, INK, MEASURED, SIMULATED, colours, line, panels, style
+from fmucorrect.report.base.words import MISSING, known, number, percent, pretty
+from fmucorrect.report.discovery.text import mapping
 
 PANELS = 6
 """Most channels that are drawn."""

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from fmucorrect.railway.safety.running_safety import RunningSafety
-from fmucorrect.report import assess_safety_figures, assess_text
-from fmucorrect.report.assess_parts import AssessmentPage
-from fmucorrect.report.assess_text import kmh, percent, short
-from fmucorrect.report.html import Row
+from fmucorrect.report.assessment import safety_figures as drawn
+from fmucorrect.report.assessment import text
+from fmucorrect.report.assessment.text import kmh, percent, short
+from fmucorrect.report.base.html import Page, Row
 
 SYMBOLS = {
     "lateral_force": "Y, kN",
@@ -19,13 +19,13 @@ SYMBOLS = {
 _KILO = {"N": 1e-3}
 
 
-def add_safety(page: AssessmentPage, found: RunningSafety) -> None:
+def add_safety(page: Page, found: RunningSafety) -> None:
     """Add the section."""
-    page.section(assess_text.TITLES["safety"])
+    page.section(text.TITLES["safety"])
     page.caution(found.assessment.notice)
     page.heading("Quantities by curve radius")
     page.text_block("The largest section value of each side. Dotted: a reference value, where there is one.")
-    page.figure(assess_safety_figures.by_radius(found))
+    page.figure(drawn.by_radius(found))
     page.open_fold("Every wheel, axle and acceleration")
     if found.assessment.estimates:
         page.text_block("In brackets: the estimated maximum, mean + k s over the sections of the radius.")
@@ -40,7 +40,7 @@ def add_safety(page: AssessmentPage, found: RunningSafety) -> None:
     page.heading("Along the track")
     page.text_block("The first axle's wheels, low-pass filtered as they are judged. Shaded: the evaluated sections.")
     options = [(f"{radius:g} m" if radius else "straight", radius) for radius in found.speeds]
-    page.choice([(label, assess_safety_figures.histories(found, radius)) for label, radius in options])
+    page.choice([(label, drawn.histories(found, radius)) for label, radius in options])
     if found.raised:
         page.heading("Flags that rose")
         rows = [Row([item.flag, item.run, f"{item.first:.3f}", percent(item.share)], "strong") for item in found.raised]

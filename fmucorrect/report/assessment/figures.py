@@ -17,9 +17,8 @@ from fmucorrect.railway.stability.assessment import CriticalSpeedAssessment
 from fmucorrect.railway.stability.bifurcation import Bifurcation
 from fmucorrect.railway.stability.critical_speed import LinearStability
 from fmucorrect.railway.stability.limit_cycle import Deceleration, Motion
-from fmucorrect.report.assess_text import kmh, percent
-from fmucorrect.report.figures import CORRECTED, SIMULATED
-from fmucorrect.report.training_figures import CYCLE, style
+from fmucorrect.report.assessment.text import kmh, percent
+from fmucorrect.report.base.figures import CORRECTED, CYCLE, SIMULATED, style
 
 INDEPENDENT, MODEL = "#8a94a1", CORRECTED
 SLOWEST, FASTEST = -60.0, 40.0

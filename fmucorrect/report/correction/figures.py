@@ -11,13 +11,10 @@ from plotly import graph_objects as go
 from plotly.subplots import make_subplots
 
 from fmucorrect.comparison import Comparison, Response
-from fmucorrect.report.html import View
+from fmucorrect.report.base.figures import BAND, CORRECTED, MEASURED, POINTS, SIMULATED, style
+from fmucorrect.report.base.html import View
 from fmucorrect.signals import NANOSECONDS
 
-INK, MEASURED, SIMULATED, CORRECTED = "#1c2430", "#a3acb8", "#d1642a", "#1668b0"
-BAND = "rgba(22, 104, 176, 0.18)"
-POINTS = 120_000
-"""Most numbers of the histories of a page: some five bytes each, packed, beside two million of the library that draws them."""
 _CURVES = 7
 """Curves a channel: three and two ends of the band, and two errors."""
 
@@ -128,8 +125,8 @@ def bars(comparison: Comparison) -> go.Figure:
                 row=1,
                 col=column,
             )
-    _style(figure, 340)
-    figure.update_layout(barmode="group", bargap=0.3, bargroupgap=0.04, margin={"t": 78, "b": 30})
+    style(figure, 340)
+    figure.update_layout(barmode="group", bargap=0.3, bargroupgap=0.04, margin={"t": 78, "b": 30}, legend_y=1)
     figure.update_yaxes(zeroline=True, zerolinecolor="#8a94a1")
     return figure
 
@@ -138,7 +135,7 @@ def _panels(comparison: Comparison, height: int, curves: Sequence[Response]) -> 
     count = len(comparison.channels)
     titles = [f"<b>{channel.name}</b>" for channel in comparison.channels]
     figure = make_subplots(count, 1, shared_xaxes=True, vertical_spacing=0.045, subplot_titles=titles)
-    _style(figure, height * count + 90)
+    style(figure, height * count + 90)
     figure.update_xaxes(minallowed=_ends(comparison)[0], maxallowed=_ends(comparison)[1])
     figure.update_xaxes(title_text="time, s", row=count, col=1)
     for axis, span in views(comparison, curves)[0][1].items():
@@ -147,19 +144,8 @@ def _panels(comparison: Comparison, height: int, curves: Sequence[Response]) -> 
     for j, channel in enumerate(comparison.channels, start=1):
         figure.update_yaxes(title_text=channel.unit, row=j, col=1)
     figure.update_annotations(x=0, xanchor="left", font_size=13)
-    figure.update_layout(hovermode="x unified")
+    figure.update_layout(hovermode="x unified", legend_y=1)
     return figure
-
-
-def _style(figure: go.Figure, height: int) -> None:
-    figure.update_layout(
-        template="plotly_white",
-        height=height,
-        margin={"l": 62, "r": 16, "t": 64, "b": 46},
-        font={"family": "system-ui, Segoe UI, Roboto, Helvetica, Arial, sans-serif", "size": 13, "color": INK},
-        legend={"orientation": "h", "x": 0, "y": 1, "yref": "container", "yanchor": "top", "traceorder": "normal"},
-        dragmode="zoom",
-    )
 
 
 def _line(

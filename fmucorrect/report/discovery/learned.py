@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 from plotly import graph_objects as go
 
-from fmucorrect.report.discovery_figures import numbers, plain_style
-from fmucorrect.report.discovery_parts import DiscoveryPage
-from fmucorrect.report.discovery_pictures import pictures
-from fmucorrect.report.discovery_text import error, known, mapping, percent, quantity, rows, scaled, texts
-from fmucorrect.report.figures import BAND, CORRECTED
-from fmucorrect.report.html import Row
+from fmucorrect.report.base.figures import BAND, CORRECTED
+from fmucorrect.report.base.html import Page, Row
+from fmucorrect.report.base.words import error, known, percent, quantity, scaled
+from fmucorrect.report.discovery.figures import numbers, plain_style
+from fmucorrect.report.discovery.pictures import pictures
+from fmucorrect.report.discovery.text import mapping, rows, texts
 
 
-def learned_section(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
+def learned_section(page: Page, report: Mapping[str, Any]) -> None:
     """Nothing where the report has no learned law."""
     found = mapping(report.get("learned"))
     if not found:

@@ -9,8 +9,8 @@ from typing import Any
 
 from plotly import graph_objects as go
 
-from fmucorrect.report.html import Page, Row
-from fmucorrect.report.training_figures import colours, style
+from fmucorrect.report.base.figures import colours, style
+from fmucorrect.report.base.html import Page, Row
 
 DASHES = {"simulation": "solid", "corrector": "dash", "network": "dot"}
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fmucorrect import outputs
-from fmucorrect.report.still import still
+from fmucorrect.report.base.still import still
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
@@ -69,6 +69,15 @@ narrow.addEventListener('change', fit);
 window.addEventListener('beforeprint', () => { for (const f of document.querySelectorAll('.figure')) Plotly.Plots.resize(f); });
 for (const group of document.querySelectorAll('.buttons')) group.hidden = false;
 """
+_CHOOSE = """
+for (const group of document.querySelectorAll('.buttons[data-choice]')) {
+  const options = document.getElementById(group.dataset.choice).children, buttons = group.querySelectorAll('button');
+  const choose = (chosen) => { for (let i = 0; i < options.length; i++) {
+    buttons[i].setAttribute('aria-pressed', String(i === chosen));
+    options[i].style.cssText = i === chosen ? '' : 'height:0;overflow:hidden;visibility:hidden'; } };
+  buttons.forEach((button, i) => button.addEventListener('click', () => choose(i)));
+  choose(0);
+}"""
 _CONTENTS = 4
 """Fewest sections of which a page lists its contents."""
 
@@ -86,7 +95,7 @@ def _packed(text: str) -> str:
 
 
 class Markup(str):
-    """A cell that is HTML already, whatever came in escaped."""
+    """Text that is HTML already, whatever came in escaped."""
 
     __slots__ = ()
 
@@ -108,7 +117,7 @@ class Page:
         self._title = title
         self._figures: dict[str, str] = {}
         self._sections: list[str] = []
-        self._scripts: list[str] = []
+        self._choices = 0
         above = f'<p class="kicker">{escape(kicker)}</p>' if kicker else ""
         self._parts = [f'<header>{above}<h1>{escape(title)}</h1><p class="lead">{escape(lead)}</p></header>']
 
@@ -175,6 +184,64 @@ class Page:
         """The section that is open."""
         return self._sections[-1] if self._sections else self._title
 
+    def text_block(self, text: str) -> None:
+        """A paragraph."""
+        self._parts.append(f'<p class="text">{escape(text)}</p>')
+
+    def heading(self, text: str) -> None:
+        """A heading below that of a section."""
+        self._parts.append(f"<h3>{escape(text)}</h3>")
+
+    def items(self, texts: Sequence[str]) -> None:
+        """A list."""
+        body = "".join(f"<li>{escape(text)}</li>" for text in texts)
+        self._parts.append(f'<ul class="text">{body}</ul>')
+
+    def fold(self, summary: str, text: str) -> None:
+        """Text as it stands that unfolds at a click."""
+        self._parts.append(
+            f'<details><summary>{escape(summary)}</summary><pre tabindex="0">{escape(text.rstrip())}</pre></details>'
+        )
+
+    def side_by_side(self, figures: Sequence[Figure]) -> None:
+        """Figures in two columns where there is room."""
+        self._parts.append('<div class="pair">')
+        for figure in figures:
+            self._parts.append("<div>")
+            self.figure(figure)
+            self._parts.append("</div>")
+        self._parts.append("</div>")
+
+    def choice(self, options: Sequence[tuple[str, Figure]]) -> None:
+        """One of several figures, each with a button; the first is seen first."""
+        if len(options) < 2:
+            for _, figure in options:
+                self.figure(figure)
+            return
+        self._choices += 1
+        name = f"choice-{self._choices}"
+        buttons = "".join(
+            f'<button type="button" aria-pressed="{str(not i).lower()}">{escape(label)}</button>'
+            for i, (label, _) in enumerate(options)
+        )
+        self._parts.append(f'<div class="buttons" hidden data-choice="{name}">Show {buttons}</div><div id="{name}">')
+        for _, figure in options:
+            self._parts.append("<div>")
+            self.figure(figure)
+            self._parts.append("</div>")
+        self._parts.append("</div>")
+
+    def open_fold(self, summary: str) -> None:
+        """Everything up to close_fold() unfolds at a click."""
+        self._parts.append(f"<details><summary>{escape(summary)}</summary>")
+
+    def close_fold(self) -> None:
+        self._parts.append("</details>")
+
+    def markup(self, markup: Markup) -> None:
+        """What is HTML already."""
+        self._parts.append(markup)
+
     def strip(
         self, parts: Sequence[tuple[float, str, str]], ends: tuple[str, str], keys: Sequence[tuple[str, str]]
     ) -> None:
@@ -217,11 +284,11 @@ class Page:
 
     def text(self) -> str:
         """The whole file."""
-        style = files("fmucorrect.report").joinpath("page.css").read_text(encoding="utf-8")
+        style = files("fmucorrect.report.base").joinpath("page.css").read_text(encoding="utf-8")
         scripts = ""
         if self._figures:
             figures = "{" + ",".join(f"{json.dumps(name)}:{text}" for name, text in self._figures.items()) + "}"
-            draw = _DRAW % (json.dumps(_SETTINGS), "\n".join([_BUTTONS, *self._scripts]))
+            draw = _DRAW % (json.dumps(_SETTINGS), "\n".join([_BUTTONS, *[_CHOOSE] * bool(self._choices)]))
             scripts = (
                 f'<script type="text/plain" id="library">{_library()}</script>\n'
                 f'<script type="text/plain" id="figures">{_packed(figures)}</script>\n<script>{draw}</script>\n'

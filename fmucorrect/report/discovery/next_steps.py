@@ -5,22 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from fmucorrect.report.discovery_parts import DiscoveryPage
-from fmucorrect.report.discovery_text import (
-    at,
-    duration,
-    known,
-    listed,
-    mapping,
-    number,
-    percent,
-    plain,
-    rows,
-    short,
-    signed,
-    texts,
-)
-from fmucorrect.report.figures import CORRECTED, SIMULATED
+from fmucorrect.report.base.figures import CORRECTED, SIMULATED
+from fmucorrect.report.base.html import Page
+from fmucorrect.report.base.words import duration, known, listed, number, percent, short, signed
+from fmucorrect.report.discovery.text import at, mapping, plain, rows, texts
 
 FILES = {
     "augmented.fmu": "the model with what was found built in, for any co-simulation host",
@@ -31,7 +19,7 @@ FILES = {
 }
 
 
-def left_section(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
+def left_section(page: Page, report: Mapping[str, Any]) -> None:
     """How much of the disagreement is explained and how much is left; nothing where the report does not say."""
     if not known(report.get("unexplained")):
         return
@@ -46,7 +34,7 @@ def left_section(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
     page.end()
 
 
-def next_section(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
+def next_section(page: Page, report: Mapping[str, Any]) -> None:
     """The next test, notes, files and the commands that use them."""
     verdict, effects = str(report.get("verdict") or ""), rows(report.get("effects"))
     test, notes = mapping(report.get("next_test")), texts(report.get("notes"))
@@ -74,7 +62,7 @@ def next_section(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
     page.end()
 
 
-def run_section(page: DiscoveryPage, report: Mapping[str, Any]) -> None:
+def run_section(page: Page, report: Mapping[str, Any]) -> None:
     """Study, model and time spent."""
     study = mapping(report.get("study"))
     facts = [(term, str(study[key])) for term, key in (("study", "name"), ("FMU", "fmu")) if study.get(key)]
