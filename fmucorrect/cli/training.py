@@ -73,6 +73,7 @@ def train(
     Example: fmucorrect train study.toml -o model
     """
     from fmucorrect.report.training import page as training_page
+    from fmucorrect.report.training.losses import Curve
 
     protocol, results, tasks, verdicts = _training("protocol", "results", "tasks", "verdict")
     the_study = open_study(study, allow_damaged).with_step_timeout(step_timeout)
@@ -88,7 +89,7 @@ def train(
         page,
         f"{the_study.name}: {verdicts.headline(selection)}",
         done.evaluations,
-        results.curves(done.trained),
+        [Curve.read(row) for row in results.curves(done.trained)],
         results.facts(done.trained),
         warnings=[finding.to_json() for finding in done.trained.warnings],
         tried=training_page.Tried(
@@ -172,6 +173,7 @@ def compare(
         say(_compare_models(loaded, out, device, scheduler, overwrite, as_json))
         return
     from fmucorrect.report.training import compare_page
+    from fmucorrect.report.training.table import Table
 
     cases, table, results, tasks = _training("compare", "compare_table", "results", "tasks")
     _claim(out, "compare", ("compare.html", "compare.json", "compare.npz"), loaded, overwrite)
@@ -183,7 +185,7 @@ def compare(
         result = cases.compare_study(the_study, chosen, numbers, ablate, shop)
     path = results.save_comparison(out, result.table, result.histories)
     page = out / "compare.html"
-    compare_page.write_page(page, result.table, result.histories)
+    compare_page.write_page(page, Table.read(result.table), result.histories)
     say(path.read_text(encoding="utf-8") if as_json else f"{table.lines(result.table)}\n\nOpen  {page}")
 
 
@@ -212,7 +214,7 @@ def _compare_models(
         table = models.compare_models(studies, out, shop)
     text = json.dumps(table, indent=1)
     outputs.write(out / "models.json", text + "\n")
-    models_page.write_page(out / "models.html", table, models.verdict(table))
+    models_page.write_page(out / "models.html", models_page.Table.read(table), models.verdict(table))
     told = f"{models.lines(table)}\n\n{models.verdict(table)}\n\nOpen  {out / 'models.html'}"
     return text if as_json else told
 

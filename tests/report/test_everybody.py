@@ -26,6 +26,7 @@ from fmucorrect.report.base.still import POINTS, still
 from fmucorrect.report.correction import page as comparison_page
 from fmucorrect.report.discovery import page as discovery_page
 from fmucorrect.report.training import compare_page, diagnosis_page
+from fmucorrect.report.training.table import Table
 
 NPM = shutil.which("npm")
 
@@ -38,7 +39,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     comparison_page.write(found["demo"], comparison(), CONTEXT)
     found["train"].write_text(test_training_page.page(test_training_page.conditions()), encoding="utf-8")
     data = test_compare_page.result()
-    compare_page.write_page(found["compare"], data, test_compare_page.histories(data))
+    compare_page.write_page(found["compare"], Table.read(data), test_compare_page.histories(data))
     diagnosis_page.write_page(found["diagnose"], "A study", test_diagnosis_page.diagnosis())
     discovery_page.write_page(found["discover"], json.loads(json.dumps(discovery_example.report("named"))))
     assess_page.write_page(found["assess"], assess_example.findings())

@@ -9,13 +9,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_compare_page import curves, opened
+from test_compare_page import curves as rows_of
+from test_compare_page import opened
 from test_page import BROWSER, MOST, comparison, figures_of
 
 from fmucorrect.comparison import Comparison
 from fmucorrect.report.training import ablation, envelope, losses
 from fmucorrect.report.training import page as training_page
+from fmucorrect.report.training.losses import Curve
 from fmucorrect.signals import Condition
+
+
+def curves(epochs: dict[str, int]) -> list[Curve]:
+    """Of two folds and the refit, for each stage."""
+    return [Curve.read(row) for row in rows_of(epochs)]
+
 
 CHOSEN = [("epochs", "tdnn 20, residual 40"), ("weights <w>", "smooth 0.1")]
 
@@ -200,7 +208,7 @@ def test_spread_has_digits_that_are_worth_reading() -> None:
 )
 def test_verdict_is_by_paired_differences(variant: list[float], word: str) -> None:
     full = [1.0, 1.1, 1.2]
-    found = ablation.verdict(variant, full)
+    found = ablation.verdict(np.array(variant), np.array(full))
     difference = np.array(variant) - full
     assert found.word == word
     assert found.difference == pytest.approx(difference.mean())
@@ -208,14 +216,14 @@ def test_verdict_is_by_paired_differences(variant: list[float], word: str) -> No
 
 
 def test_pairing_sees_what_the_seeds_would_hide() -> None:
-    full = [1.0, 5.0, 9.0]
-    assert ablation.verdict([value + 0.1 for value in full], full).word == "helps"
-    assert ablation.verdict([2.0], [1.0]).word == "no difference seen"
+    full = np.array([1.0, 5.0, 9.0])
+    assert ablation.verdict(full + 0.1, full).word == "helps"
+    assert ablation.verdict(np.array([2.0]), np.array([1.0])).word == "no difference seen"
 
 
 def test_held_out_errors_with_gaps_are_drawn_where_they_are_known() -> None:
     found = curves({"tdnn": 5})
-    found[0]["held_out"] = [None, 6.0, None, 4.0, None]
+    found[0] = replace(found[0], held_out=np.array([np.nan, 6.0, np.nan, 4.0, np.nan]))
     figure = losses.held_out([losses.Training("x", found, {"tdnn": 4})])
     assert figure is not None
     assert [list(trace.x) for trace in figure.data] == [[2, 4], [1, 2, 3, 4, 5], [2, 4]]

@@ -28,12 +28,13 @@ def style(figure: go.Figure, height: int) -> None:
     )
 
 
-def panels(titles: Sequence[str], height: int, shared: bool = True) -> go.Figure:
-    """An empty column of panels, `height` px each, titles above them on the left. shared: one x axis for all."""
+def panels(titles: Sequence[str], height: int, shared: bool = True, legend: int = 0) -> go.Figure:
+    """An empty column of panels, `height` px each, titles above them on the left. shared: one x axis for all. legend: px
+    more for a long one."""
     count = len(titles)
     gap = (34 if shared else 52) / (height * count)
     figure = make_subplots(count, 1, shared_xaxes=shared, vertical_spacing=gap, subplot_titles=list(titles))
-    style(figure, height * count + 120)
+    style(figure, height * count + 120 + legend)
     figure.update_annotations(x=0, xanchor="left", font_size=13)
     below = 1 - 22 / (height * count)  # the first title stays clear of a legend of any height
     figure.for_each_yaxis(lambda axis: axis.update(domain=[below * end for end in axis.domain]))

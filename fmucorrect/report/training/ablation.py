@@ -8,6 +8,7 @@ from html import escape
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float64
 from plotly import graph_objects as go
 
 from fmucorrect.report.base.figures import INK, MEASURED, SIMULATED, style
@@ -21,6 +22,37 @@ class Verdict:
     difference: float
     error: float
     word: str
+
+
+@dataclass(frozen=True)
+class Variant:
+    """The formulation without a part of it, S seeds. nrmse, %, and r2: means over evaluation conditions and channels.
+    held_out: NRMSE, %, of development conditions that were left out; empty where none was."""
+
+    name: str
+    label: str
+    nrmse: Float64[np.ndarray, " S"]
+    r2: Float64[np.ndarray, " S"]
+    held_out: Float64[np.ndarray, " K"]
+
+
+@dataclass(frozen=True)
+class Ablation:
+    """variants: the full formulation among them. epochs, seeds: how many."""
+
+    epochs: int
+    seeds: int
+    variants: Sequence[Variant]
+
+    @classmethod
+    def read(cls, table: Mapping[str, Any]) -> Ablation:
+        """ablation of compare.json. KeyError for what is none."""
+        keys = ("nrmse", "r2", "held_out_nrmse")
+        rows = [
+            Variant(row["variant"], row["label"], *(np.array(row[key] or [], np.float64) for key in keys))
+            for row in table["rows"]
+        ]
+        return cls(table["epochs"], len(table["seeds"]), rows)
 
 
 def spread(values: np.ndarray, digits: int) -> str:
@@ -38,18 +70,18 @@ def standard_error(values: np.ndarray) -> float:
     return float(values.std(ddof=1) / np.sqrt(len(values))) if len(values) > 1 else 0.0
 
 
-def verdict(variant: Sequence[float], full: Sequence[float]) -> Verdict:
+def verdict(variant: Float64[np.ndarray, " S"], full: Float64[np.ndarray, " S"]) -> Verdict:
     """Does what the variant lacks help? By the paired differences of NRMSE over the seeds, against two standard errors."""
-    difference = np.subtract(variant, full)
+    difference = variant - full
     mean, error = float(difference.mean()), standard_error(difference)
     if len(difference) < 2 or abs(mean) <= 2.0 * error:
         return Verdict(mean, error, "no difference seen")
     return Verdict(mean, error, "helps" if mean > 0 else "hurts")
 
 
-def ablation_sentence(rows: Sequence[Mapping[str, Any]], verdicts: Sequence[Verdict]) -> str:
+def ablation_sentence(rows: Sequence[Variant], verdicts: Sequence[Verdict]) -> str:
     """Which variants differ from the full formulation by more than the seeds do, in plain words."""
-    seeds = len(rows[0]["nrmse"]) if rows else 0
+    seeds = len(rows[0].nrmse) if rows else 0
     if seeds < 2:
         return "With a single seed no difference can be told from chance."
     said: list[str] = []
@@ -58,7 +90,7 @@ def ablation_sentence(rows: Sequence[Mapping[str, Any]], verdicts: Sequence[Verd
         ("hurts", "These beat the full formulation by more than two standard errors, so what they lack hurts"),
         ("no difference seen", "No difference seen from"),
     ):
-        found = [f"{r['label']} ({v.difference:+.3f})" for r, v in zip(rows, verdicts, strict=True) if v.word == word]
+        found = [f"{r.label} ({v.difference:+.3f})" for r, v in zip(rows, verdicts, strict=True) if v.word == word]
         said += [f"{what}: {', '.join(found)}."] * bool(found)
     return " ".join(said)
 
@@ -70,30 +102,29 @@ def false_alarm(seeds: int) -> float:
     return 2.0 * float(stdtr(seeds - 1, -2.0))
 
 
-def ablation_section(page: Page, ablation: Mapping[str, Any]) -> None:
-    rows: Sequence[Mapping[str, Any]] = ablation["rows"]
-    full = next((row for row in rows if row["variant"] == "full"), None)
+def ablation_section(page: Page, ablation: Ablation) -> None:
+    rows, seeds = ablation.variants, ablation.seeds
+    full = next((row for row in rows if row.name == "full"), None)
     variants = [row for row in rows if row is not full] if full else []
-    verdicts = [verdict(row["nrmse"], full["nrmse"]) for row in variants] if full else []
-    by_name = dict(zip((row["variant"] for row in variants), verdicts, strict=True))
-    seeds = len(ablation["seeds"])
+    verdicts = [verdict(row.nrmse, full.nrmse) for row in variants] if full else []
+    by_name = dict(zip((row.name for row in variants), verdicts, strict=True))
     page.section(
         "Ablation",
-        f"{ablation['epochs']} epochs, {seeds} seed{'s' * (seeds != 1)}, mean ± standard deviation; NRMSE means over "
+        f"{ablation.epochs} epochs, {seeds} seed{'s' * (seeds != 1)}, mean ± standard deviation; NRMSE means over "
         "evaluation conditions and channels. Difference: variant minus full, paired by seed, ± standard error.",
     )
     if variants:
         page.facts([("by the figures", ablation_sentence(variants, verdicts))])
     table: list[Row] = []
     for row in rows:
-        found = by_name.get(row["variant"])
-        cells = [spread(np.array(row["nrmse"]), 3), spread(np.array(row["r2"]), 4)]
-        cells += [spread(np.array(row["held_out_nrmse"]), 3) if row["held_out_nrmse"] else ""]
+        found = by_name.get(row.name)
+        cells = [spread(row.nrmse, 3), spread(row.r2, 4)]
+        cells += [spread(row.held_out, 3) if len(row.held_out) else ""]
         cells += [f"{found.difference:+.3f} ± {found.error:.3f}", found.word] if found else ["", ""]
-        table.append(Row([row["label"], *cells], "strong" if row is full else ""))
+        table.append(Row([row.label, *cells], "strong" if row is full else ""))
     page.table(["", "NRMSE, %", "R²", "held-out NRMSE, %", "difference, % points", "what it lacks"], table)
     if variants and full:
-        pairs = [(row["label"], np.subtract(row["nrmse"], full["nrmse"])) for row in variants]
+        pairs = [(row.label, row.nrmse - full.nrmse) for row in variants]
         page.figure(_differences(pairs, [item.word for item in verdicts]))
     if variants and seeds > 1:
         page.caution(

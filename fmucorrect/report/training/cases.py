@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float64
 from plotly import graph_objects as go
 
-from fmucorrect.report.base.figures import CORRECTED, SIMULATED, line, panels, style
+from fmucorrect.report.base.figures import CORRECTED, SIMULATED, line, panels
 from fmucorrect.report.base.html import View
 
 CASES = {
@@ -63,8 +63,8 @@ def overlay(
 ) -> go.Figure:
     """All curves on common axes, a panel a channel; a click on a name shows or hides it in every panel. t: s. view: what
     is seen first. points: most points of a curve that are drawn."""
-    figure = panels([f"<b>{escape(name)}</b>" for name in channels], 200)
-    style(figure, figure.layout.height + LEGEND_LINE * (len(curves) // 2))  # two names a line, at the least
+    legend = LEGEND_LINE * (len(curves) // 2)  # two names a line, at the least
+    figure = panels([f"<b>{escape(name)}</b>" for name in channels], 200, legend=legend)
     step = max(1, -(-len(t) // points))
     x = {"x0": float(t[0]), "dx": step * float(np.median(np.diff(t)))}
     for curve in curves:

@@ -8,6 +8,7 @@ from html import escape
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float64
 from plotly import graph_objects as go
 
 from fmucorrect.report.base.figures import INK, colours, line, panels
@@ -18,11 +19,29 @@ CURVE_POINTS = 400
 
 
 @dataclass(frozen=True)
+class Curve:
+    """Of one stage. fold: "refit", or the condition that was left out. terms: the loss's, each with its weight, by name;
+    held_out: NRMSE (%) at that condition. Both at the E epochs or empty; nan where it is not known."""
+
+    stage: str
+    fold: str
+    epochs: Sequence[int]
+    terms: Mapping[str, Float64[np.ndarray, " _"]]
+    held_out: Float64[np.ndarray, " _"]
+
+    @classmethod
+    def read(cls, row: Mapping[str, Any]) -> Curve:
+        """A row of cases[].curves of compare.json. KeyError for what is none."""
+        terms = {name: np.array(values, np.float64) for name, values in row["terms"].items()}
+        return cls(row["stage"], row["fold"], row["epochs"], terms, np.array(row["held_out"] or [], np.float64))
+
+
+@dataclass(frozen=True)
 class Training:
-    """Loss curves of one case. curves: as cases[].curves of compare.json. epochs: the chosen number by stage."""
+    """Loss curves of one case. epochs: the chosen number by stage."""
 
     label: str
-    curves: Sequence[Mapping[str, Any]]
+    curves: Sequence[Curve]
     epochs: Mapping[str, int]
 
 
@@ -48,16 +67,16 @@ def losses(page: Page, trainings: Sequence[Training]) -> None:
 
 def loss_terms(trainings: Sequence[Training]) -> go.Figure | None:
     """Weighted loss terms of the refit against epochs, a panel a case and stage, log axis. None without any."""
-    rows = [(t, c) for t in trainings for c in t.curves if c["fold"] == "refit" and any(map(len, c["terms"].values()))]
+    rows = [(t, c) for t in trainings for c in t.curves if c.fold == "refit" and any(map(len, c.terms.values()))]
     if not rows:
         return None
-    palette = colours(list(dict.fromkeys(name for _, curve in rows for name in curve["terms"])))
-    figure = panels([_title(t, curve["stage"]) for t, curve in rows], 170, shared=False)
+    palette = colours(list(dict.fromkeys(name for _, curve in rows for name in curve.terms)))
+    figure = panels([_title(t, curve.stage) for t, curve in rows], 170, shared=False)
     seen: set[str] = set()
     for row, (_, curve) in enumerate(rows, start=1):
         logarithms: list[float] = []
-        for name, values in curve["terms"].items():
-            x, y = _thinned(curve["epochs"], values)
+        for name, values in curve.terms.items():
+            x, y = _thinned(curve.epochs, values)
             y[~(y > 0)] = np.nan  # nothing to draw on a log axis
             if np.isfinite(y).any():
                 _loss(figure, row, x, y, name, palette[name], seen)
@@ -78,18 +97,16 @@ def held_out(trainings: Sequence[Training]) -> go.Figure | None:
     rows = [(t, stage, folds) for t, stage, folds in rows if folds]
     if not rows:
         return None
-    palette = colours(list(dict.fromkeys(curve["fold"] for *_, folds in rows for curve in folds)))
+    palette = colours(list(dict.fromkeys(curve.fold for *_, folds in rows for curve in folds)))
     figure = panels([_title(t, stage) for t, stage, _ in rows], 170, shared=False)
     seen: set[str] = set()
     for row, (training, stage, folds) in enumerate(rows, start=1):
         for curve in folds:
-            x, y = _thinned(curve["epochs"], curve["held_out"])
-            _loss(figure, row, x, y, f"without {curve['fold']}", palette[curve["fold"]], seen)
-        held = [_numbers(curve["held_out"]) for curve in folds]
-        if len(folds) > 1 and all(curve["epochs"] == folds[0]["epochs"] for curve in folds):
-            _loss(
-                figure, row, *_thinned(folds[0]["epochs"], np.mean(held, axis=0)), "mean of the folds", INK, seen, 2.6
-            )
+            x, y = _thinned(curve.epochs, curve.held_out)
+            _loss(figure, row, x, y, f"without {curve.fold}", palette[curve.fold], seen)
+        held = [curve.held_out for curve in folds]
+        if len(folds) > 1 and all(curve.epochs == folds[0].epochs for curve in folds):
+            _loss(figure, row, *_thinned(folds[0].epochs, np.mean(held, axis=0)), "mean of the folds", INK, seen, 2.6)
         if training.epochs.get(stage) is not None:
             place: dict[str, Any] = {"row": row, "col": 1}
             figure.add_vline(x=training.epochs[stage], line={"color": INK, "width": 1, "dash": "dot"}, **place)
@@ -101,13 +118,13 @@ def held_out(trainings: Sequence[Training]) -> go.Figure | None:
 
 def _stages(trainings: Sequence[Training]) -> Iterator[tuple[Training, str]]:
     for training in trainings:
-        for stage in dict.fromkeys(curve["stage"] for curve in training.curves):
+        for stage in dict.fromkeys(curve.stage for curve in training.curves):
             yield training, stage
 
 
-def _folds(training: Training, stage: str) -> list[Mapping[str, Any]]:
-    curves = [c for c in training.curves if c["stage"] == stage and c["fold"] != "refit"]
-    return [curve for curve in curves if np.isfinite(_numbers(curve["held_out"])).any()]
+def _folds(training: Training, stage: str) -> list[Curve]:
+    curves = [c for c in training.curves if c.stage == stage and c.fold != "refit"]
+    return [curve for curve in curves if np.isfinite(curve.held_out).any()]
 
 
 def _title(training: Training, stage: str) -> str:
@@ -116,16 +133,11 @@ def _title(training: Training, stage: str) -> str:
     return f"<b>{escape(label)}</b>, {escape(stage)}" if label else f"<b>{escape(stage)}</b>"
 
 
-def _numbers(values: Any) -> np.ndarray:
-    return np.array([np.nan if value is None else value for value in ([] if values is None else values)], np.float64)
-
-
-def _thinned(epochs: Sequence[int], values: Any) -> tuple[np.ndarray, np.ndarray]:
+def _thinned(epochs: Sequence[int], values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """At most CURVE_POINTS points of those that are finite, the last among them."""
-    numbers = _numbers(values)
-    rows = np.flatnonzero(np.isfinite(numbers))
+    rows = np.flatnonzero(np.isfinite(values))
     rows = rows[::-1][:: max(1, -(-len(rows) // CURVE_POINTS))][::-1]
-    return np.asarray(epochs, np.int32)[rows], numbers[rows].astype(np.float32)
+    return np.asarray(epochs, np.int32)[rows], values[rows].astype(np.float32)
 
 
 def _loss(

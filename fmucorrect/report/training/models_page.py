@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -15,18 +16,64 @@ from fmucorrect.report.base.html import Page, Row
 DASHES = {"simulation": "solid", "corrector": "dash", "network": "dot"}
 
 
-def write_page(path: Path, table: Mapping[str, Any], sentence: str) -> None:
-    """Write models.html. table: models.json. sentence: which model is best where. Raises OSError."""
+@dataclass(frozen=True)
+class Line:
+    """A model used one way, over C conditions. kind: a key of DASHES. nrmse: %. outside: share of samples that the corrector
+    calls outside; None where there is no corrector."""
+
+    label: str
+    model: str
+    kind: str
+    nrmse: Sequence[float]
+    outside: Sequence[float | None]
+
+
+@dataclass(frozen=True)
+class Table:
+    """Several models over C conditions. models: name, FMU ("" where simulations were recorded) and the study's SHA-256.
+    conditions: names, with held_out and speed (km/h) of each. floor: NRMSE (%) of the sensors' noise alone."""
+
+    study: str
+    models: Sequence[tuple[str, str, str]]
+    conditions: Sequence[str]
+    held_out: Sequence[bool]
+    speeds: Sequence[float]
+    floor: Sequence[float | None]
+    lines: Sequence[Line]
+    warnings: Sequence[Mapping[str, str]]
+
+    @classmethod
+    def read(cls, table: Mapping[str, Any]) -> Table:
+        """models.json. KeyError for what is none."""
+        names = [condition["name"] for condition in table["conditions"]]
+
+        def line(row: Mapping[str, Any]) -> Line:
+            found: list[Mapping[str, Any]] = [row["conditions"][name] for name in names]
+            errors, outside = [one["nrmse"] for one in found], [one.get("outside") for one in found]
+            return Line(row["label"], row["model"], row["kind"], errors, outside)
+
+        return cls(
+            study=table["study"],
+            models=[(model["model"], model["fmu"] or "", model["study_sha256"]) for model in table["models"]],
+            conditions=names,
+            held_out=[condition["role"] == "evaluation" for condition in table["conditions"]],
+            speeds=[float(condition["speed"]) for condition in table["conditions"]],
+            floor=[table["noise_floor"][name] for name in names],
+            lines=[line(row) for row in table["rows"]],
+            warnings=table.get("warnings", ()),
+        )
+
+
+def write_page(path: Path, table: Table, sentence: str) -> None:
+    """Write models.html. sentence: which model is best where. Raises OSError."""
     build(table, sentence).write(path)
 
 
-def build(table: Mapping[str, Any], sentence: str) -> Page:
+def build(table: Table, sentence: str) -> Page:
     """The page, ready to be written."""
-    conditions: Sequence[Mapping[str, Any]] = table["conditions"]
-    held = [condition for condition in conditions if condition["role"] == "evaluation"]
-    title = f"{len(table['models'])} models of the same measurements"
-    page = Page(title, sentence or "No condition was held out.", kicker=f"fmucorrect compare · {table['study']}")
-    page.warnings(table.get("warnings", ()))
+    title = f"{len(table.models)} models of the same measurements"
+    page = Page(title, sentence or "No condition was held out.", kicker=f"fmucorrect compare · {table.study}")
+    page.warnings(table.warnings)
     page.section(
         "Error at every condition",
         "Root mean square over the measured range (NRMSE, %), mean of the channels. Each corrector was trained on its own "
@@ -35,59 +82,49 @@ def build(table: Mapping[str, Any], sentence: str) -> Page:
         "back. The smallest error of each condition has a star.",
     )
     page.figure(_figure(table))
-    names = [f"{c['name']}, held out" if c["role"] == "evaluation" else c["name"] for c in conditions]
-    page.table(["", *names], _rows(table, conditions))
+    names = [f"{name}, held out" if held else name for name, held in zip(table.conditions, table.held_out, strict=True)]
+    page.table(["", *names], _rows(table))
     page.end()
-    if held:
+    if any(table.held_out):
         page.section("Where the correctors knew themselves to be outside", "Share of the samples, %.")
         rows = [
-            Row([r["label"], *(f"{100 * r['conditions'][c['name']]['outside']:.0f}" for c in conditions)])
-            for r in table["rows"]
-            if r["kind"] == "corrector"
+            Row([line.label, *("" if share is None else f"{100 * share:.0f}" for share in line.outside)])
+            for line in table.lines
+            if line.kind == "corrector"
         ]
         page.table(["", *names], rows)
         page.end()
     page.section("Models")
-    page.facts(
-        [(m["model"], f"{m['fmu'] or 'recorded simulations'}; study {m['study_sha256']}") for m in table["models"]]
-    )
+    page.facts([(name, f"{fmu or 'recorded simulations'}; study {sha256}") for name, fmu, sha256 in table.models])
     page.caution("One study, one training each. The figures are no evidence for safety, certification or acceptance.")
     page.end()
     return page
 
 
-def _rows(table: Mapping[str, Any], conditions: Sequence[Mapping[str, Any]]) -> list[Row]:
-    best = {c["name"]: min(r["conditions"][c["name"]]["nrmse"] for r in table["rows"]) for c in conditions}
+def _rows(table: Table) -> list[Row]:
+    best = [min(errors) for errors in zip(*(line.nrmse for line in table.lines), strict=True)]
 
-    def cell(row: Mapping[str, Any], name: str) -> str:
-        value = row["conditions"][name]["nrmse"]
-        return f"{value:.2f} *" if value == best[name] else f"{value:.2f}"
+    def cells(line: Line) -> list[str]:
+        return [f"{e:.2f} *" if e == least else f"{e:.2f}" for e, least in zip(line.nrmse, best, strict=True)]
 
-    rows = [Row([row["label"], *(cell(row, c["name"]) for c in conditions)]) for row in table["rows"]]
-    floors = [table["noise_floor"][c["name"]] for c in conditions]
-    if all(value is not None for value in floors):
-        rows.append(Row(["the sensors' noise alone", *(f"{value:.2f}" for value in floors)], "strong"))
-    return rows
+    rows = [Row([line.label, *cells(line)]) for line in table.lines]
+    floor = [f"{value:.2f}" for value in table.floor if value is not None]
+    return rows + [Row(["the sensors' noise alone", *floor], "strong")] * (len(floor) == len(table.floor))
 
 
-def _figure(table: Mapping[str, Any]) -> go.Figure:
+def _figure(table: Table) -> go.Figure:
     """Error against speed, or against the conditions in their order where they do not differ in speed alone."""
-    conditions: Sequence[Mapping[str, Any]] = table["conditions"]
-    speeds = [float(c["speed"]) for c in conditions]
-    ordered = conditions
-    by_speed = len(set(speeds)) == len(speeds)
-    if by_speed:
-        ordered = sorted(conditions, key=lambda c: c["speed"])
-    x = [c["speed"] if by_speed else escape(c["name"]) for c in ordered]
-    palette = colours([m["model"] for m in table["models"]])
+    by_speed = len(set(table.speeds)) == len(table.speeds)
+    order = sorted(range(len(table.speeds)), key=table.speeds.__getitem__) if by_speed else range(len(table.speeds))
+    palette = colours([name for name, *_ in table.models])
     figure = go.Figure()
-    for row in table["rows"]:
+    for line in table.lines:
         figure.add_scatter(
-            x=x,
-            y=[row["conditions"][c["name"]]["nrmse"] for c in ordered],
-            name=escape(row["label"]),
+            x=[table.speeds[i] if by_speed else escape(table.conditions[i]) for i in order],
+            y=[line.nrmse[i] for i in order],
+            name=escape(line.label),
             mode="lines+markers",
-            line={"color": palette[row["model"]], "dash": DASHES[row["kind"]]},
+            line={"color": palette[line.model], "dash": DASHES[line.kind]},
             hovertemplate="%{x}: %{y:.2f} %",
         )
     style(figure, 420)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from fmucorrect.report.base.html import Page, Row
 from fmucorrect.report.base.words import lag_text
 from fmucorrect.report.correction import figures
 from fmucorrect.report.training.envelope import Place, envelope_map, flagged
-from fmucorrect.report.training.losses import Training, losses
+from fmucorrect.report.training.losses import Curve, Training, losses
 
 ROLES = {
     "evaluation": "Evaluation: nothing fitted to these",
@@ -69,15 +68,15 @@ def write_page(
     path: Path,
     title: str,
     comparisons: Sequence[Comparison],
-    curves: Sequence[Mapping[str, Any]],
+    curves: Sequence[Curve],
     selection: Sequence[tuple[str, str]],
     before_after_note: str = "",
     warnings: Sequence[Mapping[str, str]] = (),
     tried: Tried | None = None,
     guarded: Guarded | None = None,
 ) -> None:
-    """Write the page of `fmucorrect train`. comparisons: every condition, development and evaluation. curves: loss curves
-    as cases[].curves of compare.json. selection: what was chosen and how, terms and text. warnings: of the gate. tried: the
+    """Write the page of `fmucorrect train`. comparisons: every condition, development and evaluation. curves: loss curves.
+    selection: what was chosen and how, terms and text. warnings: of the gate. tried: the
     page begins with it. guarded: where there is a guard. Raises OSError."""
     build(title, comparisons, curves, selection, before_after_note, warnings, tried, guarded).write(path)
 
@@ -85,7 +84,7 @@ def write_page(
 def build(
     title: str,
     comparisons: Sequence[Comparison],
-    curves: Sequence[Mapping[str, Any]],
+    curves: Sequence[Curve],
     selection: Sequence[tuple[str, str]],
     before_after_note: str = "",
     warnings: Sequence[Mapping[str, str]] = (),
@@ -214,9 +213,9 @@ def _guarded(page: Page, guarded: Guarded) -> None:
     page.end()
 
 
-def chosen_epochs(curves: Sequence[Mapping[str, Any]]) -> dict[str, int]:
+def chosen_epochs(curves: Sequence[Curve]) -> dict[str, int]:
     """The last epoch of each stage's refit: a refit runs for as long as the folds recommend."""
-    return {c["stage"]: int(c["epochs"][-1]) for c in curves if c["fold"] == "refit" and len(c["epochs"])}
+    return {c.stage: c.epochs[-1] for c in curves if c.fold == "refit" and len(c.epochs)}
 
 
 def _tiles(page: Page, items: Sequence[Comparison], unseen: bool) -> None:
