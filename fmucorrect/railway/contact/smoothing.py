@@ -20,8 +20,8 @@ def smoothed(profile: Profile, length: float) -> Profile:
     steps = np.hypot(*np.diff(profile.points, axis=0).T)
     along = np.concatenate(([0.0], np.cumsum(steps)))
     count = int(np.ceil(along[-1] / np.median(steps)))
-    window = 2 * round(length / 2.0 / (along[-1] / count)) + 1
-    if not (7 <= window < count and 0.0 < length <= 20e-3):
+    window = 2 * round(length / 2.0 / (along[-1] / count)) + 1 if 0.0 < length <= 20e-3 else 0
+    if not 7 <= window < count:
         raise SignalError(
             "a smoothing length out of range",
             where=profile.name,

@@ -134,7 +134,7 @@ def read_contact_table(path: Path) -> ContactTable:
     if names != COLUMNS:
         raise RecordError(
             "this is no contact table", where=where, expected=",".join(COLUMNS), got=",".join(names) or "no header",
-            remedy="Make it with tools/contact_tables.py",
+            remedy="Make it with fmucorrect contact",
         )  # fmt: skip
     rows: list[list[float]] = []
     for i, line in enumerate(lines[first + 1 :], first + 2):

@@ -1,10 +1,8 @@
-"""The contact table: its laws, its limits in closed form, its file, and the command that makes it."""
+"""The contact table: its laws, its limits in closed form, and its file."""
 
 from __future__ import annotations
 
-import subprocess
-import sys
-from dataclasses import fields, replace
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +26,6 @@ from fmucorrect.railway.contact.table import (
 )
 
 ROOT = Path(__file__).resolve().parents[3]
-TOOL = ROOT / "tools" / "contact_tables.py"
 SHIPPED = ROOT / "fmus" / "full_vehicle" / "contact.csv"
 GRID = np.arange(-300, 301) * 0.05e-3
 
@@ -163,7 +160,7 @@ def rows_of(table: ContactTable) -> list[str]:
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
-        (lambda rows: rows[1:], "no contact table.*contact_tables.py"),
+        (lambda rows: rows[1:], "no contact table.*fmucorrect contact"),
         (lambda rows: [rows[0].replace("lift", "height"), *rows[1:]], "no contact table"),
         (lambda rows: [], "no header"),
         (lambda rows: [*rows[:4], rows[4].replace("0.", "x.", 1), *rows[5:]], "line 5 does not hold 12 finite numbers"),
@@ -208,69 +205,3 @@ def test_what_cannot_be_made_is_refused(
 ) -> None:
     with pytest.raises(SignalError, match=message):
         make_contact_table(pair, grid, smoothing)
-
-
-def command(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, str(TOOL), *arguments], capture_output=True, text=True, timeout=120, check=False
-    )
-
-
-def test_the_command_makes_the_shipped_table(tmp_path: Path) -> None:
-    """As the first lines of fmus/full_vehicle/contact.csv say, from names alone."""
-    path = tmp_path / "contact.csv"
-    done = command("S1002", "60E1", "--inclination", "1:40", "-o", str(path))
-    assert done.returncode == 0, done.stderr
-    made, shipped = (read_contact_table(each) for each in (path, SHIPPED))
-    for name in COLUMNS:
-        assert getattr(made, name) == pytest.approx(getattr(shipped, name), rel=1e-6, abs=1e-9), name
-    heads = [
-        [line for line in each.read_text(encoding="utf-8").splitlines() if line[0] == "#"] for each in (path, SHIPPED)
-    ]
-    assert heads[0] == heads[1]
-    text = "\n".join(heads[0])
-    for stated in (
-        "S1002",
-        "60E1",
-        "1:40",
-        "1435 mm",
-        "1360 mm",
-        "r0 430 mm",
-        "0.174 at 3 mm",
-        "jumps at y = 6.610 mm",
-    ):
-        assert stated in text
-
-
-def test_the_command_takes_files_and_other_dimensions(tmp_path: Path) -> None:
-    """Profiles in text files, the rail already inclined, give the built-in ones' table."""
-    wheel, rail = s1002(), rail_60e1().turned(float(np.arctan(1.0 / 20.0)))
-    np.savetxt(tmp_path / "wheel.txt", wheel.points * 1e3)
-    np.savetxt(tmp_path / "rail.csv", rail.points, delimiter=",", header="y [m],z [m]", comments="")
-    out = str(tmp_path / "contact.csv")
-    sizes = ("--back-to-back", "1356", "--reach", "4", "--step", "0.1")
-    files = (str(tmp_path / "wheel.txt"), str(tmp_path / "rail.csv"), "--wheel-unit", "mm", "--inclination", "0")
-    done = command(*files, *sizes, "-o", out)
-    assert done.returncode == 0, done.stderr
-    placement = replace(Placement(inclination=float(np.arctan(1.0 / 20.0))), back_to_back=1.356)
-    expected = make_contact_table(WheelOnRail(wheel, rail_60e1(), placement), np.arange(-40, 41) * 1e-4, Smoothing())
-    assert read_contact_table(Path(out)).radius == pytest.approx(expected.radius, abs=1e-8)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("60E1", "60E1"), "60E1 is a rail profile"),
-        (("S1002", "none.prr"), "none.prr: the file cannot be read"),
-        (("S1002", "60E1", "--inclination", "40"), "no inclination of a rail"),
-        (("S1002", "60E1", "--gauge", "1.435"), "gauge out of range"),
-        (("S1002", "60E1", "--reach", "80"), "runs off the profiles"),
-        (("S1002", "60E1", "--step", "0"), "step"),
-    ],
-)
-def test_the_command_says_what_is_wrong(tmp_path: Path, arguments: tuple[str, ...], message: str) -> None:
-    done = command(*arguments, "-o", str(tmp_path / "contact.csv"))
-    assert done.returncode == 2
-    assert message in done.stderr
-    assert "Traceback" not in done.stderr
-    assert not (tmp_path / "contact.csv").exists()
