@@ -127,7 +127,7 @@ def run_demo(
     curves = [Curve(topic, records.field_names([name + end for name in shown])) for topic, end in ends.items()]
     status = f"{sources.CORRECTED}.corrector_status"
     outputs.write(folder / "demo.foxglove.json", layout(comparison.channels, curves, status))
-    comparison_page.write(page, comparison, context(comparison, online, study, model, len(corrected)))
+    comparison_page.build(comparison, context(comparison, online, study, model, len(corrected))).write(page)
     corrector = folder / "corrector.onnx"
     outputs.write(corrector, data.corrector.read_bytes())
     if fmu is not None:

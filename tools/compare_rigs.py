@@ -40,7 +40,7 @@ def compare(study: Study, place: Path, model: Path) -> None:
         workshop = Workshop(place / "work", CORES, advance=bar.update)
         result = compare_study(study, study.training, SEEDS, True, workshop)
     save_comparison(place, result.table, result.histories)
-    compare_page.write_page(place / "compare.html", Table.read(result.table), result.histories)
+    compare_page.build(Table.read(result.table), result.histories).write(place / "compare.html")
     save_comparison(model, result.table | {"cases": [{**row, "curves": []} for row in result.table["cases"]]})
     print(lines(result.table))
 

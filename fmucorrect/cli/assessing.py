@@ -53,5 +53,5 @@ def assess(what: str, mapping: Path, out: Path, step_timeout: float | None, over
     text = json.dumps(found.to_json(), indent=1, allow_nan=False)
     outputs.write(out / "assessment.json", text + "\n")
     page = out / "assessment.html"
-    assess_page.write_page(page, found)
+    assess_page.build(found).write(page)
     say(text if as_json else "\n".join([*assess_text.verdicts(found), str(page)]))

@@ -85,8 +85,7 @@ def train(
         done = results.train_into(out, the_study, chosen, f"fmucorrect train {study.name} --seed {chosen.seed}", shop)
     page, selection, guard = out / "train.html", done.trained.selection, done.trained.guard
     said = verdicts.verdict(selection, done.evaluations, done.trained.guard)
-    training_page.write_page(
-        page,
+    training_page.build(
         f"{the_study.name}: {verdicts.headline(selection)}",
         done.evaluations,
         [Curve.read(row) for row in results.curves(done.trained)],
@@ -99,7 +98,7 @@ def train(
             [training_page.Way(**vars(way)) for way in done.against.ways],
         ),
         guarded=guard and _where_it_ends(done),
-    )
+    ).write(page)
     if as_json:
         say(json.dumps(results.figures(done.evaluations, done.trained, done.against), indent=1))
     else:
@@ -185,7 +184,7 @@ def compare(
         result = cases.compare_study(the_study, chosen, numbers, ablate, shop)
     path = results.save_comparison(out, result.table, result.histories)
     page = out / "compare.html"
-    compare_page.write_page(page, Table.read(result.table), result.histories)
+    compare_page.build(Table.read(result.table), result.histories).write(page)
     say(path.read_text(encoding="utf-8") if as_json else f"{table.lines(result.table)}\n\nOpen  {page}")
 
 
@@ -214,7 +213,7 @@ def _compare_models(
         table = models.compare_models(studies, out, shop)
     text = json.dumps(table, indent=1)
     outputs.write(out / "models.json", text + "\n")
-    models_page.write_page(out / "models.html", models_page.Table.read(table), models.verdict(table))
+    models_page.build(models_page.Table.read(table), models.verdict(table)).write(out / "models.html")
     told = f"{models.lines(table)}\n\n{models.verdict(table)}\n\nOpen  {out / 'models.html'}"
     return text if as_json else told
 
@@ -250,7 +249,7 @@ def diagnose(
     elif out is not None:
         from fmucorrect.report.training import diagnosis_page
 
-        diagnosis_page.write_page(out, f"{the_study.name}: accelerometers", found)
+        diagnosis_page.build(f"{the_study.name}: accelerometers", found).write(out)
     say(text if as_json else diagnosis.table(found))
 
 

@@ -169,10 +169,10 @@ def _withdraw(folder: Path, written: Sequence[str]) -> None:
 
 def write(folder: Path, report: dict[str, Any]) -> None:
     """report.json and report.html of a report that JSON can hold."""
-    from fmucorrect.report.discovery.page import write_page
+    from fmucorrect.report.discovery.page import build
 
     outputs.write(folder / "report.json", json.dumps(report, indent=1, allow_nan=False) + "\n")
-    write_page(folder / "report.html", report)
+    build(report).write(folder / "report.html")
 
 
 def _plain(value: Any) -> Any:

@@ -212,7 +212,7 @@ def test_names_are_escaped() -> None:
 @pytest.mark.skipif(BROWSER is None, reason="no chromium or chrome is installed")
 def test_it_opens_in_a_browser_without_errors(tmp_path: Path) -> None:
     path = tmp_path / "assessment.html"
-    assess_page.write_page(path, example.findings())
+    assess_page.build(example.findings()).write(path)
     assert path.stat().st_size < MOST
     # two of loads, residuals, settling, root locus, damping, slowing down, bifurcation, by radius, three histories
     assert len(re.findall(r'class="figure[^"]*js-plotly-plot', opened(path, tmp_path))) == 12

@@ -278,7 +278,7 @@ def test_page_of_many_cases_and_conditions_is_small(tmp_path: Path) -> None:
     for condition in data["evaluation"]:
         arrays |= {f"other {i}/{condition}": arrays[f"fir/{condition}"] for i in range(5)}
     path = tmp_path / "compare.html"
-    compare_page.write_page(path, Table.read(json.loads(json.dumps(data))), arrays)
+    compare_page.build(Table.read(json.loads(json.dumps(data))), arrays).write(path)
     assert path.stat().st_size < MOST
 
 
@@ -286,7 +286,7 @@ def test_page_of_many_cases_and_conditions_is_small(tmp_path: Path) -> None:
 def test_it_opens_in_a_browser_without_errors(tmp_path: Path) -> None:
     path = tmp_path / "compare.html"
     data = result()
-    compare_page.write_page(path, Table.read(data), histories(data))
+    compare_page.build(Table.read(data), histories(data)).write(path)
     click = "document.querySelectorAll('.buttons button')[2].click()"
     path.write_text(path.read_text(encoding="utf-8") + f"<script>drawn.then(() => {click})</script>", encoding="utf-8")
     found = opened(path, tmp_path)

@@ -336,7 +336,7 @@ def test_a_page_of_many_conditions_is_small(tmp_path: Path) -> None:
     series = report["series"]["385"]
     report["series"] = {f"run {i}": series for i in range(12)}
     path = tmp_path / "report.html"
-    discovery_page.write_page(path, report)
+    discovery_page.build(report).write(path)
     assert path.stat().st_size < MOST
 
 
@@ -367,7 +367,7 @@ def test_it_reads_well_in_a_browser(tmp_path: Path) -> None:
     frames = ""
     for name, report in ALL.items():
         page = tmp_path / f"{name}.html"
-        discovery_page.write_page(page, json.loads(json.dumps(report)))
+        discovery_page.build(json.loads(json.dumps(report))).write(page)
         page.write_text(page.read_text(encoding="utf-8") + REPORT, encoding="utf-8")
         for key, width in WIDTHS.items() if name == "named" else [("narrow", WIDTHS["narrow"])]:
             style = f"border:0;width:{width}px;height:900px"

@@ -36,13 +36,13 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """One of each."""
     folder = tmp_path_factory.mktemp("pages")
     found = {name: folder / f"{name}.html" for name in ("demo", "train", "compare", "diagnose", "discover", "assess")}
-    comparison_page.write(found["demo"], comparison(), CONTEXT)
+    comparison_page.build(comparison(), CONTEXT).write(found["demo"])
     found["train"].write_text(test_training_page.page(test_training_page.conditions()), encoding="utf-8")
     data = test_compare_page.result()
-    compare_page.write_page(found["compare"], Table.read(data), test_compare_page.histories(data))
-    diagnosis_page.write_page(found["diagnose"], "A study", test_diagnosis_page.diagnosis())
-    discovery_page.write_page(found["discover"], json.loads(json.dumps(discovery_example.report("named"))))
-    assess_page.write_page(found["assess"], assess_example.findings())
+    compare_page.build(Table.read(data), test_compare_page.histories(data)).write(found["compare"])
+    diagnosis_page.build("A study", test_diagnosis_page.diagnosis()).write(found["diagnose"])
+    discovery_page.build(json.loads(json.dumps(discovery_example.report("named")))).write(found["discover"])
+    assess_page.build(assess_example.findings()).write(found["assess"])
     return found
 
 

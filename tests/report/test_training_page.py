@@ -169,7 +169,7 @@ def test_names_are_escaped() -> None:
 
 def test_a_page_without_curves_and_selection_is_written(tmp_path: Path) -> None:
     path = tmp_path / "train.html"
-    training_page.write_page(path, "title", conditions(), [], [])
+    training_page.build("title", conditions(), [], []).write(path)
     text = words(path.read_text(encoding="utf-8"))
     assert "Loss terms" not in text
     assert "How it was chosen" not in text
@@ -180,7 +180,7 @@ def test_a_page_of_many_evaluation_conditions_is_small(tmp_path: Path) -> None:
     path = tmp_path / "train.html"
     item = comparison(60_000, ("FW", "FB", "RW", "RB"))
     named = [replace(item, condition=replace(item.condition, name=f"run {i}")) for i in range(5)]
-    training_page.write_page(path, "title", named, curves({"tdnn": 3000}), CHOSEN)
+    training_page.build("title", named, curves({"tdnn": 3000}), CHOSEN).write(path)
     assert path.stat().st_size < MOST
     assert f"{item.after.mean_r2:.4f}" in path.read_text(encoding="utf-8")  # scores use every row
 

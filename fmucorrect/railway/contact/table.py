@@ -1,4 +1,4 @@
-"""The contact table of one wheel on one rail that the full vehicle reads: made from two profiles, written and read.
+"""The contact table of one wheel on one rail that the full vehicle reads: made from two profiles, and written.
 
 Rigid contact jumps from place to place; elastic contact passes over, and where two places are nearly as high both carry.
 The table follows the quasi-elastic contact of Arnold and Netter (1998): the lift is the soft maximum of the gap function,
@@ -119,41 +119,6 @@ def write_contact_table(path: Path, table: ContactTable, comments: Sequence[str]
         outputs.write(path, "\n".join(lines) + "\n")
     except OSError as error:
         raise RecordError(f"the contact table cannot be written: {error.strerror}", where=str(path)) from error
-
-
-def read_contact_table(path: Path) -> ContactTable:
-    """Reads what write_contact_table wrote. Raises RecordError, with the line, for anything else: other columns, what is no
-    finite number, a grid that is not rising and uniform, a radius or semi-axis that is not positive."""
-    where = str(path)
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise RecordError(f"the contact table cannot be read: {error}", where=where) from error
-    first = next((i for i, line in enumerate(lines) if not line.startswith("#")), len(lines))
-    names = tuple(lines[first].split(",")) if first < len(lines) else ()
-    if names != COLUMNS:
-        raise RecordError(
-            "this is no contact table", where=where, expected=",".join(COLUMNS), got=",".join(names) or "no header",
-            remedy="Make it with fmucorrect contact",
-        )  # fmt: skip
-    rows: list[list[float]] = []
-    for i, line in enumerate(lines[first + 1 :], first + 2):
-        try:
-            row = [float(cell) for cell in line.split(",")]
-        except ValueError:
-            row = []
-        if len(row) != len(COLUMNS) or not np.isfinite(row).all():
-            raise RecordError(f"line {i} does not hold {len(COLUMNS)} finite numbers", where=where, got=repr(line[:60]))
-        rows.append(row)
-    columns = dict(zip(COLUMNS, np.array(rows, dtype=np.float64).reshape(-1, len(COLUMNS)).T.copy(), strict=True))
-    step = np.diff(columns["y"])
-    if len(step) < 2 or not (step > 0.0).all() or not (np.abs(step - step.mean()) < 1e-3 * step.mean()).all():
-        raise RecordError("the displacements y are not rising and uniform", where=where, expected="three rows at least")
-    for name in ("radius", "a", "b"):
-        if not (columns[name] > 0.0).all():
-            line = first + 2 + int(np.argmin(columns[name]))
-            raise RecordError(f"{name} is not positive in line {line}", where=where, got=columns[name].min())
-    return ContactTable(**columns)
 
 
 def _soft_contact(pair: WheelOnRail, y: Column, softness: float) -> tuple[Column, ...]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from fmucorrect.railway.assess import NOTICE, Findings
 from fmucorrect.railway.constants import KMH
 from fmucorrect.railway.preload.assessment import PreloadAssessment
@@ -13,11 +11,6 @@ from fmucorrect.report.assessment import text
 from fmucorrect.report.assessment.safety import add_safety
 from fmucorrect.report.assessment.text import given, kmh, percent, short
 from fmucorrect.report.base.html import Page, Row
-
-
-def write_page(path: Path, found: Findings) -> None:
-    """Write the page. Raises OSError where it cannot be written."""
-    build(found).write(path)
 
 
 def build(found: Findings) -> Page:

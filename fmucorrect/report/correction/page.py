@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 
@@ -142,11 +141,6 @@ def build(comparison: Comparison, context: Context) -> Page:
         page.commands(context.commands)
         page.end()
     return page
-
-
-def write(path: Path, comparison: Comparison, context: Context) -> None:
-    """Build and write the page. Raises OSError where it cannot be written."""
-    build(comparison, context).write(path)
 
 
 def _thinned(comparison: Comparison) -> str:

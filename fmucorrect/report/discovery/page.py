@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
@@ -49,13 +48,8 @@ LIMITS = (
 )
 
 
-def write_page(path: Path, report: Mapping[str, Any]) -> None:
-    """Write report.html. report: report.json. Raises OSError where it cannot be written."""
-    build(report).write(path)
-
-
 def build(report: Mapping[str, Any]) -> Page:
-    """The page, ready to be written."""
+    """The page, ready to be written. report: report.json."""
     study = str(mapping(report.get("study")).get("name") or "")
     page = Page(*lead(report), kicker=" · ".join(["fmucorrect discover", *([study] if study else [])]))
     page.warnings(report.get("warnings", ()))

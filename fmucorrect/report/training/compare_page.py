@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
@@ -31,14 +30,8 @@ ORACLE = (
 )
 
 
-def write_page(path: Path, result: Table, histories: Mapping[str, np.ndarray]) -> None:
-    """Write compare.html. histories: t/C (N,) s, measured/C and CASE/C (N, J) for each evaluation
-    condition C. Raises OSError where it cannot be written."""
-    build(result, histories).write(path)
-
-
 def build(result: Table, histories: Mapping[str, np.ndarray]) -> Page:
-    """The page, ready to be written."""
+    """The page, ready to be written. histories: t/C (N,) s, measured/C and CASE/C (N, J) for each evaluation condition C."""
     page = Page(*lead(result), kicker=f"fmucorrect compare · {result.study}")
     page.warnings(result.warnings)
     _tiles(page, result)

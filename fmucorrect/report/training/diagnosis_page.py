@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from html import escape
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,7 @@ from fmucorrect import outputs
 from fmucorrect.diagnosis import COHERENT, LOW_PASS, SEGMENT, Agreement, Diagnosis
 from fmucorrect.report.base.figures import colours, line, panels
 from fmucorrect.report.base.html import Page, Row
-from fmucorrect.report.base.words import lag_text
+from fmucorrect.report.base.words import lag_text, listed
 
 PROOF = (
     "The diagnosis judges each pair of sensors under this processing (low-pass, second difference, Welch's spectra). "
@@ -22,11 +21,6 @@ PROOF = (
     "displacement. It does not prove that an acceleration loss makes a corrector better; a comparison with and without it "
     "does. It is no evidence for safety, certification or acceptance."
 )
-
-
-def write_page(path: Path, title: str, diagnosis: Diagnosis) -> None:
-    """Write the page. Raises OSError where it cannot be written."""
-    build(title, diagnosis).write(path)
 
 
 def build(title: str, diagnosis: Diagnosis) -> Page:
@@ -74,7 +68,7 @@ def recommendation(diagnosis: Diagnosis) -> str:
     )
     lowest = min(item.r2 for item in good), min(item.lagged for item in good)
     text = (
-        f"For an acceleration loss use {_and(diagnosis.channels)}: at every development condition the acceleration "
+        f"For an acceleration loss use {listed(diagnosis.channels)}: at every development condition the acceleration "
         f"agrees in size (direct R² above 0, lowest {lowest[0]:.2f}) and in shape (correlation after the lag search at least "
         f"{COHERENT:g}, lowest {lowest[1]:.2f}), {where}."
     )
@@ -135,7 +129,3 @@ def _reason(name: str, development: Sequence[Agreement]) -> str:
     if shape.lagged < COHERENT:
         parts.append(f"correlation {shape.lagged:.2f} at {shape.condition}")
     return f"{name}, {' and '.join(parts)}" if parts else f"{name}, not recommended"
-
-
-def _and(names: Sequence[str]) -> str:
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

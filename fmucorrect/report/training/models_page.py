@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
-from pathlib import Path
 from typing import Any
 
 from plotly import graph_objects as go
@@ -64,13 +63,8 @@ class Table:
         )
 
 
-def write_page(path: Path, table: Table, sentence: str) -> None:
-    """Write models.html. sentence: which model is best where. Raises OSError."""
-    build(table, sentence).write(path)
-
-
 def build(table: Table, sentence: str) -> Page:
-    """The page, ready to be written."""
+    """The page, ready to be written. sentence: which model is best where."""
     title = f"{len(table.models)} models of the same measurements"
     page = Page(title, sentence or "No condition was held out.", kicker=f"fmucorrect compare · {table.study}")
     page.warnings(table.warnings)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
@@ -64,23 +63,6 @@ class Tried:
     ways: Sequence[Way]
 
 
-def write_page(
-    path: Path,
-    title: str,
-    comparisons: Sequence[Comparison],
-    curves: Sequence[Curve],
-    selection: Sequence[tuple[str, str]],
-    before_after_note: str = "",
-    warnings: Sequence[Mapping[str, str]] = (),
-    tried: Tried | None = None,
-    guarded: Guarded | None = None,
-) -> None:
-    """Write the page of `fmucorrect train`. comparisons: every condition, development and evaluation. curves: loss curves.
-    selection: what was chosen and how, terms and text. warnings: of the gate. tried: the
-    page begins with it. guarded: where there is a guard. Raises OSError."""
-    build(title, comparisons, curves, selection, before_after_note, warnings, tried, guarded).write(path)
-
-
 def build(
     title: str,
     comparisons: Sequence[Comparison],
@@ -91,7 +73,8 @@ def build(
     tried: Tried | None = None,
     guarded: Guarded | None = None,
 ) -> Page:
-    """The page, ready to be written."""
+    """The page of `fmucorrect train`. comparisons: every condition, development and evaluation. selection: what was chosen and
+    how, terms and text. warnings: of the gate. tried: the page begins with it. guarded: where there is a guard."""
     unseen = [item for item in comparisons if item.condition.role == "evaluation"]
     page = Page(title, tried.verdict if tried else lead(comparisons), kicker="fmucorrect train")
     page.warnings(warnings)

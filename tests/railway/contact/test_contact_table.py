@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +20,6 @@ from fmucorrect.railway.contact.table import (
     ContactTable,
     Smoothing,
     make_contact_table,
-    read_contact_table,
     write_contact_table,
 )
 
@@ -145,45 +143,12 @@ def test_written_and_read_again(tmp_path: Path, table: ContactTable) -> None:
     write_contact_table(tmp_path / "contact.csv", table, ["made by a test", "two lines"])
     lines = (tmp_path / "contact.csv").read_text(encoding="utf-8").splitlines()
     assert lines[:3] == ["# made by a test", "# two lines", ",".join(COLUMNS)]
-    again = read_contact_table(tmp_path / "contact.csv")
-    for field in fields(ContactTable):
-        assert getattr(again, field.name) == pytest.approx(getattr(table, field.name), rel=1e-8, abs=1e-15)
+    again = np.loadtxt(tmp_path / "contact.csv", delimiter=",", skiprows=3)
+    for name, column in zip(COLUMNS, again.T, strict=True):
+        assert column == pytest.approx(getattr(table, name), rel=1e-8, abs=1e-15)
 
 
-def rows_of(table: ContactTable) -> list[str]:
-    return [
-        ",".join(COLUMNS),
-        *(",".join(f"{getattr(table, name)[i]:.9g}" for name in COLUMNS) for i in range(300, 310)),
-    ]
-
-
-@pytest.mark.parametrize(
-    ("spoil", "message"),
-    [
-        (lambda rows: rows[1:], "no contact table.*fmucorrect contact"),
-        (lambda rows: [rows[0].replace("lift", "height"), *rows[1:]], "no contact table"),
-        (lambda rows: [], "no header"),
-        (lambda rows: [*rows[:4], rows[4].replace("0.", "x.", 1), *rows[5:]], "line 5 does not hold 12 finite numbers"),
-        (lambda rows: [*rows[:4], rows[4].rsplit(",", 1)[0], *rows[5:]], "line 5"),
-        (lambda rows: [*rows[:4], rows[4].rsplit(",", 1)[0] + ",nan", *rows[5:]], "line 5"),
-        (lambda rows: [*rows[:4], *rows[5:]], "not rising and uniform"),
-        (lambda rows: [rows[0], *rows[:0:-1]], "not rising and uniform"),
-        (lambda rows: rows[:2], "not rising and uniform"),
-        (
-            lambda rows: [*rows[:4], ",-1,".join([rows[4].split(",")[0], rows[4].split(",", 2)[2]]), *rows[5:]],
-            "radius.*line 5",
-        ),
-    ],
-)
-def test_a_file_that_is_no_table_says_where(tmp_path: Path, table: ContactTable, spoil, message: str) -> None:
-    (tmp_path / "contact.csv").write_text("\n".join(spoil(rows_of(table))), encoding="utf-8")
-    with pytest.raises(RecordError, match=message):
-        read_contact_table(tmp_path / "contact.csv")
-
-
-def test_a_file_that_is_not_there(tmp_path: Path, table: ContactTable) -> None:
-    with pytest.raises(RecordError, match="cannot be read"):
-        read_contact_table(tmp_path / "none.csv")
+def test_a_folder_that_is_not_there(tmp_path: Path, table: ContactTable) -> None:
     with pytest.raises(RecordError, match="cannot be written"):
         write_contact_table(tmp_path / "no" / "folder.csv", table, [])
 
