@@ -41,14 +41,14 @@ def words(text: str) -> str:
     return re.sub(r"\s+", " ", unescape(re.sub(r"(?s)<(svg|nav)\b.*?</\1>|<[^>]+>", " ", body)))
 
 
-def page(items: list[Comparison], note: str = "") -> str:
+def page(items: list[Comparison]) -> str:
     """The file's text."""
-    return training_page.build("A <b>corrector", items, curves({"tdnn": 20, "residual": 40}), CHOSEN, note).text()
+    return training_page.build("A <b>corrector", items, curves({"tdnn": 20, "residual": 40}), CHOSEN).text()
 
 
 def test_every_condition_is_in_the_table_with_its_figures() -> None:
     items = [replace(item, sigma=np.full_like(item.sigma, 0.02)) for item in conditions()]
-    text = words(page(items, "Beware"))
+    text = words(page(items))
     last = items[-1]
     inside = 100 * last.within(1.645)
     assert 0.0 < inside.min() < inside.max()
@@ -58,7 +58,6 @@ def test_every_condition_is_in_the_table_with_its_figures() -> None:
         f"{inside.min():.0f} to {inside.max():.0f} %"
     ) in text
     assert text.index("Evaluation: nothing fitted") < text.index("Development: trained on") < text.index("300 km/h")
-    assert "Beware" in text
     assert "it knows the target, so it is no score" in text
     assert "no evidence for safety, certification or acceptance" in text
 

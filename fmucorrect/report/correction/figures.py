@@ -24,11 +24,11 @@ def thinning(comparison: Comparison) -> int:
     return max(1, -(-len(comparison.t_ns) * len(comparison.channels) * _CURVES // POINTS))
 
 
-def first_view(comparison: Comparison, periods: float = 6.0, settle: float = 4.0) -> tuple[float, float]:
-    """A stretch of time, s, in which single waves can be seen: some seconds after the excitation began."""
+def first_view(comparison: Comparison) -> tuple[float, float]:
+    """A stretch of time, s, in which single waves can be seen: six periods, four seconds after the excitation began."""
     start, stop = _ends(comparison)
-    length = periods / comparison.condition.frequency if comparison.condition.frequency > 0 else (stop - start) / 10
-    begin = min(max(comparison.condition.start + settle, start), max(stop - length, start))
+    length = 6.0 / comparison.condition.frequency if comparison.condition.frequency > 0 else (stop - start) / 10
+    begin = min(max(comparison.condition.start + 4.0, start), max(stop - length, start))
     return round(begin, 3), round(min(begin + length, stop), 3)
 
 

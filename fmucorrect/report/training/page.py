@@ -68,7 +68,6 @@ def build(
     comparisons: Sequence[Comparison],
     curves: Sequence[Curve],
     selection: Sequence[tuple[str, str]],
-    before_after_note: str = "",
     warnings: Sequence[Mapping[str, str]] = (),
     tried: Tried | None = None,
     guarded: Guarded | None = None,
@@ -99,7 +98,7 @@ def build(
     if guarded:
         _guarded(page, guarded)
     if comparisons:
-        _conditions(page, comparisons, before_after_note)
+        _conditions(page, comparisons)
     if selection:
         page.section("How it was chosen", "From the development conditions alone.")
         page.facts(selection)
@@ -218,14 +217,12 @@ def _tiles(page: Page, items: Sequence[Comparison], unseen: bool) -> None:
     )
 
 
-def _conditions(page: Page, comparisons: Sequence[Comparison], note: str) -> None:
+def _conditions(page: Page, comparisons: Sequence[Comparison]) -> None:
     page.section(
         "Every condition, before and after",
         "Means of the channels, over all samples but the warm-up; NRMSE and NMAE in % of the measured range. Coverage: share "
         "of measured samples inside the corrector's 90 % band, lowest and highest channel.",
     )
-    if note:
-        page.caution(note)
     header = ["condition", "R² before", "after", "NRMSE before", "after", "NMAE before", "after", "90 % band covers"]
     rows: list[Row] = []
     for role, text in ROLES.items():
