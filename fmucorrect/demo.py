@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from fmucorrect import bundle, experiment, outputs, records, session, sources
+from fmucorrect import bundle, experiment, outputs, records, runs, sources
 from fmucorrect.bundle import Bundle
 from fmucorrect.comparison import Comparison, compare
 from fmucorrect.errors import RecordError
@@ -121,7 +121,7 @@ def run_demo(
     tell(STEPS[4])
     outputs.make_folder(folder, "demo")
     record, page = folder / "demo.mcap", folder / "demo.html"
-    write_record(record, corrected, simulated, comparison, session.made(model, study))
+    write_record(record, corrected, simulated, comparison, runs.made(model, study))
     shown = [channel.name for channel in comparison.channels]
     ends = {sources.SIMULATION: "", sources.CORRECTED: "_corrected", "/measured": "_measured"}
     curves = [Curve(topic, records.field_names([name + end for name in shown])) for topic, end in ends.items()]
@@ -172,7 +172,7 @@ def write_record(
     path: Path, corrected: Record, simulated: Record, comparison: Comparison, made: Mapping[str, str]
 ) -> None:
     """The whole run as /simulation and /corrected, and as /measured what of the measurement lies on the same rows."""
-    notes = session.metadata(comparison.condition)
+    notes = runs.metadata(comparison.condition)
     with outputs.Replacing(path) as beside, records.writer(beside) as file:
         file.write(sources.SIMULATION, replace(simulated, metadata=notes))
         added = corrected.names[len(simulated.channels) :]
