@@ -1,4 +1,4 @@
-"""What an FMU, a bundle, a record file or a study says of itself: one JSON-able view of each, and its text."""
+"""What an FMU, a bundle, a record file or a study says of itself: one JSON-able description of each, and its text."""
 
 from __future__ import annotations
 
@@ -129,10 +129,10 @@ def _study(study: Study) -> dict[str, Any]:
     }
 
 
-def text(view: Mapping[str, Any]) -> str:
-    """A view for people."""
-    lines = [f"{view['path']}: {view['kind']}"]
-    for key, value in view.items():
+def text(described: Mapping[str, Any]) -> str:
+    """A description for people."""
+    lines = [f"{described['path']}: {described['kind']}"]
+    for key, value in described.items():
         if key not in ("path", "kind") and value not in (None, "", [], {}, False):
             lines += _item(key, value, 1)
     return "\n".join(map(one_line, lines))
