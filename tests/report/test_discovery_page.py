@@ -17,6 +17,7 @@ import pytest
 from test_page import BROWSER, MOST
 
 from fmucorrect.report.discovery import figures as discovery_figures
+from fmucorrect.report.discovery import gap
 from fmucorrect.report.discovery import page as discovery_page
 from fmucorrect.report.discovery import pictures as discovery_pictures
 
@@ -303,10 +304,10 @@ def test_bars_are_sorted_and_the_gap_joins_before_and_after() -> None:
     joints = discovery_figures.shares({"a": 0.2, "b": 0.9, "c": math.nan}, "#000", "x")
     assert list(joints.data[0].x) == [90.0, 20.0]
     assert [label.strip() for label in joints.layout.yaxis.ticktext] == ["b", "a"]
-    gap = discovery_figures.gap(ALL["named"]["gap"])
-    assert [trace.name for trace in gap.data if trace.name] == ["noise floor", "before", "after"]
-    assert sum("<b>385</b>" in label for label in gap.layout.yaxis.ticktext) == 1
-    assert list(gap.data[4].x) == [14.13, 1.31]
+    figure = gap.chart(gap.gaps(ALL["named"]["gap"]))
+    assert [trace.name for trace in figure.data if trace.name] == ["noise floor", "before", "after"]
+    assert sum("<b>385</b>" in label for label in figure.layout.yaxis.ticktext) == 1
+    assert list(figure.data[4].x) == [14.13, 1.31]
 
 
 def test_a_law_is_drawn_through_its_points_in_readable_units() -> None:

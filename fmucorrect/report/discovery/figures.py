@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Float
 from plotly import graph_objects as go
 
-from fmucorrect.report.base.figures import CORRECTED, INK, MEASURED, SIMULATED, colours, line, panels, style
-from fmucorrect.report.base.words import MISSING, known, number, percent, pretty
+from fmucorrect.report.base.figures import CORRECTED, MEASURED, SIMULATED, colours, line, panels, style
+from fmucorrect.report.base.words import known, number, percent, pretty
 from fmucorrect.report.discovery.text import mapping
 
 PANELS = 6
@@ -20,7 +20,7 @@ BARS = 14
 """Most bars of shares that are drawn."""
 HARMONICS = {"fundamental": MEASURED, "odd": CORRECTED, "even": SIMULATED, "offset": "#c79a00"}
 GOOD = "#1b7f4b"
-_GRID = "#e3e7ec"
+GRID = "#e3e7ec"
 _BUTTONS = ("zoom2d", "pan2d", "select2d", "lasso2d", "zoomIn2d", "zoomOut2d", "autoScale2d", "resetScale2d", "toImage")
 _SHARE = "sendChartToCloud"
 """plotly's button that uploads the figure: these data are not to leave by one click."""
@@ -47,7 +47,7 @@ def shares(values: Mapping[str, float], colour: str, title: str, ordered: bool =
     )
     plain_style(figure, 30 * len(found) + 84)
     figure.update_layout(margin={"t": 14, "b": 44}, bargap=0.32, dragmode=False)
-    _categories(figure, [_label(name) for name, _ in found])
+    categories(figure, [label_of(name) for name, _ in found])
     figure.update_xaxes(
         title_text=title, range=[min(0.0, *(100 * v for _, v in found), 0.0), 1.28 * (highest or 1.0)], fixedrange=True
     )
@@ -67,7 +67,7 @@ def harmonics(values: Mapping[str, Mapping[str, Any]]) -> go.Figure:
     plain_style(figure, 32 * len(names) + 118)
     figure.update_layout(barmode="stack", margin={"t": 48, "b": 44}, bargap=0.32, dragmode=False)
     figure.update_layout(legend={"y": 1.0})
-    _categories(figure, [_label(name) for name in names])
+    categories(figure, [label_of(name) for name in names])
     figure.update_xaxes(title_text="% of the residual's energy", range=[0, 100], fixedrange=True)
     return figure
 
@@ -117,48 +117,6 @@ def over_time(values: Mapping[str, Mapping[str, Any]]) -> go.Figure:
     figure.update_layout(margin={"t": 56, "b": 46}, hovermode="x unified", legend={"y": 1.0})
     figure.update_yaxes(title_text="residual, rms", rangemode="tozero")
     figure.update_xaxes(title_text="time, s")
-    return figure
-
-
-def gap(items: Sequence[Mapping[str, Any]]) -> go.Figure:
-    """NRMSE before and after of each condition, joined by a line, with the noise floor; bold where it was held out."""
-    names = [_label(str(item.get("condition", MISSING)), item.get("role") == "evaluation") for item in items]
-    values = {
-        key: np.array([number(item.get(key)) for item in items])
-        for key in ("nrmse_before", "nrmse_after", "noise_floor")
-    }
-    before, after, floor = values.values()
-    seen = np.concatenate([before, after, floor])
-    seen = seen[np.isfinite(seen) & (seen > 0)]
-    wide = len(seen) > 0 and seen.max() > 25 * seen.min()
-    figure = go.Figure()
-    y = list(range(len(items)))
-    for row, start, stop in zip(y, before, after, strict=True):
-        if np.isfinite(start) and np.isfinite(stop):
-            look = {"color": "#c4ccd6", "width": 4}
-            figure.add_scatter(
-                x=[start, stop], y=[row] * 2, mode="lines", line=look, hoverinfo="skip", showlegend=False
-            )
-    rule = {"symbol": "line-ns-open", "size": 20, "line": {"width": 2.5}, "color": INK}
-    for label, x, marker in (
-        ("noise floor", floor, rule),
-        ("before" if np.isfinite(after).any() else "simulated", before, {"size": 13, "color": SIMULATED}),
-        ("after", after, {"size": 13, "color": CORRECTED}),
-    ):
-        if np.isfinite(x).any():
-            hover = f"{label}: %{{x:.3g}} %<extra></extra>"
-            figure.add_scatter(x=x, y=y, name=label, mode="markers", marker=marker, hovertemplate=hover)
-    plain_style(figure, 34 * len(names) + 116)
-    figure.update_layout(margin={"t": 46, "b": 46}, dragmode=False, legend={"y": 1.0})
-    _categories(figure, names)
-    figure.update_xaxes(
-        title_text="error, NRMSE, %" + (" (log axis)" if wide else ""), fixedrange=True, gridcolor=_GRID
-    )
-    if wide:
-        low, high = np.log10([0.8 * seen.min(), 1.25 * seen.max()])
-        figure.update_xaxes(type="log", range=[float(low), float(high)], dtick="D2", tickformat="~g")
-    else:
-        figure.update_xaxes(range=[0, 1.06 * float(seen.max() if len(seen) else 1.0)])
     return figure
 
 
@@ -220,13 +178,13 @@ def plain_style(figure: go.Figure, height: int) -> None:
     figure.update_yaxes(title_font_size=13)
 
 
-def _categories(figure: go.Figure, labels: Sequence[str]) -> None:
+def categories(figure: go.Figure, labels: Sequence[str]) -> None:
     """Names for the rows 0, 1, ... of a figure, from the top."""
     figure.update_yaxes(tickvals=list(range(len(labels))), ticktext=list(labels), range=[len(labels) - 0.4, -0.6])
     figure.update_yaxes(automargin=True, fixedrange=True, showgrid=False, zeroline=False)
 
 
-def _label(name: str, bold: bool = False, room: int = 30) -> str:
+def label_of(name: str, bold: bool = False, room: int = 30) -> str:
     """A category: cut to what a phone shows, escaped."""
     text = escape(name if len(name) <= room else name[: room - 1] + "…")
     return f"<b>{text}</b> " if bold else f"{text} "

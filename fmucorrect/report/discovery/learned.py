@@ -12,8 +12,9 @@ from fmucorrect.report.base.figures import BAND, CORRECTED
 from fmucorrect.report.base.html import Page, Row
 from fmucorrect.report.base.words import error, known, percent, quantity, scaled
 from fmucorrect.report.discovery.figures import numbers, plain_style
+from fmucorrect.report.discovery.gap import gaps
 from fmucorrect.report.discovery.pictures import pictures
-from fmucorrect.report.discovery.text import mapping, rows, texts
+from fmucorrect.report.discovery.text import mapping, texts
 
 
 def learned_section(page: Page, report: Mapping[str, Any]) -> None:
@@ -50,16 +51,8 @@ def learned_section(page: Page, report: Mapping[str, Any]) -> None:
     )
     page.facts([*facts, ("in the FMU", written)])
     table = [
-        Row(
-            [
-                str(item.get("condition")),
-                error(item.get("nrmse_before")),
-                error(item.get("nrmse_after")),
-                error(item.get("noise_floor")),
-            ],
-            "strong" if item.get("role") == "evaluation" else "",
-        )
-        for item in sorted(rows(found.get("gap")), key=lambda item: item.get("role") != "evaluation")
+        Row([gap.condition, error(gap.before), error(gap.after), error(gap.floor)], "strong" if gap.held_out else "")
+        for gap in sorted(gaps(found.get("gap")), key=lambda gap: not gap.held_out)
     ]
     page.table(["condition (bold: held out)", "before", "with it", "noise"], table)
     sections = mapping(found.get("sections"))

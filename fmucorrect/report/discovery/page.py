@@ -6,16 +6,15 @@ All of it comes from report.json; what that leaves out, the page leaves out or s
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, cast
 
-import numpy as np
-
 from fmucorrect.report.base.figures import POINTS
-from fmucorrect.report.base.html import Page, Row
-from fmucorrect.report.base.words import NARROW, error, known, listed, number, percent, quantity, short, titled
+from fmucorrect.report.base.html import Page
+from fmucorrect.report.base.words import NARROW, error, known, listed, number, percent, quantity, titled
 from fmucorrect.report.discovery import figures as drawn
 from fmucorrect.report.discovery.effects import effects_section, laws_section, source_section
+from fmucorrect.report.discovery.gap import gap_section, gaps, judged, mean, r2
 from fmucorrect.report.discovery.learned import learned_section
 from fmucorrect.report.discovery.next_steps import left_section, next_section, run_section
 from fmucorrect.report.discovery.rivals import rivals_section
@@ -26,10 +25,6 @@ NAMED = 3
 """Most effects that the title names; more are counted there, and named in the sentence below."""
 TILE = 13
 """Most letters of a tile's value."""
-ROLES = {
-    "evaluation": "Evaluation: held out, not looked at until the verdict stood",
-    "development": "Development: the search and the fit saw these",
-}
 PROOF = {
     "named": "That an effect is named means: of all that the catalogue holds, this law at this place, fed back into "
     "the model, brings it closest to these measurements, also where it was not fitted. A cause outside the "
@@ -64,7 +59,8 @@ def build(report: Mapping[str, Any]) -> Page:
     _tiles(page, report)
     where(page, report)
     effects_section(page, report)
-    _gap_section(page, report)
+    recorded = "study" in report and not mapping(report["study"]).get("fmu")
+    gap_section(page, gaps(report.get("gap")), recorded)
     _series_section(page, report)
     learned_section(page, report)
     laws_section(page, report)
@@ -109,45 +105,33 @@ def lead(report: Mapping[str, Any]) -> tuple[str, str]:
 
 def _sentence(report: Mapping[str, Any]) -> str:
     """Where the report has none: what its figures say."""
-    items, held = judged(report)
-    before, after = mean(items, "nrmse_before"), mean(items, "nrmse_after")
+    items, held = judged(gaps(report.get("gap")))
+    before, after = mean([item.before for item in items]), mean([item.after for item in items])
     if not known(before):
         return "The report holds no comparison of simulation and measurement."
     text = f"The error{' where it was held out' * held} is {error(before)}"
     text += f" before and {error(after)} after the change" if known(after) else ""
-    floor = mean(items, "noise_floor")
+    floor = mean([item.floor for item in items])
     return text + (f"; noise alone makes {error(floor)}." if known(floor) else ".")
 
 
-def judged(report: Mapping[str, Any]) -> tuple[list[Mapping[str, Any]], bool]:
-    """The evaluation conditions of the gap and True, or all conditions and False where none was held out."""
-    items = rows(report.get("gap"))
-    unseen = [item for item in items if item.get("role") == "evaluation"]
-    return (unseen, True) if unseen else (items, False)
-
-
-def mean(items: Sequence[Mapping[str, Any]], key: str) -> float:
-    """Mean of what is known; nan where nothing is."""
-    found = [number(item.get(key)) for item in items if known(item.get(key))]
-    return float(np.mean(found)) if found else float("nan")
-
-
 def _tiles(page: Page, report: Mapping[str, Any]) -> None:
-    items, held = judged(report)
+    items, held = judged(gaps(report.get("gap")))
     effects = rows(report.get("effects"))
     verdict = report.get("verdict")
-    before, after, floor = (mean(items, key) for key in ("nrmse_before", "nrmse_after", "noise_floor"))
+    before, after = mean([item.before for item in items]), mean([item.after for item in items])
+    floor = mean([item.floor for item in items])
     tiles: list[tuple[str, str, str, str]] = []
     if known(before) or known(after):
         first, last = (error(before) if known(before) else "", error(after)) if known(after) else ("", error(before))
-        of = f"at {items[0].get('condition')}" if len(items) == 1 else f"mean of {len(items)} conditions"
+        of = f"at {items[0].condition}" if len(items) == 1 else f"mean of {len(items)} conditions"
         noise = f"noise alone makes {error(floor)}" if known(floor) else "the noise floor is not known"
         tiles.append(
             ("Held-out error, NRMSE" if held else "Error, NRMSE, none held out", first, last, f"{of}; {noise}")
         )
     if verdict == "none" and known(floor):
         tiles.append(("Noise floor", "", error(floor), "what a perfect model would leave"))
-        score = mean(items, "r2_after" if known(after) else "r2_before")
+        score = mean([item.r2_after if known(after) else item.r2_before for item in items])
         tiles += [("Variance explained, R²", "", r2(score), "1 is perfect")] * known(score)
     sure = [effect for effect in effects if known(effect.get("probability"))]
     if sure and verdict in ("named", "ambiguous"):
@@ -175,70 +159,15 @@ def _tiles(page: Page, report: Mapping[str, Any]) -> None:
         page.tiles(tiles)
 
 
-def _gap_section(page: Page, report: Mapping[str, Any]) -> None:
-    items = rows(report.get("gap"))
-    if not items:
-        return
-    changed = any(known(item.get("nrmse_after")) for item in items)
-    recorded = "study" in report and not mapping(report["study"]).get("fmu")
-    again = (
-        "what was found, applied to the recorded simulation" if recorded else "the FMU re-simulated with what was found"
-    )
-    page.section(
-        "The gap, before and after" if changed else "The gap between simulation and measurement",
-        "Error: NRMSE in % of the measured range, mean of the channels. Noise floor: what a perfect model would leave."
-        + (f" After: {again}. Bold: held out." if changed else ""),
-    )
-    worse = [
-        str(item.get("condition"))
-        for item in items
-        if number(item.get("nrmse_after")) > number(item.get("nrmse_before"))
-    ]
-    if worse:
-        page.caution(f"At {listed(worse)} the error is larger after the change than before it.")
-    if changed and not any(item.get("role") == "evaluation" for item in items):
-        page.caution("No condition was held out: nothing here says that it carries over to where it was not fitted.")
-    ordered = sorted(items, key=lambda item: item.get("role") != "evaluation")
-    page.figure(drawn.gap(ordered))
-    table: list[Row] = []
-    for role in dict.fromkeys(str(item.get("role")) for item in ordered):
-        table.append(Row([ROLES.get(role, titled(role))], "group"))
-        kind = "strong" if role == "evaluation" else ""
-        table += [_gap_row(item, kind, changed) for item in ordered if str(item.get("role")) == role]
-    if changed:
-        head = ["condition", "before, %", "after, %", "noise, %", "after / noise", "R² before", "R² after"]
-    else:
-        head = ["condition", "error, %", "noise, %", "error / noise", "R²"]
-    page.table(head, table)
-    page.end()
-
-
-def _gap_row(item: Mapping[str, Any], kind: str, changed: bool) -> Row:
-    before, after, floor = (number(item.get(key)) for key in ("nrmse_before", "nrmse_after", "noise_floor"))
-    ratio = short((after if changed else before) / floor, 2) if floor > 0 else short(None)
-    cells = [short(before), *([short(after)] if changed else []), short(floor), ratio, r2(item.get("r2_before"))]
-    return Row([str(item.get("condition", "")), *cells, *([r2(item.get("r2_after"))] if changed else [])], kind)
-
-
-def r2(value: Any) -> str:
-    """R2 so that the distance from 1 can be read."""
-    x = number(value)
-    if not known(x) or abs(x) >= 10:
-        return short(x)
-    return f"{x:.{2 if x < 0.9 else 3 if x < 0.99 else 4}f}".replace("-", "−")
-
-
 def _series_section(page: Page, report: Mapping[str, Any]) -> None:
     found = {str(name): mapping(item) for name, item in mapping(report.get("series")).items()}
-    roles = {str(item.get("condition")): item.get("role") for item in rows(report.get("gap"))}
-    order = sorted(found, key=lambda name: roles.get(name) != "evaluation")
+    unseen = {item.condition for item in gaps(report.get("gap")) if item.held_out}
+    order = sorted(found, key=lambda name: name not in unseen)
     channels, count = drawn.drawn_channels(report)
     points = max(200, POINTS // max(2 * 3 * len(channels) * len(order), 1))
     options = [(name, drawn.series(found[name], channels, points)) for name in order]
     shown = [
-        (f"{name} (held out)" if roles.get(name) == "evaluation" else name, figure)
-        for name, figure in options
-        if figure is not None
+        (f"{name} (held out)" if name in unseen else name, figure) for name, figure in options if figure is not None
     ]
     if not shown:
         return
