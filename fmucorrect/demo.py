@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from fmucorrect import bundle, experiment, outputs, records, session, sources
+from fmucorrect import bundle, experiment, outputs, records, runs, sources
 from fmucorrect.bundle import Bundle
 from fmucorrect.comparison import Comparison, compare
 from fmucorrect.errors import RecordError
 from fmucorrect.live.layout import Curve, layout
 from fmucorrect.metrics import Scores
-from fmucorrect.report import comparison_page
-from fmucorrect.report.comparison_page import Context, Reference
+from fmucorrect.report.correction import page as comparison_page
+from fmucorrect.report.correction.page import Context, Reference
 from fmucorrect.signals import Condition, Record
 from fmucorrect.stepper import CorrectedStepper, run
 from fmucorrect.study import Study, load_study
@@ -121,13 +121,13 @@ def run_demo(
     tell(STEPS[4])
     outputs.make_folder(folder, "demo")
     record, page = folder / "demo.mcap", folder / "demo.html"
-    write_record(record, corrected, simulated, comparison, session.made(model, study))
+    write_record(record, corrected, simulated, comparison, runs.made(model, study))
     shown = [channel.name for channel in comparison.channels]
     ends = {sources.SIMULATION: "", sources.CORRECTED: "_corrected", "/measured": "_measured"}
     curves = [Curve(topic, records.field_names([name + end for name in shown])) for topic, end in ends.items()]
     status = f"{sources.CORRECTED}.corrector_status"
     outputs.write(folder / "demo.foxglove.json", layout(comparison.channels, curves, status))
-    comparison_page.write(page, comparison, context(comparison, online, study, model, len(corrected)))
+    comparison_page.build(comparison, context(comparison, online, study, model, len(corrected))).write(page)
     corrector = folder / "corrector.onnx"
     outputs.write(corrector, data.corrector.read_bytes())
     if fmu is not None:
@@ -172,7 +172,7 @@ def write_record(
     path: Path, corrected: Record, simulated: Record, comparison: Comparison, made: Mapping[str, str]
 ) -> None:
     """The whole run as /simulation and /corrected, and as /measured what of the measurement lies on the same rows."""
-    notes = session.metadata(comparison.condition)
+    notes = runs.metadata(comparison.condition)
     with outputs.Replacing(path) as beside, records.writer(beside) as file:
         file.write(sources.SIMULATION, replace(simulated, metadata=notes))
         added = corrected.names[len(simulated.channels) :]

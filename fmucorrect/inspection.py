@@ -7,9 +7,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from fmucorrect import bundle, records, sources, units, views
+from fmucorrect import bundle, descriptions, records, sources, units
 from fmucorrect.bundle import Bundle
 from fmucorrect.catalogue.law import FAMILIES
+from fmucorrect.descriptions import Thing
 from fmucorrect.errors import SHOWN, FmucorrectError, RecordError, few
 from fmucorrect.experiment import Pair, pair
 from fmucorrect.fmu import FmuDescription, fixed, open_fmu
@@ -18,16 +19,15 @@ from fmucorrect.screening import Finding, of_pairs, of_records
 from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Reading
 from fmucorrect.study import Study, check_study, load_study
 from fmucorrect.study_places import nearest
-from fmucorrect.views import Thing
 
 
 @dataclass(frozen=True)
 class Inspection:
-    """views: one JSON-able description a file. fits: pairs that were held against each other and agree, in words.
+    """described: one JSON-able description a file. fits: pairs that were held against each other and agree, in words.
     misfits: what does not, in words. warnings: of the gate. seen: what a study's records lost or leave out, and how they were
     registered, in words. pairs: of the studies by their paths, measured and simulated, where all went well."""
 
-    views: tuple[Mapping[str, Any], ...]
+    described: tuple[Mapping[str, Any], ...]
     fits: tuple[str, ...]
     misfits: tuple[str, ...]
     warnings: tuple[Finding, ...] = ()
@@ -37,7 +37,7 @@ class Inspection:
     def to_json(self) -> dict[str, Any]:
         """All of it for programs."""
         return {
-            "files": list(self.views),
+            "files": list(self.described),
             "fits": list(self.fits),
             "misfits": list(self.misfits),
             "warnings": [finding.to_json() for finding in self.warnings],
@@ -46,7 +46,7 @@ class Inspection:
 
     def text(self) -> str:
         """All of it for people."""
-        blocks = [views.text(view) for view in self.views]
+        blocks = [descriptions.text(one) for one in self.described]
         verdict = [
             *(f"seen:         {line}" for line in self.seen),
             *(f"fits:         {line}" for line in self.fits),
@@ -82,7 +82,7 @@ def inspect(paths: Sequence[Path], reading: Reading = AS_IT_IS) -> Inspection:
         for fmu in (thing for thing in things if isinstance(thing, FmuDescription)):
             _judge(f"{study.path.name} and {fmu.path.name}", _against_model(study, fmu, {}), fits, misfits)
     return Inspection(
-        tuple(views.describe(thing) for thing in things),
+        tuple(descriptions.describe(thing) for thing in things),
         tuple(fits),
         tuple(misfits),
         tuple(warnings),
@@ -255,7 +255,7 @@ def _record_against(model: Bundle, contents: Contents, reading: Reading) -> Iter
     for name, channel in zip(sources.columns(path, model.info.seen, topic, reading), model.info.seen, strict=True):
         yield from _column(name, channel.unit, there, "column")
     for item in chosen:
-        step = views.mean_step_ns(item.extent.rows, item.extent.start_ns, item.extent.stop_ns)
+        step = descriptions.mean_step_ns(item.extent.rows, item.extent.start_ns, item.extent.stop_ns)
         if step is not None and abs(step - model.step_ns) > 0.01 * model.step_ns:
             yield f"samples come every {step / 1e6:.6g} ms on average, the corrector wants {model.step_ns / 1e6:g} ms"
 

@@ -314,7 +314,8 @@ def test_a_console_that_lacks_characters_shows_the_others(model: Path, encoding:
 
 
 @pytest.mark.parametrize(
-    "command", ["demo", "run", "replay", "inspect", "wrap", "train", "compare", "discover", "diagnose", "assess"]
+    "command",
+    ["demo", "run", "replay", "inspect", "wrap", "train", "compare", "discover", "diagnose", "assess", "contact"],
 )
 def test_every_command_that_writes_can_be_told_to_write_over(command: str) -> None:
     assert "--overwrite" in call(command, "--help").output

@@ -13,7 +13,7 @@ from fmucorrect.errors import RecordError, StudyError
 from fmucorrect.experiment import Pair, pair
 from fmucorrect.fmu import FmuStepper
 from fmucorrect.records import describe, read, writer
-from fmucorrect.session import run_study
+from fmucorrect.runs import run_study
 from fmucorrect.signals import Channel, Condition, Record
 from fmucorrect.stepper import run
 from fmucorrect.study import load_study

@@ -11,7 +11,7 @@ import pytest
 
 from fmucorrect import sources
 from fmucorrect.bundle import load
-from fmucorrect.session import run_study
+from fmucorrect.runs import run_study
 from fmucorrect.stepper import CorrectedStepper, Status, run
 from fmucorrect.study import load_study
 

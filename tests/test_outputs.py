@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
-from fmucorrect import cli, outputs, records, session
+from fmucorrect import cli, outputs, records, runs
 from fmucorrect.errors import FmucorrectError, FmuError, OutputError, RecordError, SignalError
 from fmucorrect.signals import Channel, Condition, Record
 from fmucorrect.stepper import CorrectedStepper, ReplayStepper, Step
@@ -353,7 +353,7 @@ def through(plant: object, out: Path, corrected: bool, place: Path, rows: int = 
     from fmucorrect import bundle
 
     model = bundle.load(place / "corrector.onnx") if corrected else None
-    session._write("run", plant, model, Condition("x", speed=385.0), drive(rows), out, None, {}, {}, None, None)  # type: ignore[arg-type]
+    runs._write("run", plant, model, Condition("x", speed=385.0), drive(rows), out, None, {}, {}, None, None)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("corrected", [False, True])

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from fmucorrect import cli
 from fmucorrect.errors import FmucorrectError, RecordError, StudyError, one_line, printable
-from fmucorrect.report.html import Page, Row
+from fmucorrect.report.base.html import Page, Row
 from fmucorrect.signals import Channel
 
 STEERING = ["\x1b[2J", "\x9b31m", "\u202e", "\u2066", "\x07", "\r", "\u2028", "\ud800", "\x7f"]

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmucorrect import bundle, records, session
+from fmucorrect import bundle, records, runs
 from fmucorrect.cli import main
 from fmucorrect.errors import RecordError
 from fmucorrect.records import writer
@@ -64,11 +64,11 @@ def test_run_and_replay_withhold_and_say_why(
     condition = study.condition("340")
     other = replace(condition, parameters={**condition.parameters, "equivalent_conicity": 0.2})
     for name, chosen, withheld in (("same", condition, False), ("other", other, True)):
-        ran = session.run_study(study, chosen, tmp_path / f"{name}.mcap", model, duration=0.2)
+        ran = runs.run_study(study, chosen, tmp_path / f"{name}.mcap", model, duration=0.2)
         log = tmp_path / f"{name}.mcap"
-        logged = session.logged_condition(log)
+        logged = runs.logged_condition(log)
         assert logged is not None
-        replayed = session.replay_log(log, logged, tmp_path / f"{name}_again.mcap", model)
+        replayed = runs.replay_log(log, logged, tmp_path / f"{name}_again.mcap", model)
         for summary in (ran, replayed):
             assert bool(summary.unlike) is withheld
             assert ("equivalent_conicity is 0.2, trained with 0.1" in summary.unlike) is withheld
@@ -81,9 +81,9 @@ def test_run_and_replay_withhold_and_say_why(
 
 
 def test_metadata_that_are_no_numbers_are_refused(tmp_path: Path) -> None:
-    told = {"condition": "a", "parameters": json.dumps({"k": "wide"}), **dict.fromkeys(session.FEATURES, "1.0")}
+    told = {"condition": "a", "parameters": json.dumps({"k": "wide"}), **dict.fromkeys(runs.FEATURES, "1.0")}
     record = Record(np.arange(3, dtype=np.int64) * 1_000_000, np.zeros((3, 1)), (Channel("FW", "mm"),), told)
     with writer(tmp_path / "log.mcap") as out:
         out.write("/simulation", record)
     with pytest.raises(RecordError, match="no usable parameters"):
-        session.logged_condition(tmp_path / "log.mcap")
+        runs.logged_condition(tmp_path / "log.mcap")

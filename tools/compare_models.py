@@ -31,7 +31,7 @@ from plant import Plant
 
 from fmucorrect.discovery.augmented import augmented_study, toml
 from fmucorrect.records import writer
-from fmucorrect.report import models_page
+from fmucorrect.report.training import models_page
 from fmucorrect.study import Study, load_study
 from fmucorrect.training.models import compare_models, lines, require_alike, total, verdict
 from fmucorrect.training.tasks import CORES, Workshop
@@ -67,7 +67,7 @@ def compare(rig: dict, study: Path, found: Path, out: Path) -> dict[str, Any]:
     with tqdm(total=total(loaded), unit="epoch", desc=rig["title"], disable=None) as bar:
         table = compare_models(loaded, out, Workshop(out / "work", CORES, advance=bar.update))
     (out / "models.json").write_text(json.dumps(table, indent=1) + "\n", encoding="utf-8")
-    models_page.write_page(out / "models.html", table, verdict(table))
+    models_page.build(models_page.Table.read(table), verdict(table)).write(out / "models.html")
     print(f"{lines(table)}\n\n{verdict(table)}")
     return table
 

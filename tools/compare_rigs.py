@@ -16,7 +16,8 @@ from pathlib import Path
 from tqdm import tqdm
 
 from fmucorrect.experiment import pair
-from fmucorrect.report import compare_page
+from fmucorrect.report.training import compare_page
+from fmucorrect.report.training.table import Table
 from fmucorrect.study import Study, load_study
 from fmucorrect.training.ablation import VARIANTS, ablation_table, budget, fit_variants
 from fmucorrect.training.cases import needed
@@ -39,7 +40,7 @@ def compare(study: Study, place: Path, model: Path) -> None:
         workshop = Workshop(place / "work", CORES, advance=bar.update)
         result = compare_study(study, study.training, SEEDS, True, workshop)
     save_comparison(place, result.table, result.histories)
-    compare_page.write_page(place / "compare.html", result.table, result.histories)
+    compare_page.build(Table.read(result.table), result.histories).write(place / "compare.html")
     save_comparison(model, result.table | {"cases": [{**row, "curves": []} for row in result.table["cases"]]})
     print(lines(result.table))
 

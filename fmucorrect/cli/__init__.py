@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fmucorrect.cli import assessing, discovery, drafting, running, training, wrapping
+from fmucorrect.cli import assessing, contact, discovery, drafting, running, training, wrapping
 from fmucorrect.cli.group import UserError, main
 
 __all__ = ["UserError", "main"]
@@ -13,5 +13,6 @@ main.add_command(drafting.new)
 main.add_command(wrapping.wrap)
 main.add_command(discovery.discover)
 main.add_command(assessing.assess)
+main.add_command(contact.contact)
 for command in (training.train, training.compare, training.diagnose):
     main.add_command(command)

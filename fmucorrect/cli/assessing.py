@@ -32,7 +32,8 @@ def assess(what: str, mapping: Path, out: Path, step_timeout: float | None, over
     from fmucorrect import outputs
     from fmucorrect.railway.assess import assess as run
     from fmucorrect.railway.assessment import load_assessment
-    from fmucorrect.report import assess_page, assess_text
+    from fmucorrect.report.assessment import page as assess_page
+    from fmucorrect.report.assessment import text as assess_text
 
     assessment = load_assessment(mapping)
     read = [("the mapping", mapping), ("the FMU", assessment.fmu)]
@@ -52,5 +53,5 @@ def assess(what: str, mapping: Path, out: Path, step_timeout: float | None, over
     text = json.dumps(found.to_json(), indent=1, allow_nan=False)
     outputs.write(out / "assessment.json", text + "\n")
     page = out / "assessment.html"
-    assess_page.write_page(page, found)
+    assess_page.build(found).write(page)
     say(text if as_json else "\n".join([*assess_text.verdicts(found), str(page)]))

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from fmucorrect.discovery.estimate import Estimate
     from fmucorrect.inspection import Inspection
     from fmucorrect.live import Live
-    from fmucorrect.session import Summary
+    from fmucorrect.runs import Summary
     from fmucorrect.signals import Condition, Reading
 
 
@@ -48,7 +48,7 @@ def demo(out: Path, overwrite: bool, as_json: bool) -> None:
     Example: fmucorrect demo -o /tmp/demo
     """
     from fmucorrect import demo as demonstration
-    from fmucorrect.report.comparison_page import headline
+    from fmucorrect.report.correction.page import headline
 
     with progress_bar(len(demonstration.STEPS) - 1, "step", "demo") as advance:
         begun: list[str] = []
@@ -91,13 +91,13 @@ def _watching(live: bool, listen: str | None, out: Path) -> Generator[Live | Non
         yield None
         return
     from fmucorrect import live as viewing
-    from fmucorrect import session
+    from fmucorrect import runs
 
     logging.getLogger("foxglove").setLevel(logging.CRITICAL)  # a viewer that goes away is no error of the run
     where = viewing.Address() if listen is None else viewing.address(listen)
     with viewing.Live(where) as view:
         reach = "" if view.address.loopback else "; whoever reaches this address can watch"
-        layout = session.layout_path(out)
+        layout = runs.layout_path(out)
         say(f"live: open {view.address.url} in Foxglove, with the layout {layout}{reach}", err=True)
         yield view
 
@@ -133,14 +133,14 @@ def run(
 
     Example: fmucorrect run study.toml --condition 385 --corrector corrector.onnx -o run.mcap
     """
-    from fmucorrect import bundle, session, sources
+    from fmucorrect import bundle, runs, sources
 
     the_study = open_study(study, allow_damaged).with_step_timeout(step_timeout)
     chosen = the_study.condition(condition)
     model = bundle.load(corrector) if corrector is not None else None
     rows = sources.expected_rows(the_study, chosen, duration)
     with _watching(live, listen, out) as view, progress_bar(rows, "sample", condition) as advance:
-        summary = session.run_study(
+        summary = runs.run_study(
             the_study, chosen, out, model, duration=duration, overwrite=overwrite, progress=advance, live=view
         )
     _print_summary(summary, as_json)
@@ -192,14 +192,14 @@ def replay(
 
     Example: fmucorrect replay run.csv --corrector corrector.onnx --study study.toml --condition 385 -o out.mcap
     """
-    from fmucorrect import bundle, session, sources
+    from fmucorrect import bundle, runs, sources
 
     reading = reading_of(time, rate, delimiter, decimal, encoding)
     model = bundle.load(corrector)
     chosen, also_read = _condition(log, topic, study, condition, features, reading)
     rows = sources.logged_rows(log, topic, reading)
     with _watching(live, listen, out) as view, progress_bar(rows, "sample", log.name) as advance:
-        summary = session.replay_log(
+        summary = runs.replay_log(
             log,
             chosen,
             out,
@@ -286,7 +286,7 @@ def _condition(
     reading: Reading,
 ) -> tuple[Condition, list[tuple[str, Path | None]]]:
     """The condition of a replay, and what its study reads. Raises UserError that says what is missing."""
-    from fmucorrect import session
+    from fmucorrect import runs
     from fmucorrect.signals import Condition
     from fmucorrect.study import load_study
 
@@ -299,7 +299,7 @@ def _condition(
         known = replace(chosen, parameters={**opened.parameters, **chosen.parameters})
     else:
         read = list[tuple[str, Path | None]]()
-        known = session.logged_condition(log, topic, given, reading)
+        known = runs.logged_condition(log, topic, given, reading)
     if known is None and len(given) < len(features):
         missing = ", ".join(f"--{key}" for key in features if key not in given)
         raise UserError(f"{log} does not say its operating condition: give {missing}, or --study and --condition")

@@ -23,7 +23,7 @@ from fmucorrect.cli.group import (
 )
 
 if TYPE_CHECKING:
-    from fmucorrect.report.training_page import Guarded
+    from fmucorrect.report.training.page import Guarded
     from fmucorrect.study import Study
     from fmucorrect.training.results import Results
 
@@ -72,7 +72,8 @@ def train(
 
     Example: fmucorrect train study.toml -o model
     """
-    from fmucorrect.report import training_page
+    from fmucorrect.report.training import page as training_page
+    from fmucorrect.report.training.losses import Curve
 
     protocol, results, tasks, verdicts = _training("protocol", "results", "tasks", "verdict")
     the_study = open_study(study, allow_damaged).with_step_timeout(step_timeout)
@@ -84,11 +85,10 @@ def train(
         done = results.train_into(out, the_study, chosen, f"fmucorrect train {study.name} --seed {chosen.seed}", shop)
     page, selection, guard = out / "train.html", done.trained.selection, done.trained.guard
     said = verdicts.verdict(selection, done.evaluations, done.trained.guard)
-    training_page.write_page(
-        page,
+    training_page.build(
         f"{the_study.name}: {verdicts.headline(selection)}",
         done.evaluations,
-        results.curves(done.trained),
+        [Curve.read(row) for row in results.curves(done.trained)],
         results.facts(done.trained),
         warnings=[finding.to_json() for finding in done.trained.warnings],
         tried=training_page.Tried(
@@ -98,7 +98,7 @@ def train(
             [training_page.Way(**vars(way)) for way in done.against.ways],
         ),
         guarded=guard and _where_it_ends(done),
-    )
+    ).write(page)
     if as_json:
         say(json.dumps(results.figures(done.evaluations, done.trained, done.against), indent=1))
     else:
@@ -110,8 +110,8 @@ def train(
 
 def _where_it_ends(done: Results) -> Guarded:
     """The page's section on it. A guard is there."""
-    from fmucorrect.report.training_figures import Place
-    from fmucorrect.report.training_page import Guarded
+    from fmucorrect.report.training.envelope import Place
+    from fmucorrect.report.training.page import Guarded
 
     (verdicts,) = _training("verdict")
     guard, selection = done.trained.guard, done.trained.selection
@@ -171,7 +171,8 @@ def compare(
             raise UserError("--seeds and --ablate belong to the comparison of methods on one study")
         say(_compare_models(loaded, out, device, scheduler, overwrite, as_json))
         return
-    from fmucorrect.report import compare_page
+    from fmucorrect.report.training import compare_page
+    from fmucorrect.report.training.table import Table
 
     cases, table, results, tasks = _training("compare", "compare_table", "results", "tasks")
     _claim(out, "compare", ("compare.html", "compare.json", "compare.npz"), loaded, overwrite)
@@ -183,7 +184,7 @@ def compare(
         result = cases.compare_study(the_study, chosen, numbers, ablate, shop)
     path = results.save_comparison(out, result.table, result.histories)
     page = out / "compare.html"
-    compare_page.write_page(page, result.table, result.histories)
+    compare_page.build(Table.read(result.table), result.histories).write(page)
     say(path.read_text(encoding="utf-8") if as_json else f"{table.lines(result.table)}\n\nOpen  {page}")
 
 
@@ -201,7 +202,7 @@ def _compare_models(
 ) -> str:
     """Several models of the same measurements: what is to be printed."""
     from fmucorrect import outputs
-    from fmucorrect.report import models_page
+    from fmucorrect.report.training import models_page
 
     models, results, tasks = _training("models", "results", "tasks")
     models.require_alike(studies)
@@ -212,7 +213,7 @@ def _compare_models(
         table = models.compare_models(studies, out, shop)
     text = json.dumps(table, indent=1)
     outputs.write(out / "models.json", text + "\n")
-    models_page.write_page(out / "models.html", table, models.verdict(table))
+    models_page.build(models_page.Table.read(table), models.verdict(table)).write(out / "models.html")
     told = f"{models.lines(table)}\n\n{models.verdict(table)}\n\nOpen  {out / 'models.html'}"
     return text if as_json else told
 
@@ -246,9 +247,9 @@ def diagnose(
         marked = {"made_by": outputs.mark("diagnose")} | found.to_json()
         outputs.write(out, json.dumps(marked, indent=1) + "\n")
     elif out is not None:
-        from fmucorrect.report import diagnosis_page
+        from fmucorrect.report.training import diagnosis_page
 
-        diagnosis_page.write_page(out, f"{the_study.name}: accelerometers", found)
+        diagnosis_page.build(f"{the_study.name}: accelerometers", found).write(out)
     say(text if as_json else diagnosis.table(found))
 
 

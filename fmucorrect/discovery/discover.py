@@ -22,7 +22,7 @@ from fmucorrect.discovery.augmented import Found, found_of, write_model
 from fmucorrect.discovery.confirm import Gap, carries_over, gaps, sensors_told
 from fmucorrect.discovery.decide import CLOSE, Decision, decide
 from fmucorrect.discovery.doubt import cautions, wrong_signs
-from fmucorrect.discovery.elsewhere import library, quietly
+from fmucorrect.discovery.elsewhere import by, library, quietly
 from fmucorrect.discovery.errorbars import with_unlisted
 from fmucorrect.discovery.fitted import Setting
 from fmucorrect.discovery.kept import Kept
@@ -105,7 +105,7 @@ def discover(
         threadpool_limits(1),
         quietly(),
         _kept_when_broken_off(),
-        load(study, built, kept=kept, executor=executor, pairs=checked.pairs) as problem,
+        load(study, built, kept=kept, elsewhere=executor and by(executor), pairs=checked.pairs) as problem,
     ):
         lap("load")
         problem.budget.until = ends
@@ -169,10 +169,10 @@ def _withdraw(folder: Path, written: Sequence[str]) -> None:
 
 def write(folder: Path, report: dict[str, Any]) -> None:
     """report.json and report.html of a report that JSON can hold."""
-    from fmucorrect.report.discovery_page import write_page
+    from fmucorrect.report.discovery.page import build
 
     outputs.write(folder / "report.json", json.dumps(report, indent=1, allow_nan=False) + "\n")
-    write_page(folder / "report.html", report)
+    build(report).write(folder / "report.html")
 
 
 def _plain(value: Any) -> Any:

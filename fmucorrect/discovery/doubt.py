@@ -16,7 +16,8 @@ from fmucorrect.discovery.motion import along
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.terms import OffsetTerm
 from fmucorrect.errors import FmuError
-from fmucorrect.report.discovery_text import at, plain, short
+from fmucorrect.report.base.words import short
+from fmucorrect.report.discovery.text import at, plain
 from fmucorrect.study import Joint
 
 FAR = 3.0

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -21,7 +22,7 @@ from fmucorrect.discovery import native
 from fmucorrect.discovery.kept import digest, packed, unpacked
 from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.native import own_folder
-from fmucorrect.discovery.problem import Problem
+from fmucorrect.discovery.problem import Elsewhere, Problem
 from fmucorrect.discovery.trials import Trial
 from fmucorrect.errors import RecordError
 from fmucorrect.study import Adjustable, Study
@@ -42,23 +43,25 @@ class Parcel:
     files: Mapping[str, bytes]
 
 
-def worthwhile(problem: Problem, models: Sequence[Model]) -> bool:
-    """Whether there is an executor, and work for at least two pieces."""
-    return problem.executor is not None and problem.fmu is not None and len(models) >= 2 * _size(problem)
+def by(executor: Executor) -> Elsewhere:
+    """By an executor, for a Problem of a study with an FMU, where there is work for at least two pieces."""
+
+    def many(
+        problem: Problem, models: Sequence[Model], done: Callable[[int], object]
+    ) -> Iterator[np.ndarray | None] | None:
+        size = max(1, PIECE // sum(trial.rows.stop for trial in problem.trials))  # models a piece
+        if problem.fmu is None or len(models) < 2 * size:
+            return None
+        return _many(executor, problem, [packed(list(models[i : i + size])) for i in range(0, len(models), size)], done)
+
+    return many
 
 
-def _size(problem: Problem) -> int:
-    """Models a piece."""
-    return max(1, PIECE // sum(trial.rows.stop for trial in problem.trials))
-
-
-def many(problem: Problem, models: Sequence[Model], done: Callable[[int], object]) -> Iterator[np.ndarray | None]:
-    """Problem.many by its executor."""
-    assert problem.executor is not None
-    size = _size(problem)
-    pieces = [packed(list(models[i : i + size])) for i in range(0, len(models), size)]
+def _many(
+    executor: Executor, problem: Problem, pieces: Sequence[bytes], done: Callable[[int], object]
+) -> Iterator[np.ndarray | None]:
     parcel = packed(_parcel(problem))
-    for rows, runs, seconds in problem.executor.map(work, [parcel] * len(pieces), pieces):
+    for rows, runs, seconds in executor.map(work, [parcel] * len(pieces), pieces):
         problem.budget.add(seconds, runs)
         for row in rows:
             done(1)

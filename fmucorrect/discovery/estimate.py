@@ -24,7 +24,7 @@ from fmucorrect.discovery.problem import Problem, load
 from fmucorrect.discovery.stepwise import fewer
 from fmucorrect.errors import FmucorrectError
 from fmucorrect.experiment import Pair
-from fmucorrect.report.discovery_text import duration
+from fmucorrect.report.base.words import duration
 from fmucorrect.study import Study, load_study
 
 LOOKS = (1.5, 4.5)

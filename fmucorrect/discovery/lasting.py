@@ -20,7 +20,7 @@ from fmucorrect.discovery.paring import without
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.sets import LONG
 from fmucorrect.discovery.worth import names
-from fmucorrect.report.discovery_text import at
+from fmucorrect.report.discovery.text import at
 
 
 @dataclass(frozen=True)

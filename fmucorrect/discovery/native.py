@@ -65,7 +65,7 @@ def _caches() -> Path:
 
 
 _C = Path(__file__).parent / "c"
-_SHARED = Path(laws.__file__).parent / "c" / "together.h"
+_SHARED = tuple(Path(laws.__file__).parent / "c" / name for name in ("joint.h", "together.h"))
 LAWS: Sequence[Law] = tuple(law for forms in CATALOGUE.values() for law in forms if "speed" not in law.inputs)
 """The laws by their number in the library. One that follows a speed becomes one of fixed frequency in each condition."""
 
@@ -123,7 +123,7 @@ def build(folder: Path) -> Path:
     target, _, suffix = host()
     library = folder / f"march_{_digest()}{suffix}"
     if not library.is_file() or not own(library):
-        sources = {path.name: path.read_text(encoding="utf-8") for path in (_C / "march.h", _C / "march.c", _SHARED)}
+        sources = {path.name: path.read_text(encoding="utf-8") for path in (_C / "march.h", _C / "march.c", *_SHARED)}
         sources["laws.c"] = _laws()
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         with tempfile.TemporaryDirectory(dir=folder, ignore_cleanup_errors=True) as place:
@@ -143,7 +143,7 @@ def _digest() -> str:
     except PackageNotFoundError as error:
         raise MissingExtra("sympy", "discover") from error
     code = [path for file in (catalogue.__file__, laws.__file__) for path in sorted(Path(file).parent.glob("*.py"))]
-    for path in (*code, Path(__file__), *sorted(_C.iterdir()), _SHARED):
+    for path in (*code, Path(__file__), *sorted(_C.iterdir()), *_SHARED):
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 

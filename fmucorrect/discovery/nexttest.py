@@ -27,7 +27,8 @@ from fmucorrect.discovery.output import called
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.repeats import Repeat, Repeated, repeats
 from fmucorrect.errors import FmuError
-from fmucorrect.report.discovery_text import beside, listed
+from fmucorrect.report.base.words import listed
+from fmucorrect.report.discovery.text import beside
 from fmucorrect.study import Study
 
 SPLIT = 25.0

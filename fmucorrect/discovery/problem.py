@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from itertools import pairwise
@@ -42,7 +42,7 @@ class Problem:
 
     fmu: the study's, None where it has none. trials: their data. tolerated: adjustables that may differ by their tolerance
     anyway. workers: threads that simulate. substeps: couplings of laws and FMU in a communication step. kept: what was found
-    already. executor: simulates large batches. budget: counts runs of the FMU. ledger: of all fits of this discovery.
+    already. elsewhere: simulates large batches. budget: counts runs of the FMU. ledger: of all fits of this discovery.
     """
 
     study: Study
@@ -53,7 +53,7 @@ class Problem:
     workers: int
     substeps: int = 1
     kept: Kept | None = None
-    executor: Executor | None = None
+    elsewhere: Elsewhere | None = None
     budget: Budget = field(default_factory=Budget)
     ledger: Ledger = field(default_factory=Ledger)
     _free: list[SimpleQueue[Runner]] = field(default_factory=lambda: [])
@@ -223,9 +223,8 @@ class Problem:
     ) -> Iterator[np.ndarray | None]:
         """`stack(responses(model))` of many models, on all workers, in order; None where the solver gives up, or
         where the response grows beyond all measure."""
-        from fmucorrect.discovery import elsewhere
-
-        return elsewhere.many(self, models, done) if elsewhere.worthwhile(self, models) else self._here(models, done)
+        rows = self.elsewhere and self.elsewhere(self, models, done)
+        return self._here(models, done) if rows is None else rows
 
     def _here(self, models: Sequence[Model], done: Callable[[int], object]) -> Iterator[np.ndarray | None]:
         queues = self._ready()
@@ -246,12 +245,16 @@ class Problem:
             yield None if any(row is None for row in rows) else np.concatenate(rows)  # type: ignore[arg-type]
 
 
+Elsewhere = Callable[[Problem, Sequence[Model], Callable[[int], object]], Iterator[np.ndarray | None] | None]
+"""Problem.many on other machines; None where that is not worth the way."""
+
+
 def load(
     study: Study,
     library: Path | None,
     workers: int = 0,
     kept: Kept | None = None,
-    executor: Executor | None = None,
+    elsewhere: Elsewhere | None = None,
     pairs: Sequence[Pair] = (),
 ) -> Problem:
     """The development conditions of a study, its solver tried out on each as their pairs are simulated; the evaluation
@@ -267,4 +270,4 @@ def load(
     for trial in trials:
         if fmu is not None and trial.condition.simulated is None:
             budget.add(trial.rows.stop * study.simulation.step_size)
-    return Problem(study, fmu, library, trials, tolerated, workers, 1, kept, executor, budget).with_starts()
+    return Problem(study, fmu, library, trials, tolerated, workers, 1, kept, elsewhere, budget).with_starts()

@@ -14,7 +14,8 @@ from fmucorrect.discovery.fitted import Setting, stands_out
 from fmucorrect.discovery.sets import MOST
 from fmucorrect.discovery.terms import OF_FACTOR, OFFSET
 from fmucorrect.discovery.worth import OPEN, SMALL, WORTH
-from fmucorrect.report.discovery_text import at, changes, duration, plain, quantity, short
+from fmucorrect.report.base.words import duration, quantity, short
+from fmucorrect.report.discovery.text import at, changes, plain
 
 TELLING = 2.5
 """Standard deviations of a sensor's gain or lag from which on the sentence tells it."""

@@ -7,12 +7,11 @@ parameters between two steps, go back to a state and try another speed, and need
 from __future__ import annotations
 
 import logging
-from collections.abc import Generator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from ctypes import c_void_p
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
-from types import TracebackType
 from typing import final
 
 import numpy as np
@@ -20,9 +19,9 @@ from jaxtyping import Float64
 
 from fmucorrect.errors import FmuError
 from fmucorrect.fmu import matching
-from fmucorrect.fmu.description import FmuDescription, Variable, open_fmu
+from fmucorrect.fmu.description import Variable, open_fmu
 from fmucorrect.fmu.instance import Instance
-from fmucorrect.fmu.loaded import LoadedFmu
+from fmucorrect.fmu.opened import Opened, advance
 from fmucorrect.fmu.ports import Port, ports
 from fmucorrect.fmu.startvalues import start_values
 from fmucorrect.fmu.structure import Structure, read_structure
@@ -38,7 +37,7 @@ class SavedState:
 
 
 @final
-class Simulation:
+class Simulation(Opened):
     """An FMU for co-simulation at a fixed communication step.
 
     channels: what is watched; each one's `simulation` (or `name`) is an FMU variable, converted to the channel's unit, or
@@ -57,11 +56,12 @@ class Simulation:
         step_size: float | None = None,
         log: logging.Logger | None = None,
     ) -> None:
-        self._description = open_fmu(path)
-        _ = self._description.binaries  # refused now rather than at start()
-        self._structure = read_structure(self._description)
-        self._outputs, self._channels = matching.outputs(self._description, channels)
-        self._scaling = matching.output_scaling(self._description, self._outputs, self._channels)
+        description = open_fmu(path)
+        _ = description.binaries  # refused now rather than at start()
+        self._structure = read_structure(description)
+        outputs, self._channels = matching.outputs(description, channels)
+        super().__init__(description, outputs, log, None)
+        self._scaling = matching.output_scaling(description, outputs, self._channels)
         step = self._description.step_size if step_size is None else step_size
         if not step or step <= 0.0:
             raise FmuError(
@@ -72,20 +72,10 @@ class Simulation:
                 remedy="Give step_size.",
             )
         self._step = step
-        self._logger = log
-        self._loaded: LoadedFmu | None = None
-        self._instance: Instance | None = None
-        self._readers: list[Port] = []
         self._others: dict[tuple[str, ...], tuple[list[Port], Float64[np.ndarray, " M"]]] = {}
         self._writers: dict[tuple[str, ...], tuple[list[Port], Float64[np.ndarray, " M"]]] = {}
-        self._row = np.zeros(len(self._channels))
         self._count = -1
         self._saved: list[SavedState] = []
-
-    @property
-    def description(self) -> FmuDescription:
-        """What the FMU says of itself."""
-        return self._description
 
     @property
     def structure(self) -> Structure:
@@ -173,21 +163,9 @@ class Simulation:
             writers, _ = self._writer(tuple(driven))
             before = [port.rows_from(values) for port in writers]
         after = [port.rows_into(result) for port in self._readers]
-        step, flags, time, size = instance.step, instance.flags, instance.time, instance.size
+        starts = [count * self._step for count in range(self._count, self._count + steps + 1)]
         with self._released_on_error():
-            for count in range(self._count, self._count + steps):
-                for pointer, addresses, call, function in before:
-                    pointer.value = next(addresses)
-                    if status := call():
-                        instance.check(status, function)
-                time.value = count * self._step
-                size.value = (count + 1) * self._step - time.value
-                if (status := step()) or flags.value:
-                    instance.finish_step(status)
-                for pointer, addresses, call, function in after:
-                    pointer.value = next(addresses)
-                    if status := call():
-                        instance.check(status, function)
+            advance(instance, ((start, end - start) for start, end in pairwise(starts)), before, after)
         self._count += steps
         return result if self._scaling is None else self._scaling(result)
 
@@ -235,42 +213,22 @@ class Simulation:
             result[others] = self.directional([self._outputs[rows][row] for row in others], knowns)
         return result * factors[rows, None]
 
-    def close(self) -> None:
-        """Release everything. May be called twice."""
-        loaded, self._loaded, self._instance = self._loaded, None, None
-        saved, self._saved = self._saved, []
-        self._readers, self._writers, self._others, self._count = [], {}, {}, -1
-        if loaded is None:
-            return
-        try:
-            for state in saved:
-                loaded.instance.free_state(state.handle)
-        finally:
-            loaded.close()
-
     def __enter__(self) -> Simulation:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
-    def _open(self) -> Instance:
-        self._loaded = LoadedFmu(self._description, self._logger)
-        self._instance = self._loaded.instance
-        self._readers = ports(self._instance, "Get", self._outputs, self._row)
-        return self._instance
-
-    @contextmanager
-    def _released_on_error(self) -> Generator[None, None, None]:
-        """Closes when what is inside fails, as the FMI standard wants; saved states are left to the solver."""
+    def close(self) -> None:
+        saved, self._saved = self._saved, []
+        self._writers, self._others, self._count = {}, {}, -1
         try:
-            yield
-        except BaseException:
-            self._saved.clear()
-            self.close()
-            raise
+            if (instance := self._instance) is not None:
+                for state in saved:
+                    instance.free_state(state.handle)
+        finally:
+            super().close()
+
+    def _abandon(self) -> None:
+        self._saved.clear()  # left to the solver
+        super()._abandon()
 
     def _running(self) -> Instance:
         if self._instance is None or self._count < 0:

@@ -8,17 +8,17 @@ from collections.abc import Callable, Mapping, Sequence
 from ctypes import c_void_p
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import MappingProxyType, TracebackType
+from types import MappingProxyType
 from typing import Never, final
 
 import numpy as np
 from jaxtyping import Float64
 
 from fmucorrect.errors import FmucorrectError, FmuError
-from fmucorrect.fmu.description import FmuDescription
 from fmucorrect.fmu.instance import Instance
-from fmucorrect.fmu.loaded import LoadedFmu, Place
+from fmucorrect.fmu.loaded import Place
 from fmucorrect.fmu.matching import SECOND, match
+from fmucorrect.fmu.opened import Opened, advance
 from fmucorrect.fmu.ports import Port, ports
 from fmucorrect.fmu.startvalues import start_values
 from fmucorrect.signals import Channel, Condition, Record, Times
@@ -55,7 +55,7 @@ def finished(t_ns: Times, time: float, size: float) -> int:
 
 
 @final
-class FmuStepper:
+class FmuStepper(Opened):
     """An FMU, streamed sample by sample, inside this process: a solver that crashes or hangs takes this
     process with it. IsolatedStepper is the one for solvers that are not known to be harmless.
 
@@ -85,15 +85,12 @@ class FmuStepper:
         place: Place | None = None,
     ) -> None:
         self._matched = match(path, channels, inputs, units, tolerance)
-        self._description, self._place = self._matched.description, place
+        super().__init__(self._matched.description, self._matched.outputs, log, place)
         self._channels, self._scaling = self._matched.channels, self._matched.scaling
-        self._parameters, self._logger, self._choosy = parameters, log, self._matched.choosy
+        self._parameters, self._choosy = parameters, self._matched.choosy
         start_values(self._description, parameters)
-        self._loaded: LoadedFmu | None = None
-        self._instance: Instance | None = None
-        self._readers: list[Port] = []
         self._writers: list[Port] = []
-        self._row, self._given = np.zeros(len(self._channels)), np.zeros(len(self._matched.inputs))
+        self._given = np.zeros(len(self._matched.inputs))
         self._zeros = np.zeros(len(channels))
         self._last_ns: int | None = None
         self._stopped = (0.0, 0.0)
@@ -101,11 +98,6 @@ class FmuStepper:
     @property
     def channels(self) -> tuple[Channel, ...]:
         return self._channels
-
-    @property
-    def description(self) -> FmuDescription:
-        """What the FMU says of itself."""
-        return self._description
 
     @property
     def references(self) -> tuple[int, ...]:
@@ -125,13 +117,10 @@ class FmuStepper:
     def reset(self, condition: Condition) -> None:
         """Start the solver with the start values of `parameters` and `condition.parameters`, the latter going first."""
         values = start_values(self._description, {**self._parameters, **condition.parameters})
-        try:
+        with self._released_on_error():
             instance = self._instance or self._open()
             instance.begin()
             instance.set_start(values)
-        except BaseException:
-            self.close()
-            raise
         self._last_ns = None
 
     def step(self, t_ns: int, u: Row) -> Step:
@@ -211,16 +200,8 @@ class FmuStepper:
             points = np.concatenate([[self._last_ns], t_ns])
         moves = [port.rows_from(u) for port in self._writers] if u.shape[1] else []
         moves += [port.rows_into(values) for port in self._readers]
-        step, flags, time, size = instance.step, instance.flags, instance.time, instance.size
-        for start, length in zip((points[:-1] / SECOND).tolist(), (np.diff(points) / SECOND).tolist(), strict=True):
-            time.value = start
-            size.value = length
-            if (status := step()) or flags.value:
-                instance.finish_step(status)
-            for pointer, addresses, call, function in moves:
-                pointer.value = next(addresses)
-                if status := call():
-                    instance.check(status, function)
+        steps = zip((points[:-1] / SECOND).tolist(), (np.diff(points) / SECOND).tolist(), strict=True)
+        advance(instance, steps, (), moves)
 
     def _initialise(self, instance: Instance, t_ns: int, inputs: bool) -> None:
         instance.time.value, instance.size.value = t_ns / SECOND, 0.0
@@ -268,26 +249,17 @@ class FmuStepper:
         step, get, put = (instance.address(name) for name in ("DoStep", f"Get{number}", f"Set{number}"))
         return Native(instance.component, step, get, put, int(instance.PREFIX[-1]), instance.raise_error)
 
-    def close(self) -> None:
-        loaded, self._loaded, self._instance = self._loaded, None, None
-        self._readers, self._writers = [], []
-        if loaded is not None:
-            loaded.close()
-
     def __enter__(self) -> FmuStepper:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
+    def close(self) -> None:
+        self._writers = []
+        super().close()
 
     def _open(self) -> Instance:
-        self._loaded = LoadedFmu(self._description, self._logger, self._place)
-        self._instance = self._loaded.instance
-        self._readers = ports(self._instance, "Get", self._matched.outputs, self._row)
-        self._writers = ports(self._instance, "Set", self._matched.inputs, self._given)
-        return self._instance
+        instance = super()._open()
+        self._writers = ports(instance, "Set", self._matched.inputs, self._given)
+        return instance
 
     def _running(self) -> Instance:
         if self._instance is None:

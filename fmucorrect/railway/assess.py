@@ -16,10 +16,10 @@ from fmucorrect import sketch
 from fmucorrect.errors import FmuError, SolverDied, StudyError
 from fmucorrect.fmu import IsolatedStepper, Limits, open_fmu
 from fmucorrect.railway.assessment import SECTIONS, Assessment, check_assessment
-from fmucorrect.railway.critical_speed_assessment import CriticalSpeedAssessment, assess_critical_speed
-from fmucorrect.railway.preload import assess_preload
-from fmucorrect.railway.preload_assessment import PreloadAssessment
-from fmucorrect.railway.running_safety import RunningSafety, assess_running_safety
+from fmucorrect.railway.preload.assess import assess_preload
+from fmucorrect.railway.preload.assessment import PreloadAssessment
+from fmucorrect.railway.safety.running_safety import RunningSafety, assess_running_safety
+from fmucorrect.railway.stability.assessment import CriticalSpeedAssessment, assess_critical_speed
 from fmucorrect.signals import NANOSECONDS, Channel, Condition
 from fmucorrect.stepper import grid, run
 from fmucorrect.units import known_to_all

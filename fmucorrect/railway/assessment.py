@@ -18,24 +18,24 @@ from fmucorrect.fmu import FmuDescription
 from fmucorrect.railway.assessment_checks import misfits
 from fmucorrect.railway.assessment_schema import AssessmentTable, CriticalSpeedTable, SafetyTable
 from fmucorrect.railway.constants import KMH
-from fmucorrect.railway.critical_speed_assessment import (
+from fmucorrect.railway.preload.mapping import PreloadMapping
+from fmucorrect.railway.preload.rod_bush import effective_stiffness, external_force
+from fmucorrect.railway.preload.static_equilibrium import StaticEquilibrium
+from fmucorrect.railway.safety.limits import SafetyLimits
+from fmucorrect.railway.safety.quantities import Acceleration, Wheel
+from fmucorrect.railway.safety.running_safety import ReferenceOrder, Run, SafetyMapping
+from fmucorrect.railway.safety.track_sections import TrackSection, cant_deficiency, divide
+from fmucorrect.railway.speed_parameter import SpeedParameter
+from fmucorrect.railway.stability.assessment import (
     BifurcationMapping,
     CriticalSpeedMapping,
     DecelerationMapping,
     Published,
     spread,
 )
-from fmucorrect.railway.disturbance import Disturbance
-from fmucorrect.railway.limit_cycle import Observation
-from fmucorrect.railway.preload_mapping import PreloadMapping
-from fmucorrect.railway.ring_down import RingDown
-from fmucorrect.railway.rod_bush import effective_stiffness, external_force
-from fmucorrect.railway.running_safety import ReferenceOrder, Run, SafetyMapping
-from fmucorrect.railway.safety_limits import SafetyLimits
-from fmucorrect.railway.safety_quantities import Acceleration, Wheel
-from fmucorrect.railway.speed_parameter import SpeedParameter
-from fmucorrect.railway.static_equilibrium import StaticEquilibrium
-from fmucorrect.railway.track_sections import TrackSection, cant_deficiency, divide
+from fmucorrect.railway.stability.disturbance import Disturbance
+from fmucorrect.railway.stability.limit_cycle import Observation
+from fmucorrect.railway.stability.ring_down import RingDown
 from fmucorrect.signals import NANOSECONDS, Channel
 from fmucorrect.study_places import Location, Places, by_line, misfit, place
 from fmucorrect.toml_table import read

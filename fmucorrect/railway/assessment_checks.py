@@ -6,8 +6,8 @@ import math
 from pathlib import Path
 
 from fmucorrect.railway.assessment_schema import MOST_SPEEDS, AssessmentTable, CriticalSpeedTable, SafetyTable
-from fmucorrect.railway.preload_mapping import PreloadMapping
-from fmucorrect.railway.supports import GROUND
+from fmucorrect.railway.preload.mapping import PreloadMapping
+from fmucorrect.railway.preload.supports import GROUND
 from fmucorrect.study_places import Location, Places, missing_file
 from fmucorrect.toml_table import Found, named, repeated, those
 

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from annotated_types import Interval, MinLen
 
 from fmucorrect.railway.constants import CONTACT_SPACING
-from fmucorrect.railway.preload_mapping import PreloadMapping
+from fmucorrect.railway.preload.mapping import PreloadMapping
 from fmucorrect.study_schema import SimulationTable
 from fmucorrect.toml_table import NotNegative, Positive, Sign, Text, shown
 

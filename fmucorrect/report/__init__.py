@@ -1,1 +1,1 @@
-"""Self-contained HTML pages: `html` builds them, `figures` draws, `comparison_page` puts one together."""
+"""Self-contained HTML pages, a package a job; `base` holds what they are made of. Words about numbers stand here."""

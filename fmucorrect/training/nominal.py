@@ -19,8 +19,8 @@ import numpy as np
 from jaxtyping import Complex128, Float64
 
 from fmucorrect.errors import FmuError
-from fmucorrect.railway.mode import Mode
-from fmucorrect.railway.watched_modes import watched_modes
+from fmucorrect.railway.stability.mode import Mode
+from fmucorrect.railway.stability.watched_modes import watched_modes
 from fmucorrect.signals import NANOSECONDS
 from fmucorrect.study import Study
 from fmucorrect.study_training import Proposed

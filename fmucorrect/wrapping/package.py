@@ -43,7 +43,7 @@ from fmucorrect.wrapping.wiring import MappingFile, Wiring, read_mapping, wire
 
 STEPS = ("generate", "compile", "prove", "check state", "write")
 _C = Path(__file__).parent / "c"
-_HEADERS = ("wrapper.h", "platform.h", "paths.h", "together.h")
+_HEADERS = ("wrapper.h", "platform.h", "paths.h", "joint.h", "together.h")
 _ALWAYS = ("wrapper", "sampling", "coupling", "variables", "state", "platform", "paths")
 
 

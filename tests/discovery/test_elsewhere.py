@@ -57,7 +57,7 @@ def models(study, nominal):
 def test_an_executor_gives_the_same_to_the_bit(study, monkeypatch):
     monkeypatch.setattr(elsewhere, "PIECE", 15_000)  # two models
     executor, ticks = Counting(), []
-    with load(study, elsewhere.library(), executor=executor) as problem:
+    with load(study, elsewhere.library(), elsewhere=elsewhere.by(executor)) as problem:
         asked = models(study, problem.nominal)
         there = list(problem.many(asked, ticks.append))
         assert executor.pieces == 4

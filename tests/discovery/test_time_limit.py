@@ -19,7 +19,7 @@ from fmucorrect.cli import main
 from fmucorrect.discovery import budget, discover, naming, stepwise
 from fmucorrect.discovery.decide import decide
 from fmucorrect.discovery.stepwise import AHEAD
-from fmucorrect.report.discovery_page import lead
+from fmucorrect.report.discovery.page import lead
 
 MB = 1e6
 

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from fmucorrect.fmu import FmuStepper
-from fmucorrect.railway.critical_speed import LinearStability, linear_stability
-from fmucorrect.railway.linearisation import Lineariser
 from fmucorrect.railway.speed_parameter import SpeedParameter
+from fmucorrect.railway.stability.critical_speed import LinearStability, linear_stability
+from fmucorrect.railway.stability.linearisation import Lineariser
 from fmucorrect.signals import Channel, Condition, Record
 from fmucorrect.stepper import grid, run
 

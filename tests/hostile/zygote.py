@@ -47,7 +47,7 @@ def preload() -> None:
 
     ours = [
         "cli",
-        "session",
+        "runs",
         "sources",
         "inspection",
         "bundle",

@@ -274,7 +274,7 @@ def test_files_that_are_no_mapping(tmp_path: Path) -> None:
 
 def test_the_conicity_of_the_full_vehicle_is_that_of_its_contact_table() -> None:
     """At 3 mm, as EN 15302 takes it, by its definition: integrated anew from the table inside the FMU."""
-    from fmucorrect.railway.equivalent_conicity import equivalent_conicity
+    from fmucorrect.railway.contact.equivalent_conicity import equivalent_conicity
 
     with zipfile.ZipFile(FMUS / "full_vehicle" / "full_vehicle.fmu") as archive:
         rows = archive.read("resources/contact.csv").decode().splitlines()

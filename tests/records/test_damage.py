@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import scipy.io
 
-from fmucorrect import records, views
+from fmucorrect import descriptions, records
 from fmucorrect.errors import RecordError
 from fmucorrect.signals import Channel, Record
 
@@ -36,9 +36,9 @@ def test_a_cut_file_says_so_wherever_it_is_read(tmp_path: Path) -> None:
     assert "cut off" in record.metadata["damage"]
     contents = records.describe(path)
     assert contents.damage == record.metadata["damage"]
-    view = views.describe(contents)
+    view = descriptions.describe(contents)
     assert view["damage"] == contents.damage
-    assert contents.damage in views.text(view)
+    assert contents.damage in descriptions.text(view)
     assert list(records.stream(path))[-1].metadata["damage"] == contents.damage
 
 

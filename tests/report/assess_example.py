@@ -8,19 +8,25 @@ import numpy as np
 
 from fmucorrect.railway.assess import Findings
 from fmucorrect.railway.assessment import Assessment
-from fmucorrect.railway.bifurcation import Bifurcation, Threshold
-from fmucorrect.railway.critical_speed import Branch, LinearStability
-from fmucorrect.railway.critical_speed_assessment import CriticalSpeedAssessment, CriticalSpeedMapping, Published
-from fmucorrect.railway.limit_cycle import Deceleration, Motion
-from fmucorrect.railway.mode import Mode
-from fmucorrect.railway.preload import judge
-from fmucorrect.railway.preload_assessment import PreloadAssessment
-from fmucorrect.railway.preload_mapping import Load, PreloadMapping, RodBush
-from fmucorrect.railway.running_safety import ReferenceOrder, Run, RunningSafety, SafetyMapping, assess_running_safety
-from fmucorrect.railway.safety_quantities import Wheel
+from fmucorrect.railway.preload.assess import judge
+from fmucorrect.railway.preload.assessment import PreloadAssessment
+from fmucorrect.railway.preload.mapping import Load, PreloadMapping, RodBush
+from fmucorrect.railway.preload.supports import GROUND, Body, Support
+from fmucorrect.railway.safety.quantities import Wheel
+from fmucorrect.railway.safety.running_safety import (
+    ReferenceOrder,
+    Run,
+    RunningSafety,
+    SafetyMapping,
+    assess_running_safety,
+)
+from fmucorrect.railway.safety.track_sections import TrackSection
 from fmucorrect.railway.speed_parameter import SpeedParameter
-from fmucorrect.railway.supports import GROUND, Body, Support
-from fmucorrect.railway.track_sections import TrackSection
+from fmucorrect.railway.stability.assessment import CriticalSpeedAssessment, CriticalSpeedMapping, Published
+from fmucorrect.railway.stability.bifurcation import Bifurcation, Threshold
+from fmucorrect.railway.stability.critical_speed import Branch, LinearStability
+from fmucorrect.railway.stability.limit_cycle import Deceleration, Motion
+from fmucorrect.railway.stability.mode import Mode
 from fmucorrect.signals import Channel, Condition, Record
 from fmucorrect.stepper import Status, Step
 

@@ -15,9 +15,12 @@ from test_compare_page import opened
 from test_page import BROWSER, MOST
 
 from fmucorrect.railway.assess import Findings
-from fmucorrect.railway.estimated_maximum import estimated_maximum
-from fmucorrect.railway.safety_assessment import SafetyEstimate
-from fmucorrect.report import assess_figures, assess_page, assess_safety_figures, assess_text
+from fmucorrect.railway.safety.assessment import SafetyEstimate
+from fmucorrect.railway.safety.estimated_maximum import estimated_maximum
+from fmucorrect.report.assessment import figures as assess_figures
+from fmucorrect.report.assessment import page as assess_page
+from fmucorrect.report.assessment import safety_figures as assess_safety_figures
+from fmucorrect.report.assessment import text as assess_text
 
 
 def words(found: Findings) -> str:
@@ -209,7 +212,7 @@ def test_names_are_escaped() -> None:
 @pytest.mark.skipif(BROWSER is None, reason="no chromium or chrome is installed")
 def test_it_opens_in_a_browser_without_errors(tmp_path: Path) -> None:
     path = tmp_path / "assessment.html"
-    assess_page.write_page(path, example.findings())
+    assess_page.build(example.findings()).write(path)
     assert path.stat().st_size < MOST
     # two of loads, residuals, settling, root locus, damping, slowing down, bifurcation, by radius, three histories
     assert len(re.findall(r'class="figure[^"]*js-plotly-plot', opened(path, tmp_path))) == 12

@@ -14,7 +14,9 @@ import numpy as np
 import pytest
 from test_page import BROWSER, MOST
 
-from fmucorrect.report import compare_page, training_figures, training_page
+from fmucorrect.report.training import ablation, compare_page
+from fmucorrect.report.training import cases as drawn
+from fmucorrect.report.training.table import Table
 
 CHANNELS = ["FW", "FB"]
 CASES = [  # case, family, NRMSE of the first seed, parameters, epochs, held out
@@ -112,7 +114,9 @@ def histories(data: dict[str, Any], rows: int = 4000) -> dict[str, np.ndarray]:
 
 def words(data: dict[str, Any], arrays: dict[str, np.ndarray] | None = None) -> str:
     """The page's text without tags, figures left out."""
-    body = compare_page.build(data, histories(data) if arrays is None else arrays).text().split("</main>")[0]
+    body = (
+        compare_page.build(Table.read(data), histories(data) if arrays is None else arrays).text().split("</main>")[0]
+    )
     return re.sub(r"\s+", " ", unescape(re.sub(r"(?s)<(svg|nav)\b.*?</\1>|<[^>]+>", " ", body.split("<main>")[1])))
 
 
@@ -128,18 +132,18 @@ def opened(path: Path, folder: Path, size: str = "1200,1000") -> str:
 
 
 def test_lead_names_the_best_case_by_figures() -> None:
-    title, text = compare_page.lead(result())
+    title, text = compare_page.lead(Table.read(result()))
     assert title == "rig: the corrector learned 96\u00a0% of what the simulation lacked"  # 0.5, 0.55, 0.6 of 14
     assert "NRMSE 0.55 ± 0.05 %, R² 0.9450 ± 0.0050" in text
     assert "Next is the proposed with 2.20 ± 0.20 %. Uncorrected: 14.00 %." in text
     assert text.endswith("it would be the same.")
     changed = result()
     changed["cases"][3]["held_out_nrmse"] = 0.1
-    assert compare_page.lead(changed)[1].endswith("it would be the fir.")
+    assert compare_page.lead(Table.read(changed))[1].endswith("it would be the fir.")
     alone = result() | {"cases": [case for case in result()["cases"] if case["case"] != "uncorrected"]}
-    assert compare_page.lead(alone)[0] == "rig: the corrector comes closest, 0.55 % error"
+    assert compare_page.lead(Table.read(alone))[0] == "rig: the corrector comes closest, 0.55 % error"
     best = result() | {"cases": result()["cases"][:1]}
-    assert compare_page.lead(best)[0] == "rig: nothing comes closer than the simulation as it is"
+    assert compare_page.lead(Table.read(best))[0] == "rig: nothing comes closer than the simulation as it is"
 
 
 def test_lead_says_when_the_next_is_as_good() -> None:
@@ -148,7 +152,7 @@ def test_lead_says_when_the_next_is_as_good() -> None:
     proposed["runs"] = copy.deepcopy(corrector["runs"])
     for run in proposed["runs"]:
         run["conditions"]["385"]["nrmse"] = [1.01 * x for x in run["conditions"]["385"]["nrmse"]]
-    assert "a difference within twice the standard error of the seeds" in compare_page.lead(data)[1]
+    assert "a difference within twice the standard error of the seeds" in compare_page.lead(Table.read(data))[1]
 
 
 def test_tables_hold_paper_ours_and_spread() -> None:
@@ -198,7 +202,7 @@ def test_ablation_sentence_follows_from_the_numbers() -> None:
     assert "No difference seen from: no amplitude (+0.033)." in text
     assert "no smooth 1.603 ± 0.096 0.9100 ± 0.0100 +0.503 ± 0.009 helps" in text
     assert "passes it 18 times in 100, and 3 variants are judged" in text  # Student's t, two degrees of freedom
-    assert training_page.false_alarm(2) == pytest.approx(1 - 2 / np.pi * np.arctan(2.0))
+    assert ablation.false_alarm(2) == pytest.approx(1 - 2 / np.pi * np.arctan(2.0))
     single = result()
     single["ablation"]["seeds"] = [0]
     for row in single["ablation"]["rows"]:
@@ -234,15 +238,15 @@ def test_gaps_in_the_data_are_no_trouble() -> None:
 def test_common_axes_cover_the_cases_but_not_one_that_runs_away() -> None:
     t = np.arange(3000) * 1e-3
     wave = np.sin(4 * np.pi * t)[:, None]
-    made = [training_figures.Curve(str(gain), gain * wave, "#000", gain < 2) for gain in (1.0, 1.5, 100.0)]
-    (label, view), *rest = training_figures.overlay_views(t, made[:2], wave)
+    made = [drawn.Curve(str(gain), gain * wave, "#000", gain < 2) for gain in (1.0, 1.5, 100.0)]
+    (label, view), *rest = drawn.overlay_views(t, made[:2], wave)
     assert label == "a few waves"
     assert view["xaxis"][1] - view["xaxis"][0] == pytest.approx(3.0, abs=0.01)  # six periods of 2 Hz, all there is
     assert view["yaxis"] == pytest.approx((-1.68, 1.68), rel=1e-3)
     assert rest[-1][0] == "all 3 s"
-    wide = training_figures.overlay_views(t, made, wave)[0][1]["yaxis"]
+    wide = drawn.overlay_views(t, made, wave)[0][1]["yaxis"]
     assert wide == pytest.approx((-1.12 * 4.5, 1.12 * 4.5), rel=1e-3)
-    figure = training_figures.overlay(t, made, ["a"], "mm", view, 1000)
+    figure = drawn.overlay(t, made, ["a"], "mm", view, 1000)
     assert [trace.visible for trace in figure.data] == [True, True, "legendonly"]
     assert np.allclose(figure.data[1].y, 1.5 * wave[::3, 0], atol=1e-6)
 
@@ -261,7 +265,7 @@ def test_names_are_escaped_wherever_they_come_in() -> None:
     for case in data["cases"]:
         case |= {"label": bad + case["case"], "inputs": bad}
     data["ablation"]["rows"][1]["label"] = bad
-    text = compare_page.build(data, histories(data)).text()
+    text = compare_page.build(Table.read(data), histories(data)).text()
     assert "<script>alert" not in text
     assert "<i>wet" not in text
     assert text.count("</script>") == 3
@@ -274,7 +278,7 @@ def test_page_of_many_cases_and_conditions_is_small(tmp_path: Path) -> None:
     for condition in data["evaluation"]:
         arrays |= {f"other {i}/{condition}": arrays[f"fir/{condition}"] for i in range(5)}
     path = tmp_path / "compare.html"
-    compare_page.write_page(path, json.loads(json.dumps(data)), arrays)
+    compare_page.build(Table.read(json.loads(json.dumps(data))), arrays).write(path)
     assert path.stat().st_size < MOST
 
 
@@ -282,7 +286,7 @@ def test_page_of_many_cases_and_conditions_is_small(tmp_path: Path) -> None:
 def test_it_opens_in_a_browser_without_errors(tmp_path: Path) -> None:
     path = tmp_path / "compare.html"
     data = result()
-    compare_page.write_page(path, data, histories(data))
+    compare_page.build(Table.read(data), histories(data)).write(path)
     click = "document.querySelectorAll('.buttons button')[2].click()"
     path.write_text(path.read_text(encoding="utf-8") + f"<script>drawn.then(() => {click})</script>", encoding="utf-8")
     found = opened(path, tmp_path)

@@ -13,7 +13,7 @@ from test_compare_page import opened
 from test_page import BROWSER, MOST
 
 from fmucorrect.diagnosis import Agreement, Diagnosis, recommend
-from fmucorrect.report import diagnosis_page
+from fmucorrect.report.training import diagnosis_page
 
 FREQUENCIES = np.arange(0.0, 20.5, 0.5)
 
@@ -97,6 +97,6 @@ def test_names_are_escaped() -> None:
 @pytest.mark.skipif(BROWSER is None, reason="no chromium or chrome is installed")
 def test_it_opens_in_a_browser_without_errors(tmp_path: Path) -> None:
     path = tmp_path / "diagnosis.html"
-    diagnosis_page.write_page(path, "Accelerometers", diagnosis())
+    diagnosis_page.build("Accelerometers", diagnosis()).write(path)
     assert path.stat().st_size < MOST
     assert len(re.findall(r'class="figure[^"]*js-plotly-plot', opened(path, tmp_path))) == 1

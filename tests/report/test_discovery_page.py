@@ -16,7 +16,10 @@ import numpy as np
 import pytest
 from test_page import BROWSER, MOST
 
-from fmucorrect.report import discovery_figures, discovery_page, discovery_pictures
+from fmucorrect.report.discovery import figures as discovery_figures
+from fmucorrect.report.discovery import gap
+from fmucorrect.report.discovery import page as discovery_page
+from fmucorrect.report.discovery import pictures as discovery_pictures
 
 VERDICTS = ("named", "ambiguous", "none", "unexplained")
 ALL = {verdict: example.report(verdict) for verdict in VERDICTS} | {"recorded": example.recorded()}
@@ -301,10 +304,10 @@ def test_bars_are_sorted_and_the_gap_joins_before_and_after() -> None:
     joints = discovery_figures.shares({"a": 0.2, "b": 0.9, "c": math.nan}, "#000", "x")
     assert list(joints.data[0].x) == [90.0, 20.0]
     assert [label.strip() for label in joints.layout.yaxis.ticktext] == ["b", "a"]
-    gap = discovery_figures.gap(ALL["named"]["gap"])
-    assert [trace.name for trace in gap.data if trace.name] == ["noise floor", "before", "after"]
-    assert sum("<b>385</b>" in label for label in gap.layout.yaxis.ticktext) == 1
-    assert list(gap.data[4].x) == [14.13, 1.31]
+    figure = gap.chart(gap.gaps(ALL["named"]["gap"]))
+    assert [trace.name for trace in figure.data if trace.name] == ["noise floor", "before", "after"]
+    assert sum("<b>385</b>" in label for label in figure.layout.yaxis.ticktext) == 1
+    assert list(figure.data[4].x) == [14.13, 1.31]
 
 
 def test_a_law_is_drawn_through_its_points_in_readable_units() -> None:
@@ -334,7 +337,7 @@ def test_a_page_of_many_conditions_is_small(tmp_path: Path) -> None:
     series = report["series"]["385"]
     report["series"] = {f"run {i}": series for i in range(12)}
     path = tmp_path / "report.html"
-    discovery_page.write_page(path, report)
+    discovery_page.build(report).write(path)
     assert path.stat().st_size < MOST
 
 
@@ -365,7 +368,7 @@ def test_it_reads_well_in_a_browser(tmp_path: Path) -> None:
     frames = ""
     for name, report in ALL.items():
         page = tmp_path / f"{name}.html"
-        discovery_page.write_page(page, json.loads(json.dumps(report)))
+        discovery_page.build(json.loads(json.dumps(report))).write(page)
         page.write_text(page.read_text(encoding="utf-8") + REPORT, encoding="utf-8")
         for key, width in WIDTHS.items() if name == "named" else [("narrow", WIDTHS["narrow"])]:
             style = f"border:0;width:{width}px;height:900px"

@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from fmucorrect.report.discovery_text import markup, moved_by, percent, quantity, short
+from fmucorrect.report.base.words import moved_by, percent, quantity, short
+from fmucorrect.report.discovery.equation import markup
 
 
 def test_equations_are_set_and_escaped() -> None:

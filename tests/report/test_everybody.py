@@ -21,8 +21,12 @@ import test_training_page
 from plotly import graph_objects as go
 from test_page import BROWSER, CONTEXT, MOST, comparison, figures_of
 
-from fmucorrect.report import assess_page, compare_page, comparison_page, diagnosis_page, discovery_page
-from fmucorrect.report.still import POINTS, still
+from fmucorrect.report.assessment import page as assess_page
+from fmucorrect.report.base.still import POINTS, still
+from fmucorrect.report.correction import page as comparison_page
+from fmucorrect.report.discovery import page as discovery_page
+from fmucorrect.report.training import compare_page, diagnosis_page
+from fmucorrect.report.training.table import Table
 
 NPM = shutil.which("npm")
 
@@ -32,13 +36,13 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """One of each."""
     folder = tmp_path_factory.mktemp("pages")
     found = {name: folder / f"{name}.html" for name in ("demo", "train", "compare", "diagnose", "discover", "assess")}
-    comparison_page.write(found["demo"], comparison(), CONTEXT)
+    comparison_page.build(comparison(), CONTEXT).write(found["demo"])
     found["train"].write_text(test_training_page.page(test_training_page.conditions()), encoding="utf-8")
     data = test_compare_page.result()
-    compare_page.write_page(found["compare"], data, test_compare_page.histories(data))
-    diagnosis_page.write_page(found["diagnose"], "A study", test_diagnosis_page.diagnosis())
-    discovery_page.write_page(found["discover"], json.loads(json.dumps(discovery_example.report("named"))))
-    assess_page.write_page(found["assess"], assess_example.findings())
+    compare_page.build(Table.read(data), test_compare_page.histories(data)).write(found["compare"])
+    diagnosis_page.build("A study", test_diagnosis_page.diagnosis()).write(found["diagnose"])
+    discovery_page.build(json.loads(json.dumps(discovery_example.report("named")))).write(found["discover"])
+    assess_page.build(assess_example.findings()).write(found["assess"])
     return found
 
 

@@ -17,9 +17,10 @@ import pytest
 
 from fmucorrect.comparison import Comparison
 from fmucorrect.registration import Offset
-from fmucorrect.report import comparison_page, figures
-from fmucorrect.report.comparison_page import Context, Reference
-from fmucorrect.report.html import Page, Row
+from fmucorrect.report.base.html import Page, Row
+from fmucorrect.report.correction import figures
+from fmucorrect.report.correction import page as comparison_page
+from fmucorrect.report.correction.page import Context, Reference
 from fmucorrect.signals import Channel, Condition
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None)
@@ -98,7 +99,7 @@ def test_a_page_without_figures_has_no_library() -> None:
 
 def test_plotly_is_inlined_once_and_the_page_is_small(tmp_path: Path) -> None:
     path = tmp_path / "page.html"
-    comparison_page.write(path, comparison(300_000, ("FW", "FB", "RW", "RB")), CONTEXT)
+    comparison_page.build(comparison(300_000, ("FW", "FB", "RW", "RB")), CONTEXT).write(path)
     assert path.stat().st_size < MOST
     text = path.read_text(encoding="utf-8")
     assert len(figures_of(text)) == 3
@@ -135,7 +136,7 @@ def test_table_holds_the_scores() -> None:
 @pytest.mark.parametrize("size", ["1400,1000", "500,900"])
 def test_it_opens_in_a_browser_without_errors(tmp_path: Path, size: str) -> None:
     path = tmp_path / "page.html"
-    comparison_page.write(path, comparison(), CONTEXT)
+    comparison_page.build(comparison(), CONTEXT).write(path)
     click = "document.querySelectorAll('.buttons button')[2].click()"  # all of it, in the first figure
     path.write_text(path.read_text(encoding="utf-8") + f"<script>drawn.then(() => {click})</script>", encoding="utf-8")
     options = [

@@ -9,12 +9,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_compare_page import curves, opened
+from test_compare_page import curves as rows_of
+from test_compare_page import opened
 from test_page import BROWSER, MOST, comparison, figures_of
 
 from fmucorrect.comparison import Comparison
-from fmucorrect.report import training_figures, training_page
+from fmucorrect.report.training import ablation, envelope, losses
+from fmucorrect.report.training import page as training_page
+from fmucorrect.report.training.losses import Curve
 from fmucorrect.signals import Condition
+
+
+def curves(epochs: dict[str, int]) -> list[Curve]:
+    """Of two folds and the refit, for each stage."""
+    return [Curve.read(row) for row in rows_of(epochs)]
+
 
 CHOSEN = [("epochs", "tdnn 20, residual 40"), ("weights <w>", "smooth 0.1")]
 
@@ -32,14 +41,14 @@ def words(text: str) -> str:
     return re.sub(r"\s+", " ", unescape(re.sub(r"(?s)<(svg|nav)\b.*?</\1>|<[^>]+>", " ", body)))
 
 
-def page(items: list[Comparison], note: str = "") -> str:
+def page(items: list[Comparison]) -> str:
     """The file's text."""
-    return training_page.build("A <b>corrector", items, curves({"tdnn": 20, "residual": 40}), CHOSEN, note).text()
+    return training_page.build("A <b>corrector", items, curves({"tdnn": 20, "residual": 40}), CHOSEN).text()
 
 
 def test_every_condition_is_in_the_table_with_its_figures() -> None:
     items = [replace(item, sigma=np.full_like(item.sigma, 0.02)) for item in conditions()]
-    text = words(page(items, "Beware"))
+    text = words(page(items))
     last = items[-1]
     inside = 100 * last.within(1.645)
     assert 0.0 < inside.min() < inside.max()
@@ -49,7 +58,6 @@ def test_every_condition_is_in_the_table_with_its_figures() -> None:
         f"{inside.min():.0f} to {inside.max():.0f} %"
     ) in text
     assert text.index("Evaluation: nothing fitted") < text.index("Development: trained on") < text.index("300 km/h")
-    assert "Beware" in text
     assert "it knows the target, so it is no score" in text
     assert "no evidence for safety, certification or acceptance" in text
 
@@ -123,10 +131,10 @@ def test_the_band_is_told_in_motion_and_at_rest() -> None:
 
 def test_where_it_ends_is_a_map() -> None:
     places = [
-        training_figures.Place("300", False, {"speed": 300.0, "amplitude": 0.03, "frequency": 2.0}, 0.0),
-        training_figures.Place("<b>", True, {"speed": 500.0, "amplitude": 0.03, "frequency": 2.0}, 1.0),
+        envelope.Place("300", False, {"speed": 300.0, "amplitude": 0.03, "frequency": 2.0}, 0.0),
+        envelope.Place("<b>", True, {"speed": 500.0, "amplitude": 0.03, "frequency": 2.0}, 1.0),
     ]
-    figure = training_figures.envelope_map(
+    figure = envelope.envelope_map(
         {"speed": (240.0, 270.0, 390.0, 420.0), "response FW": (-1.0, 0.0, 1.0, 2.0)}, places
     )
     assert figure is not None
@@ -138,9 +146,9 @@ def test_where_it_ends_is_a_map() -> None:
         "more than 50 %": [500.0],
     }
     assert "&lt;b&gt;, held out of everything: 100.0 % flagged" in figure.data[2].text[0]
-    assert training_figures.envelope_map({"response FW": (-1.0, 0.0, 1.0, 2.0)}, places) is None
+    assert envelope.envelope_map({"response FW": (-1.0, 0.0, 1.0, 2.0)}, places) is None
     rows = [("300, left out", 0.01, 0.9), ("development, random", 0.98, None)]
-    bars = training_figures.flagged(rows).data
+    bars = envelope.flagged(rows).data
     assert [list(bar.x) for bar in bars] == [[1.0], [98.0]]
     guarded = training_page.Guarded("It looks.", rows, {"speed": (240.0, 270.0, 390.0, 420.0)}, places)
     built = training_page.build("corrector", conditions(), [], [], guarded=guarded).text()
@@ -160,7 +168,7 @@ def test_names_are_escaped() -> None:
 
 def test_a_page_without_curves_and_selection_is_written(tmp_path: Path) -> None:
     path = tmp_path / "train.html"
-    training_page.write_page(path, "title", conditions(), [], [])
+    training_page.build("title", conditions(), [], []).write(path)
     text = words(path.read_text(encoding="utf-8"))
     assert "Loss terms" not in text
     assert "How it was chosen" not in text
@@ -171,7 +179,7 @@ def test_a_page_of_many_evaluation_conditions_is_small(tmp_path: Path) -> None:
     path = tmp_path / "train.html"
     item = comparison(60_000, ("FW", "FB", "RW", "RB"))
     named = [replace(item, condition=replace(item.condition, name=f"run {i}")) for i in range(5)]
-    training_page.write_page(path, "title", named, curves({"tdnn": 3000}), CHOSEN)
+    training_page.build("title", named, curves({"tdnn": 3000}), CHOSEN).write(path)
     assert path.stat().st_size < MOST
     assert f"{item.after.mean_r2:.4f}" in path.read_text(encoding="utf-8")  # scores use every row
 
@@ -181,10 +189,10 @@ def test_the_chosen_epochs_are_those_of_the_refit() -> None:
 
 
 def test_spread_has_digits_that_are_worth_reading() -> None:
-    assert training_page.spread(np.array([1.0]), 2) == "1.00"
-    assert training_page.spread(np.array([1.0, 1.2]), 2) == "1.10 ± 0.14"
-    assert training_page.spread(np.array([1.0, 1.002]), 2) == "1.001 ± 0.001"
-    assert training_page.spread(np.array([1.0, 1.0]), 2) == "1.00 ± 0.00"
+    assert ablation.spread(np.array([1.0]), 2) == "1.00"
+    assert ablation.spread(np.array([1.0, 1.2]), 2) == "1.10 ± 0.14"
+    assert ablation.spread(np.array([1.0, 1.002]), 2) == "1.001 ± 0.001"
+    assert ablation.spread(np.array([1.0, 1.0]), 2) == "1.00 ± 0.00"
 
 
 @pytest.mark.parametrize(
@@ -199,7 +207,7 @@ def test_spread_has_digits_that_are_worth_reading() -> None:
 )
 def test_verdict_is_by_paired_differences(variant: list[float], word: str) -> None:
     full = [1.0, 1.1, 1.2]
-    found = training_page.verdict(variant, full)
+    found = ablation.verdict(np.array(variant), np.array(full))
     difference = np.array(variant) - full
     assert found.word == word
     assert found.difference == pytest.approx(difference.mean())
@@ -207,15 +215,15 @@ def test_verdict_is_by_paired_differences(variant: list[float], word: str) -> No
 
 
 def test_pairing_sees_what_the_seeds_would_hide() -> None:
-    full = [1.0, 5.0, 9.0]
-    assert training_page.verdict([value + 0.1 for value in full], full).word == "helps"
-    assert training_page.verdict([2.0], [1.0]).word == "no difference seen"
+    full = np.array([1.0, 5.0, 9.0])
+    assert ablation.verdict(full + 0.1, full).word == "helps"
+    assert ablation.verdict(np.array([2.0]), np.array([1.0])).word == "no difference seen"
 
 
 def test_held_out_errors_with_gaps_are_drawn_where_they_are_known() -> None:
     found = curves({"tdnn": 5})
-    found[0]["held_out"] = [None, 6.0, None, 4.0, None]
-    figure = training_figures.held_out([training_figures.Training("x", found, {"tdnn": 4})])
+    found[0] = replace(found[0], held_out=np.array([np.nan, 6.0, np.nan, 4.0, np.nan]))
+    figure = losses.held_out([losses.Training("x", found, {"tdnn": 4})])
     assert figure is not None
     assert [list(trace.x) for trace in figure.data] == [[2, 4], [1, 2, 3, 4, 5], [2, 4]]
     assert list(figure.data[2].y) == [8.0, 5.75]  # the mean where both are known: (6 + 10) / 2, (4 + 7.5) / 2
@@ -223,10 +231,10 @@ def test_held_out_errors_with_gaps_are_drawn_where_they_are_known() -> None:
 
 
 def test_long_loss_curves_are_thinned_and_zero_terms_left_out() -> None:
-    figure = training_figures.loss_terms([training_figures.Training("x", curves({"tdnn": 5000}), {})])
+    figure = losses.loss_terms([losses.Training("x", curves({"tdnn": 5000}), {})])
     assert figure is not None
     assert [trace.name for trace in figure.data] == ["data"]
-    assert len(figure.data[0].x) <= training_figures.CURVE_POINTS
+    assert len(figure.data[0].x) <= losses.CURVE_POINTS
     assert figure.data[0].x[-1] == 5000
 
 

@@ -12,7 +12,7 @@ from closed_form import SPEEDS, make_study
 from fmucorrect import cli
 from fmucorrect.errors import StudyError
 from fmucorrect.records import read, writer
-from fmucorrect.report import models_page
+from fmucorrect.report.training import models_page
 from fmucorrect.signals import Channel, Record
 from fmucorrect.study import load_study
 from fmucorrect.training.models import compare_models, labels, lines, require_alike, total, verdict
@@ -114,7 +114,7 @@ def test_it_is_told_in_the_terminal_and_on_a_page(outcome: tuple[Path, str], tab
     assert verdict(table) in page
     assert "augmented, its network without envelope" in page
     assert all((folder / name / "corrector.onnx").is_file() for name in ("study", "augmented"))
-    assert models_page.build({**table, "study": "<b>"}, "").text().count("<b>") == 0
+    assert models_page.build(models_page.Table.read({**table, "study": "<b>"}), "").text().count("<b>") == 0
 
 
 def test_finished_trainings_are_read_and_give_the_same_table(

@@ -12,7 +12,7 @@ from exported import by_pythonfmu
 
 from fmucorrect.errors import FmuError
 from fmucorrect.experiment import Pair, pair
-from fmucorrect.railway import watched_modes
+from fmucorrect.railway.stability import watched_modes
 from fmucorrect.records import writer
 from fmucorrect.signals import Channel, Record
 from fmucorrect.study import Study, load_study

@@ -18,8 +18,8 @@ from fmucorrect import bundle
 from fmucorrect.errors import RecordError, StudyError
 from fmucorrect.experiment import pair
 from fmucorrect.records import read, writer
+from fmucorrect.runs import replay_log, run_study
 from fmucorrect.sealing import evaluate, seal
-from fmucorrect.session import replay_log, run_study
 from fmucorrect.signals import Channel, Record
 from fmucorrect.stepper import Status
 from fmucorrect.study import Study, load_study

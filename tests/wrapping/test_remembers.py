@@ -17,10 +17,10 @@ pytest.importorskip("emx_onnx_cgen")
 from odd import CHANNELS, COMBINATIONS, MS, NOTHING, ROWS, Host, corrector, plain, reference, solver, walk, wrapped
 
 from fmucorrect import bundle
+from fmucorrect.descriptions import describe
 from fmucorrect.errors import WrapError
 from fmucorrect.signals import Condition, Record
 from fmucorrect.stepper import CorrectedStepper, ReplayStepper
-from fmucorrect.views import describe
 from fmucorrect.wrapping import compiler, network, proof
 
 EACH = pytest.mark.parametrize(("inner", "outer"), COMBINATIONS)

@@ -17,10 +17,10 @@ IMPORT = "import time; t = time.perf_counter(); import fmucorrect; print(time.pe
 REPLAY = """
 import sys
 from pathlib import Path
-from fmucorrect import bundle, session
+from fmucorrect import bundle, runs
 from fmucorrect.signals import Condition
 log, model = Path(sys.argv[1]), bundle.load(sys.argv[2])
-session.replay_log(log, Condition("x", speed=385.0, amplitude=0.03, frequency=2.0), log.with_suffix(".out.mcap"), model)
+runs.replay_log(log, Condition("x", speed=385.0, amplitude=0.03, frequency=2.0), log.with_suffix(".out.mcap"), model)
 # the kernel's own high-water mark: what getrusage tells may be the parent's
 print(int(Path('/proc/self/status').read_text().split('VmHWM:')[1].split()[0]) / 1024)
 """

@@ -12,7 +12,7 @@ import numpy as np
 from benchmark import Row
 from benchmarks.steps import MODEL
 
-from fmucorrect import bundle, session
+from fmucorrect import bundle, runs
 from fmucorrect.live import Address, Live
 from fmucorrect.study import load_study
 
@@ -25,10 +25,10 @@ def elapsed(folder: Path, seconds: float, live: bool) -> tuple[float, int]:
     study = load_study(STUDY)
     condition, model = replace(study.condition("385"), measurement=None), bundle.load(MODEL)
     if not live:
-        return session.run_study(study, condition, folder / "run.mcap", model, duration=seconds).elapsed, 0
+        return runs.run_study(study, condition, folder / "run.mcap", model, duration=seconds).elapsed, 0
     with Live(Address(port=0)) as view:
         viewer = subprocess.Popen([sys.executable, VIEWER, view.address.url])
-        done = session.run_study(study, condition, folder / "run.mcap", model, duration=seconds, live=view)
+        done = runs.run_study(study, condition, folder / "run.mcap", model, duration=seconds, live=view)
         viewer.wait()
     return done.elapsed, done.live["shown"]
 

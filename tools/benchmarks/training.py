@@ -54,9 +54,9 @@ def measure(quick: bool) -> list[Row]:
 
     from fmucorrect.study import load_study
     from fmucorrect.training.cases import CASES as KNOWN
-    from fmucorrect.training.cases import resolved
     from fmucorrect.training.data import samples
     from fmucorrect.training.protocol import screened
+    from fmucorrect.training.resolved import resolved
     from fmucorrect.training.selection import folds
     from fmucorrect.training.tasks import Task, Workshop
 

@@ -3,6 +3,7 @@
  * The instance belongs to the caller, who has opened and initialised it; its functions come as pointers. Laws see what
  * a joint will show in the middle of a sub-step, and their force is held over it (see coupling.c in wrapping). */
 #include "march.h"
+#include "joint.h"
 #include "together.h"
 
 #include <stdbool.h>
@@ -80,29 +81,15 @@ static double answered(const Placed *law, const double forces[], long n_forces)
     return sum;
 }
 
-/* What the law sees in the middle of a sub-step of h s, the acceleration as without all forces: read_joint of coupling.c,
- * with sub-steps of one size. */
+/* What the law sees in the middle of a sub-step of h s, the acceleration as without all forces. */
 static void look(Placed *law, const Road *road, double h, double port[4])
 {
-    const double *reads = road->reads;
-    const bool shown = law->port[1] >= 0; /* the velocity */
     double now[4];
     for (int p = 0; p < 4; p++)
-        now[p] = law->port[p] < 0 ? 0.0 : law->factor[p] * reads[law->port[p]];
+        now[p] = law->port[p] < 0 ? 0.0 : law->factor[p] * road->reads[law->port[p]];
     if (law->answer)
         now[2] -= answered(law, road->force_values, road->n_forces);
-    if (!shown && law->seen)
-        now[1] = (now[0] - law->last[0]) / h;
-    for (int p = 1; p < 4; p++) {
-        const bool mean = p == 1 && !shown;
-        const double change = law->seen > mean ? (now[p] - law->last[p]) / h : 0.0;
-        const double begin = mean ? now[p] + 0.5 * h * change : now[p];
-        if (p == 1)
-            port[0] = now[0] + 0.5 * h * begin;
-        port[p] = begin + 0.5 * h * change;
-    }
-    for (int p = 0; p < 4; p++)
-        law->last[p] = now[p];
+    predict(now, law->last, law->port[1] >= 0, (unsigned)law->seen, law->seen ? h : 0.0, h, h, port);
     law->seen += law->seen < 2;
 }
 

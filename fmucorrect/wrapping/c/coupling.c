@@ -2,13 +2,9 @@
  *
  * A piece of a step is divided into sub-steps of at most COUPLING s. The joints are read where a sub-step ends, or, where
  * they may depend at once on an input that is no force of a law (JOINTS_FED), where the next one begins; a law then sees
- * what they will show in the middle of the sub-step, and its force is held in the solver over it. The displacement is
- * moved on with the velocity (d + v h / 2), the other ports with their change since the last reading, which lies where
- * the sub-step before began (v + (v - v_last) h / (2 h_last)); without one, at the start and after an event, they stay
- * as read. Without a velocity the displacement is differentiated: (d - d_last) / h_last belongs to the middle of the
- * last sub-step, and two such differences lead to the beginning and to the middle of this one. Second order in the
- * sub-step. An acceleration answers to forces at once: what the forces that were held have to do with it is taken out of
- * what is read, and the new forces are solved together with it (together.h). discovery/c/march.c does the same.
+ * what they will show in the middle of the sub-step (joint.h), and its force is held in the solver over it. Second order in
+ * the sub-step. An acceleration answers to forces at once: what the forces that were held have to do with it is taken out
+ * of what is read, and the new forces are solved together with it (together.h). discovery/c/march.c does the same.
  *
  * Switched off, nothing is read, set or divided; switched on again, it begins as at the start. */
 #include <math.h>
@@ -16,6 +12,9 @@
 
 #include "wrapper.h"
 #include "effects.h"
+#if EFFECTS
+#include "joint.h"
+#endif
 #if ANSWERED
 #include "together.h"
 #endif
@@ -51,22 +50,10 @@ static Status read_joints(Wrapper *self)
 /* What law i sees, the acceleration as without all forces. gap: s since the last reading, 0 where there is none before. */
 static void look(State *s, size_t i, double gap, double size, double port[4])
 {
-    const bool shown = PLACES[i].ports[1].size != 0; /* the velocity */
-    double now[4], *last = s->ports[i];
+    double now[4];
     memcpy(now, s->joints[i], sizeof now);
     now[2] -= answered(i, s->held);
-    if (!shown)
-        now[1] = gap > 0.0 ? (now[0] - last[0]) / gap : last[1];
-    for (size_t p = 1; p < 4; p++) {
-        const bool mean = p == 1 && !shown;
-        const double apart = mean ? 0.5 * (gap + s->span) : gap;
-        const double change = gap > 0.0 && s->readings > (mean ? 1u : 0u) ? (now[p] - last[p]) / apart : 0.0;
-        const double begin = mean ? now[p] + 0.5 * gap * change : now[p];
-        if (p == 1)
-            port[0] = now[0] + 0.5 * size * begin;
-        port[p] = begin + 0.5 * size * change;
-    }
-    memcpy(last, now, sizeof now);
+    predict(now, s->ports[i], PLACES[i].ports[1].size != 0, s->readings, gap, s->span, size, port);
 }
 
 /* The forces of all laws at a time, the middle of a sub-step of that size. */

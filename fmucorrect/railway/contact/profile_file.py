@@ -1,0 +1,149 @@
+"""Reads a wheel or rail profile: Simpack's .prw and .prr, or two columns of text with their unit."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from fmucorrect.errors import RecordError, SignalError
+from fmucorrect.railway.contact.profile import Kind, Points, Profile
+from fmucorrect.railway.contact.standard_profiles import STANDARD_PROFILES, standard_profile
+
+UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254}
+"""Metres in a unit of length."""
+
+_COMMENTS = ("#", "!", "%", "//")
+_HEADER = re.compile(r"^\s*\"?y\s*\[\s*(\w+)\s*\]\"?\s*[,;\t ]\s*\"?z\s*\[\s*(\w+)\s*\]\"?\s*$", re.IGNORECASE)
+
+
+def load_profile(name: str, kind: Kind, unit: str | None = None) -> Profile:
+    """A built-in profile by its name, or the file of that name. Raises as standard_profile and read_profile do, and
+    SignalError for a built-in profile of the other kind."""
+    if name.lower() not in STANDARD_PROFILES:
+        return read_profile(Path(name), kind, unit)
+    profile = standard_profile(name)
+    if profile.kind != kind:
+        raise SignalError(f"{profile.name} is a {profile.kind} profile", expected=f"a {kind} profile")
+    return profile
+
+
+def read_profile(path: Path, kind: Kind, unit: str | None = None) -> Profile:
+    """The profile in a file: .prw and .prr as Simpack writes them (right wheel, right rail; y right, z down), everything
+    else as two columns of numbers y z, y to the field side and z up, with the header `y [mm],z [mm]` or a unit given here.
+
+    Raises RecordError for a file that cannot be read as such, SignalError for points that are no profile of this kind.
+    """
+    try:
+        text = path.read_text(encoding="utf-8-sig", errors="replace")
+    except OSError as error:
+        raise RecordError(
+            f"the file cannot be read: {error.strerror}",
+            where=str(path),
+            remedy=f"A file, or one of the built-in profiles {', '.join(p.upper() for p in STANDARD_PROFILES)}, is needed",
+        ) from error
+    if path.suffix.lower() in (".prw", ".prr") or "point.begin" in text:
+        points = _simpack_points(str(path), text, kind)
+    else:
+        points = _text_points(str(path), text, unit)
+    return Profile(path.name, kind, points)
+
+
+def _simpack_points(where: str, text: str, kind: Kind) -> Points:
+    """Points in m, z up. The settings act in the order that the file numbers them in: distance, shift, rotation, bounds,
+    mirroring, unit; the order of the points does not matter here."""
+    lines = [line.split("!")[0].strip() for line in text.splitlines()]
+    try:
+        first, last = lines.index("point.begin"), lines.index("point.end")
+    except ValueError as error:
+        raise RecordError(
+            "no points in this Simpack profile", where=where, expected="point.begin, point.end"
+        ) from error
+    body = lines.index("header.end") if "header.end" in lines else 0
+    settings = _settings(lines[body:first])
+    written: Kind = "wheel" if _settings(lines[:body]).get("type") == "1" else "rail"
+    if written != kind:
+        raise SignalError(f"the file holds a {written} profile", where=where, expected=f"a {kind} profile")
+    points = _numbers(where, lines, range(first + 1, last), None)[:, :2]
+
+    def setting(key: str, default: float) -> float:
+        try:
+            return float(settings.get(key, default))
+        except ValueError as error:
+            raise RecordError(f"{key} is no number", where=where, got=settings[key]) from error
+
+    points = _apart(points, setting("point.dist.min", 0.0))
+    points = points + np.array([setting("shift.y", 0.0), setting("shift.z", 0.0)])
+    angle = setting("rotate", 0.0) / setting("units.ang.f", 1.0)
+    points = points @ np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    for axis, name in enumerate("yz"):
+        low, high = setting(f"bound.{name}.min", 1.0), setting(f"bound.{name}.max", 0.0)
+        if low < high:
+            points = points[(points[:, axis] >= low) & (points[:, axis] <= high)]
+    signs = [-1.0 if setting(f"mirror.{name}", 0.0) == 1.0 else 1.0 for name in "yz"]
+    return points * signs * (1.0, -1.0) / setting("units.len.f", 1.0)
+
+
+def _settings(lines: list[str]) -> dict[str, str]:
+    pairs = [line.split("=", 1) for line in lines if "=" in line]
+    return {key.strip(): value.strip() for key, value in pairs}
+
+
+def _apart(points: Points, distance: float) -> Points:
+    """Without the points that are closer than a distance to the one before."""
+    kept = [0]
+    for i in range(1, len(points)):
+        if np.hypot(*(points[i] - points[kept[-1]])) >= distance:
+            kept.append(i)
+    return points[kept]
+
+
+def _text_points(where: str, text: str, unit: str | None) -> Points:
+    lines = text.splitlines()
+    rows = [i for i, line in enumerate(lines) if line.strip() and not line.strip().startswith(_COMMENTS)]
+    header = _HEADER.match(lines[rows[0]]) if rows else None
+    if header:
+        rows = rows[1:]
+        if header[1] != header[2] or (unit is not None and unit != header[1]):
+            raise RecordError(
+                "the units do not agree",
+                where=where,
+                expected=unit or header[1],
+                got=f"y [{header[1]}], z [{header[2]}]",
+            )
+        unit = header[1]
+    if unit is None:
+        raise RecordError(
+            "the profile's unit is not given",
+            where=where,
+            expected="a first line 'y [mm],z [mm]'",
+            remedy="Write that line, or name the unit (--wheel-unit or --rail-unit on the command line)",
+        )
+    if unit not in UNITS:
+        raise RecordError("an unknown unit of length", where=where, expected=f"one of {', '.join(UNITS)}", got=unit)
+    return _numbers(where, lines, rows, 2) * UNITS[unit]
+
+
+def _numbers(where: str, lines: list[str], rows: range | list[int], columns: int | None) -> Points:
+    """The numbers of these lines; separated by blanks, comma, semicolon or tab, a decimal comma where it is semicolons."""
+    values: list[list[float]] = []
+    for i in rows:
+        line = lines[i].strip()
+        if not line:
+            continue
+        line = line.replace(",", ".").replace(";", " ") if ";" in line else line.replace(",", " ")
+        cells = line.split()
+        try:
+            numbers = [float(cell) for cell in cells]
+        except ValueError:
+            numbers = []
+        if len(numbers) < 2 or (columns is not None and len(numbers) != columns):
+            raise RecordError(
+                f"line {i + 1} does not hold two numbers",
+                where=where,
+                expected="y and z",
+                got=repr(lines[i].strip()[:60]),
+            )
+        values.append(numbers[:2])
+    return np.array(values, dtype=np.float64).reshape(-1, 2)

@@ -1,0 +1,1 @@
+"""Where a vehicle hunts: linearisation, critical speed, limit cycles and their bifurcation."""

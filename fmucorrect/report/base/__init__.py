@@ -1,0 +1,1 @@
+"""What the pages of all jobs are made of: one HTML file, figures and their still pictures, numbers in words."""

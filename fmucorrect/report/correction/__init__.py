@@ -1,0 +1,1 @@
+"""The page of a corrected run beside its measurement."""
