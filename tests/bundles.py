@@ -29,12 +29,15 @@ def make(
     gain: float = -0.25,
     last_speed: float = 500.0,
     parameters: Mapping[str, float] = MappingProxyType({}),
+    declared: bool = True,
 ) -> Path:
     """A bundle whose correction is `gain` times the sample before the newest, whole up to `last_speed` km/h, then none.
-    parameters: start values that it was trained with."""
+    parameters: start values that it was trained with. declared: whether its conditions had a speed and an excitation."""
     count = len(channels)
     graph = _graph(count, rows, gain, last_speed)
     info = replace(_info("toy", channels, rows, step_ns, last_speed), parameters=dict(parameters))
+    if not declared:
+        info = replace(info, envelope={}, conditions=({"name": "a road", "speed": 0.0, "start": 0.0},))
     return _sealed(path, graph, info)
 
 

@@ -159,6 +159,14 @@ def test_replay_asks_for_what_the_log_does_not_say(model: Path, tmp_path: Path) 
     )
 
 
+def test_replay_asks_for_nothing_that_training_did_not_have(tmp_path: Path) -> None:
+    """Over random roads there is no amplitude, and no speed that anybody told."""
+    model = bundles.make(tmp_path / "road.onnx", declared=False)
+    source, out = log(tmp_path / "log.csv"), tmp_path / "out.mcap"
+    assert call("replay", source, "--corrector", model, "-o", out).exit_code == 0
+    assert records.describe(out).topics[0].topic.metadata["speed"] == "0.0"
+
+
 def test_replay_refuses_a_log_of_another_sample_time(model: Path, tmp_path: Path) -> None:
     source = log(tmp_path / "log.csv", step_ns=2_000_000)
     result = call("replay", source, "--corrector", model, *CONDITION, "-o", tmp_path / "out.mcap")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Collection, Generator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
@@ -188,7 +188,8 @@ def replay(
     """Send a logged simulation through a corrector, as if it ran live; memory does not grow with the LOG.
 
     The operating condition comes from --study and --condition, else from the log itself (those that fmucorrect writes
-    carry it); --speed, --amplitude, --frequency and --start go before both.
+    carry it); --speed, --amplitude, --frequency and --start go before both. Asked for are those that some condition of
+    the corrector's training had.
 
     Example: fmucorrect replay run.csv --corrector corrector.onnx --study study.toml --condition 385 -o out.mcap
     """
@@ -196,7 +197,8 @@ def replay(
 
     reading = reading_of(time, rate, delimiter, decimal, encoding)
     model = bundle.load(corrector)
-    chosen, also_read = _condition(log, topic, study, condition, features, reading)
+    needed = {*model.info.features, *model.info.envelope}
+    chosen, also_read = _condition(log, topic, study, condition, features, reading, needed)
     rows = sources.logged_rows(log, topic, reading)
     with _watching(live, listen, out) as view, progress_bar(rows, "sample", log.name) as advance:
         summary = runs.replay_log(
@@ -284,8 +286,10 @@ def _condition(
     name: str | None,
     features: dict[str, float | None],
     reading: Reading,
+    needed: Collection[str],
 ) -> tuple[Condition, list[tuple[str, Path | None]]]:
-    """The condition of a replay, and what its study reads. Raises UserError that says what is missing."""
+    """The condition of a replay, and what its study reads. needed: features that mean something to the corrector; the others
+    are 0, as in training. Raises UserError that says what is missing."""
     from fmucorrect import runs
     from fmucorrect.signals import Condition
     from fmucorrect.study import load_study
@@ -300,9 +304,9 @@ def _condition(
     else:
         read = list[tuple[str, Path | None]]()
         known = runs.logged_condition(log, topic, given, reading)
-    if known is None and len(given) < len(features):
-        missing = ", ".join(f"--{key}" for key in features if key not in given)
-        raise UserError(f"{log} does not say its operating condition: give {missing}, or --study and --condition")
+    if known is None and (missing := [f"--{key}" for key in features if key in needed and key not in given]):
+        words = f"give {', '.join(missing)}, or --study and --condition"
+        raise UserError(f"{log} does not say its operating condition: {words}")
     return replace(known or Condition(log.stem), **given), read
 
 
