@@ -324,15 +324,35 @@ def test_the_command_keeps_a_study_that_is_there(car: Path, logs: list[Path], tm
     assert "fmucorrect discover" in result.output
 
 
-def test_the_command_says_what_it_left_out(car: Path, logs: list[Path], tmp_path: Path):
-    """Forty samples that were lost take a sensor with them: nobody reads that at the end of a file."""
-    record = read(logs[0])
+def lossy(log: Path, out: Path, lost: slice) -> str:
+    """The log without the second column's values at these rows; the column's name."""
+    record = read(log)
     values = record.values.copy()
-    values[100:140, 1] = np.nan
+    values[lost, 1] = np.nan
     rows = np.column_stack([(record.t_ns - record.t_ns[0]) / 1e9, values])
     names = ["time [s]", *(f"{channel.name} [{channel.unit}]" for channel in record.channels)]
-    np.savetxt(tmp_path / "lost.csv", rows, "%.9g", ",", header=",".join(names), comments="")
+    np.savetxt(out, rows, "%.9g", ",", header=",".join(names), comments="")
+    return record.channels[1].name
+
+
+def test_the_command_says_what_it_left_out(car: Path, logs: list[Path], tmp_path: Path):
+    """Half of its samples lost take a sensor with them: nobody reads that at the end of a file."""
+    name = lossy(logs[0], tmp_path / "lost.csv", slice(100, None, 2))
     result = CliRunner().invoke(cli.main, ["new", str(car), str(tmp_path / "lost.csv"), "-o", str(tmp_path / "s.toml")])
     assert result.exit_code == 0, result.output
+    assert "train" in result.output
+    assert "it needs a second run" in result.output
     (told,) = [line for line in result.output.splitlines() if line.startswith("Left out, as its last lines say: ")]
-    assert f"column '{record.channels[1].name}' is nan" in told
+    assert f"column '{name}' is nan" in told
+
+
+def test_a_few_lost_samples_take_no_sensor_with_them(car: Path, logs: list[Path], tmp_path: Path):
+    """They are filled in, said in the file and on the terminal."""
+    name = lossy(logs[0], tmp_path / "lost.csv", slice(100, 104))
+    out = tmp_path / "s.toml"
+    result = CliRunner().invoke(cli.main, ["new", str(car), str(tmp_path / "lost.csv"), "-o", str(out)])
+    assert result.exit_code == 0, result.output
+    (told,) = [line for line in result.output.splitlines() if line.startswith("Filled in, as `repair` says: ")]
+    assert f"{name} has no value at some rows: interpolate filled 4 of" in told
+    assert f'measurement = "{name}"' in out.read_text()
+    assert 'repair = "interpolate"  # guess: ' in out.read_text()

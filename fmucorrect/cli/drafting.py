@@ -51,9 +51,15 @@ def new(
     say(
         f"\n{out} is written, with {text.count('# guess:')} guesses: search it for '# guess:', and mend what is not so."
     )
+    if found.filled:
+        say(f"Filled in, as `repair` says: {found.filled}")
     for first in found.left_out[:1]:
         more = f"; and {len(found.left_out) - 1} more" * (len(found.left_out) > 1)
         say(f"Left out, as its last lines say: {first}{more}")
     if inspected.misfits:
         raise UserError(f"{len(inspected.misfits)} of what was drafted does not fit yet, see above")
-    say(f"Then: fmucorrect inspect {out}; fmucorrect discover {out} -o found; or fmucorrect train {out} -o trained")
+    train = f"or fmucorrect train {out} -o trained"
+    if sum(run.role == "development" for run in found.runs) < 2:
+        train += ", which leaves one out of two at least"
+        train += ': write role = "development" for both' if len(runs) > 1 else ": it needs a second run"
+    say(f"Then: fmucorrect inspect {out}; fmucorrect discover {out} -o found; {train}")

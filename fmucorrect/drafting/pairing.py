@@ -59,10 +59,10 @@ UNITLESS = ("", "1", "-")
 class Run:
     """A log. columns: unit by the name that selects it, of the numeric columns, those with the most samples first. record:
     these columns, all rows. left_out: what else it holds, and why, in words. unreadable: why, by name, a column cannot be
-    read. filled: the topics between whose samples values were filled in, with their rates, in words. repeated: columns that
-    are the same in another run to the last digit: commands, no measurements. reading: how a study has to read it, beside what
-    the file says. at_once: whether a run that nothing drives begins with its first row, whatever its stamps. heard: whether
-    columns are taken for what is linear in an output and of its size, as no correlation says what they are."""
+    read. filled: where values were filled in, between the samples of topics or at rows without one, in words. repeated:
+    columns that are the same in another run to the last digit: commands, no measurements. reading: how a study has to read
+    it, beside what the file says. at_once: whether a run that nothing drives begins with its first row, whatever its stamps.
+    heard: whether columns are taken for what is linear in an output and of its size, as no correlation says what they are."""
 
     path: Path
     columns: Mapping[str, str]
@@ -125,9 +125,9 @@ class ChannelGuess:
 
 
 def read_run(path: Path, reading: Reading = AS_IT_IS) -> Run:
-    """The columns of a log; of topics with other samples than the fastest what lies at its stamps, as `repair` of a study
-    would have it. reading: what is known of it beside what it says. Raises RecordError where it cannot be read, is damaged, or
-    has none."""
+    """The columns of a log; of topics with other samples than the fastest what lies at its stamps, and straight lines where a
+    column has no value at a few rows, as `repair` of a study would have it. reading: what is known of it beside what it says.
+    Raises RecordError where it cannot be read, is damaged, or has none."""
     contents = records.describe(path, reading)
     if contents.damage:
         raise records.damaged(str(path), contents.damage)
@@ -141,18 +141,23 @@ def read_run(path: Path, reading: Reading = AS_IT_IS) -> Run:
         for item in kept
         for column in item.topic.columns
     }
+    mended = replace(reading, repair=",".join(filter(None, [reading.repair, "interpolate"])))
+    why = ""
     try:
         record, wrong = _readable(path, list(units), reading)
-        filled = ""
     except RecordError:
         if len(kept) == 1:
             raise
-        filled = f"straight lines between the samples of topics with other stamps, {_rates(kept)}"
-        reading = replace(reading, repair=",".join(filter(None, [reading.repair, "interpolate"])))
-        record, wrong = _readable(path, list(units), reading)
+        why = f"straight lines between the samples of topics with other stamps, {_rates(kept)}"
+        reading, (record, wrong) = mended, _readable(path, list(units), mended)
+    else:
+        more, still = _readable(path, list(units), mended) if wrong else (record, wrong)
+        if len(still) < len(wrong):
+            why = f"{', '.join(sorted(wrong.keys() - still.keys()))} has no value at some rows: {more.metadata['repaired']}"
+            reading, record, wrong = mended, more, still
     columns = {channel.name: units[channel.name] for channel in record.channels}
     told = (*contents.left_out, *left_out, *wrong.values())
-    return Run(path, columns, record, told, wrong, filled, reading=reading)
+    return Run(path, columns, record, told, wrong, why, reading=reading)
 
 
 def _rates(topics: Sequence[TopicContents]) -> str:
