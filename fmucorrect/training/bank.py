@@ -20,7 +20,8 @@ from jaxtyping import Complex128, Float, Float64
 from scipy.signal import lfilter
 from torch import Tensor
 
-from fmucorrect.training.data import FLOOR, Samples
+from fmucorrect.training import ridge
+from fmucorrect.training.data import FLOOR, Samples, sizes
 
 ROWS = 2
 """W: a step takes the mean of two rows."""
@@ -37,6 +38,10 @@ SHARE = 4.0
 """What is remembered dies out within one part in so many of the shortest record: of what is slower a record says too little.
 Where the data of others were cut into short records, a filter without that bound erred four times as much as the simulation in
 the one that was held out."""
+
+
+MOVING = 0.1
+"""Of its usual speed, rms: with less a record begins at rest, with more it was cut out of a motion."""
 
 
 @dataclass(frozen=True)
@@ -79,13 +84,15 @@ def _below(frequency: np.ndarray, power: np.ndarray, share: float) -> float:
 
 @dataclass(frozen=True)
 class Bank:
-    """step: s. centre, size: (V,) of what is seen of the simulation, q here. poles: (P,) at the sample time. feature:
-    (V + 2 P V,) sizes of (q, p), the real parts of all p before the imaginary ones."""
+    """step: s. centre, size: (V,) of what is seen of the simulation, q here. poles: (P,) at the sample time. begins: (P, V),
+    what p is taken for where a run begins, times q there. feature: (V + 2 P V,) sizes of (q, p), the real parts of all p before
+    the imaginary ones."""
 
     step: float
     centre: Float64[np.ndarray, " V"]
     size: Float64[np.ndarray, " V"]
     poles: Complex128[np.ndarray, " P"]
+    begins: Complex128[np.ndarray, "P V"]
     feature: Float64[np.ndarray, " F"]
 
     @property
@@ -95,7 +102,7 @@ class Bank:
 
     def features(self, item: Samples) -> Float64[np.ndarray, "R F"]:
         """(q, p) of all rows of the simulation but the first, at which no step has ended yet."""
-        return _features(item, self.centre, self.size, self.poles) / self.feature
+        return _features((item.whole - self.centre) / self.size, self.poles, self.begins) / self.feature
 
     def measured(self, item: Samples) -> Float64[np.ndarray, "N F"]:
         """(q, p) of the measured rows; zeros at one before which nothing was simulated."""
@@ -112,19 +119,19 @@ class Bank:
         return np.concatenate([item.whole[:-1], item.whole[1:], past], axis=1)
 
     def state(self, past: Float64[np.ndarray, "N P"], newest: Float[np.ndarray, "N V"]) -> Float64[np.ndarray, "N P"]:
-        """What a head's state has for it: p less where it would come to rest. newest: rows of the simulation, as they are."""
-        held = ((newest - self.centre) / self.size)[:, None] * at_rest(self.poles)[:, None]
-        return past - _flat(held)
+        """What a head's state has for it: p less what it would be if the run began there, so that a run begins with nothing.
+        newest: rows of the simulation, as they are."""
+        return past - _flat(((newest - self.centre) / self.size)[:, None] * self.begins)
 
     def weights(self, inputs: int) -> tuple[Tensor, Tensor]:
         """The state's own step, and what x = (two rows, condition) drives it with; double. inputs: length of x."""
-        channels, rest = len(self.centre), at_rest(self.poles)
-        half = 0.5 * (1.0 - np.abs(self.poles))
+        channels, poles = len(self.centre), self.poles[:, None]
+        half = 0.5 * (1.0 - np.abs(poles))
         drive = np.zeros((inputs, self.numbers))
-        for row, each in enumerate((half + self.poles * rest, half - rest)):
+        for row, each in enumerate((half + poles * self.begins, half - self.begins)):
             for j in range(channels):
                 one = np.zeros((len(each), channels), complex)
-                one[:, j] = each / self.size[j]
+                one[:, j] = each[:, j] / self.size[j]
                 drive[row * channels + j] = _flat(one[None])[0]
         return rotation(self.poles, channels), torch.from_numpy(drive)
 
@@ -134,8 +141,8 @@ class Bank:
         """Weights of p are the same of the state, and beside it these of the newest row, and a constant."""
         channels, count = len(self.centre), numbers.shape[1]
         real, imaginary = numbers.reshape(2, len(self.poles), channels, count)
-        rest = at_rest(self.poles)[:, None, None]
-        newest = (np.real(rest) * real + np.imag(rest) * imaginary).sum(axis=0) / self.size[:, None]
+        begins = self.begins[:, :, None]
+        newest = (np.real(begins) * real + np.imag(begins) * imaginary).sum(axis=0) / self.size[:, None]
         return newest, -self.centre @ newest
 
     def on_inputs(
@@ -152,28 +159,52 @@ class Bank:
 
 
 def bank(development: Sequence[Samples], chosen: Pace, count: int) -> Bank:
-    """Of so many poles, from the development conditions, or those of a fold, alone."""
+    """Of so many poles, from the development conditions, or those of a fold, alone.
+
+    A run begins as if it had always been where it begins: from nothing on, the fastest of p would jump. Where most records were
+    cut out of a motion, nobody knows what was before; there it begins from nothing, if leaving conditions out says so."""
     step = development[0].step
     whole = np.concatenate([item.whole for item in development])
     centre, size = whole.mean(axis=0), whole.std(axis=0)
     size = np.where(size > 0.0, size, 1.0)  # of what never moves
     omega = 1.0 / np.geomspace(chosen.fast, chosen.slow, count)
     poles = np.exp(step * omega * (-DAMPING + 1j * math.sqrt(1.0 - DAMPING**2)))
-    raw = np.concatenate([_features(item, centre, size, poles) for item in development]).std(axis=0)
-    return Bank(step, centre, size, poles, np.maximum(raw, FLOOR * raw.max()))
+    moved = [(item.whole - centre) / size for item in development]
+
+    def made(begins: np.ndarray) -> Bank:
+        raw = np.concatenate([_features(q, poles, begins) for q in moved]).std(axis=0)
+        return Bank(step, centre, size, poles, begins, np.maximum(raw, FLOOR * raw.max()))
+
+    rest = np.repeat(((1.0 - np.abs(poles)) / (1.0 - poles))[:, None], len(centre), axis=1)
+    at_rest = made(rest)
+    if len(development) < 2 or not _cut(moved):
+        return at_rest
+    forgotten = made(np.zeros_like(rest))
+    more = _left_out(at_rest, development, chosen.stride) - _left_out(forgotten, development, chosen.stride)
+    return forgotten if more.mean() > more.std(ddof=1) / math.sqrt(len(more)) else at_rest
 
 
-def _features(item: Samples, centre: np.ndarray, size: np.ndarray, poles: np.ndarray) -> np.ndarray:
-    q = (item.whole - centre) / size
-    past = answers(0.5 * (q[1:] + q[:-1]), poles) * (1.0 - np.abs(poles))[:, None]
-    before = (at_rest(poles)[:, None] * q[0]) * (poles ** np.arange(1, len(q))[:, None])[:, :, None]
-    return np.concatenate([q[1:], _flat(past + before)], axis=1)
+def _cut(moved: Sequence[Float64[np.ndarray, "T V"]]) -> bool:
+    """Whether most records were cut out of a motion, so that they do not begin at rest."""
+    usual = np.sqrt(np.mean(np.concatenate([np.diff(q, axis=0) ** 2 for q in moved]), axis=0))
+    return float(np.mean([(np.abs(q[1] - q[0]) > MOVING * usual).any() for q in moved])) > 0.5
 
 
-def at_rest(poles: np.ndarray) -> np.ndarray:
-    """What p of each comes to while q stays 1. A run begins as if it had always been where it begins: what else was before,
-    nobody knows, and from nothing on the fastest of p jump."""
-    return (1.0 - np.abs(poles)) / (1.0 - poles)
+def _left_out(bank: Bank, development: Sequence[Samples], stride: int) -> Float64[np.ndarray, " C"]:
+    """NRMSE (%) that a linear filter of what it remembers leaves of each condition when that was left out."""
+    basis, every = sizes(development), slice(None, None, stride)
+    each = [ridge.normal(bank.measured(item)[every], item, every, basis) for item in development]
+    return np.array(ridge.fit(each, [[i] for i in range(len(each))]).left_out)
+
+
+def _features(q: Float64[np.ndarray, "T V"], poles: np.ndarray, begins: np.ndarray) -> np.ndarray:
+    return np.concatenate([q[1:], _flat(_past(q, poles, begins))], axis=1)
+
+
+def _past(q: Float64[np.ndarray, "T V"], poles: np.ndarray, begins: np.ndarray) -> np.ndarray:
+    """p of all rows but the first."""
+    before = (begins * q[0]) * (poles ** np.arange(1, len(q))[:, None])[:, :, None]
+    return answers(0.5 * (q[1:] + q[:-1]), poles) * (1.0 - np.abs(poles))[:, None] + before
 
 
 def _flat(past: np.ndarray) -> np.ndarray:

@@ -1,4 +1,5 @@
-"""A run begins at rest, at the first sample: what a corrector remembers then is what it would have come to there."""
+"""A run begins as the records did that a corrector was made from: at rest, where what it remembers then is what it would have
+come to there, or cut out of a motion."""
 
 from __future__ import annotations
 
@@ -28,8 +29,9 @@ PLACE = 30.0
 """mm, about which the mass moves: far from the zero at which no record is."""
 
 
-def make(folder: Path) -> Path:
-    """Records about PLACE, each of which begins where the mass is by then; measured is 1.1 times the motion, late."""
+def make(folder: Path, cut: int) -> Path:
+    """Records about PLACE, of which each begins at rest or, where its first rows are cut off, where the mass is by then;
+    measured is 1.1 times the motion, late."""
     rng, text = np.random.default_rng(17), road.HEAD
     for i in range(4):
         rough = np.asarray(lfilter([0.05], [1.0, -0.95], rng.normal(scale=40.0, size=2200)))
@@ -41,7 +43,7 @@ def make(folder: Path) -> Path:
             (f"m{i}.mcap", "/measured", "lvdt", real),
         ):
             with writer(folder / name) as out:
-                out.write(topic, Record(t_ns, PLACE + values[200:, None], (Channel(column, unit="mm"),)))
+                out.write(topic, Record(t_ns, PLACE + values[cut : cut + 2000, None], (Channel(column, unit="mm"),)))
         text += f'\n[[conditions]]\nname = "road {i}"\nrole = "development"\n'
         text += f'measurement = "m{i}.mcap"\nsimulated = "s{i}.mcap"\n'
     (folder / "study.toml").write_text(text, encoding="utf-8")
@@ -50,14 +52,23 @@ def make(folder: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
-    return load_study(make(tmp_path_factory.mktemp("place")))
+    return load_study(make(tmp_path_factory.mktemp("rest"), 0))
+
+
+@pytest.fixture(scope="module")
+def moving(tmp_path_factory: pytest.TempPathFactory) -> Study:
+    return load_study(make(tmp_path_factory.mktemp("moving"), 200))
+
+
+def filtered(study: Study, folder: Path) -> Bundle:
+    made = train(study, replace(road.QUICK, corrector=Corrector(families=("linear",))))
+    assert made.selection.family == "linear"
+    return load(save(made, folder))
 
 
 @pytest.fixture(scope="module")
 def model(study: Study, tmp_path_factory: pytest.TempPathFactory) -> Bundle:
-    made = train(study, replace(road.QUICK, corrector=Corrector(families=("linear",))))
-    assert made.selection.family == "linear"
-    return load(save(made, tmp_path_factory.mktemp("linear")))
+    return filtered(study, tmp_path_factory.mktemp("linear"))
 
 
 def corrected(model: Bundle, condition: Condition, simulated: np.ndarray) -> np.ndarray:
@@ -75,8 +86,13 @@ def test_at_rest_nothing_is_said_that_changes(study: Study, model: Bundle) -> No
     assert np.ptp(said) < 1e-4 * PLACE
 
 
-def test_the_beginning_of_a_record_is_no_worse_than_the_rest(study: Study, model: Bundle) -> None:
+@pytest.mark.parametrize("begins", ["study", "moving"])
+def test_the_beginning_of_a_record_is_no_worse_than_the_rest(
+    begins: str, request: pytest.FixtureRequest, tmp_path: Path
+) -> None:
     """Rows at which no window of the networks' length was complete, and that no fit has seen."""
+    study: Study = request.getfixturevalue(begins)
+    model = filtered(study, tmp_path)
     first = slice(0, road.QUICK.window - 1)
     for condition in study.conditions:
         assert condition.simulated is not None
