@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import importlib
+import json
 import subprocess
 import sys
 from pathlib import Path
 from types import ModuleType
 
+import nbformat  # comes with fmpy
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -72,3 +74,26 @@ def test_blocks_of_a_page_run(text: str, error: str, tmp_path: Path):
     )
     assert (done.returncode == 0) == (not error), done.stderr
     assert error in done.stderr
+
+
+@pytest.mark.parametrize(("last", "error"), [("assert x == 1", ""), ("assert x == 2", "assert x == 2")])
+def test_the_cells_of_a_notebook_run_as_one_script(last: str, error: str, tmp_path: Path):
+    cells = [{"cell_type": kind, "source": text} for kind, text in
+             (("code", ["x = 0\n", "x += 1"]), ("markdown", ["no code"]), ("code", [last]))]  # fmt: skip
+    page = tmp_path / "page.ipynb"
+    page.write_text(json.dumps({"cells": cells}), encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, str(ROOT / "tools/run_readme.py"), str(page)], capture_output=True, text=True
+    )
+    assert (done.returncode == 0) == (not error), done.stderr
+    assert error in done.stderr
+
+
+def test_notebooks_are_valid_and_hold_no_outputs():
+    pages = sorted((ROOT / "docs").rglob("*.ipynb"))
+    assert pages
+    for page in pages:
+        notebook = nbformat.read(page, nbformat.NO_CONVERT)
+        nbformat.validate(notebook)
+        code = [cell for cell in notebook.cells if cell.cell_type == "code"]
+        assert not [cell.source for cell in code if cell.outputs or cell.execution_count], page

@@ -3,12 +3,13 @@
 Each page has a temporary folder of its own beside copies of FILES. There, in order: a ```python
 block runs in an interpreter of its own; of a ```console block every line that begins with "$ " runs, which must be a program
 of this environment; a ```toml block that begins with "# at the end of NAME" is written there. All other blocks are shown
-only, and the page says so. Without arguments: README.md, all pages of docs, and the READMEs of packages whose blocks no test
-runs. Stops at the first that fails.
+only, and the page says so. The code cells of a notebook run as one script. Without arguments: README.md, all pages and
+notebooks of docs, and the READMEs of packages whose blocks no test runs. Stops at the first that fails.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shlex
@@ -39,7 +40,8 @@ APPENDED = re.compile(r"# at the end of (\S+)\n")
 
 
 def main(paths: list[Path]) -> None:
-    pages = paths or [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")), *PACKAGES]
+    docs = [page for kind in ("*.md", "*.ipynb") for page in sorted((ROOT / "docs").rglob(kind))]
+    pages = paths or [ROOT / "README.md", *docs, *PACKAGES]
     begun = time.monotonic()
     count = sum(run(page) for page in pages)
     if not count:
@@ -49,7 +51,8 @@ def main(paths: list[Path]) -> None:
 
 def run(page: Path) -> int:
     """How many blocks of a page ran."""
-    found = BLOCK.findall(page.read_text(encoding="utf-8"))
+    text = page.read_text(encoding="utf-8")
+    found = cells(text) if page.suffix == ".ipynb" else BLOCK.findall(text)
     blocks = [(kind, text) for kind, text in found if kind != "toml" or APPENDED.match(text)]
     if not blocks:
         return 0
@@ -73,6 +76,12 @@ def run(page: Path) -> int:
                         command(line, folder)
             print(f"--- {time.monotonic() - begun:.1f} s", flush=True)
     return len(blocks)
+
+
+def cells(notebook: str) -> list[tuple[str, str]]:
+    """The code cells, one script: a kernel would need packages that nothing else here does."""
+    code = [cell["source"] for cell in json.loads(notebook)["cells"] if cell["cell_type"] == "code"]
+    return [("python", "\n\n".join("".join(lines) for lines in code))]
 
 
 def command(line: str, folder: Path) -> None:
