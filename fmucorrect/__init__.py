@@ -33,10 +33,10 @@ if TYPE_CHECKING:
         StudyError,
         WrapError,
     )
-    from fmucorrect.experiment import Pair, pair, read_measurement, simulate
     from fmucorrect.fmu import FmuDescription, FmuStepper, IsolatedStepper, open_fmu
     from fmucorrect.live import Live
     from fmucorrect.metrics import OracleLag, Scores, noise_floor, oracle_lag, score
+    from fmucorrect.pairs import Pair, pair, read_measurement, simulate
     from fmucorrect.railway.assess import assess
     from fmucorrect.railway.assessment import load_assessment
     from fmucorrect.records import describe, read, stream, writer
@@ -80,10 +80,10 @@ _NAMES = {
         "StudyError",
         "WrapError",
     ),
-    "experiment": ("Pair", "pair", "read_measurement", "simulate"),
     "fmu": ("FmuDescription", "FmuStepper", "IsolatedStepper", "open_fmu"),
     "live": ("Live",),
     "metrics": ("OracleLag", "Scores", "noise_floor", "oracle_lag", "score"),
+    "pairs": ("Pair", "pair", "read_measurement", "simulate"),
     "records": ("describe", "read", "stream", "writer"),
     "registration": ("Offset", "find_offset", "resample"),
     "sealing": ("seal",),

@@ -9,8 +9,8 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from fmucorrect import sketch
-from fmucorrect.experiment import Pair
 from fmucorrect.metrics import OracleLag, Scores, oracle_lag, score
+from fmucorrect.pairs import Pair
 from fmucorrect.registration import Offset
 from fmucorrect.signals import Channel, Condition, Record
 from fmucorrect.stepper import Status

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from fmucorrect import bundle, experiment, outputs, records, runs, sources
+from fmucorrect import bundle, outputs, pairs, records, runs, sources
 from fmucorrect.bundle import Bundle
 from fmucorrect.comparison import Comparison, compare
 from fmucorrect.errors import RecordError
@@ -115,7 +115,7 @@ def run_demo(
     tell(STEPS[3])
     excitation = sources.excitation_channel(study)
     simulated = corrected.select([channel.name for channel in (*study.channels, *excitation)])
-    pair = experiment.pair(study, condition, simulated)
+    pair = pairs.pair(study, condition, simulated)
     comparison = compare(pair, corrected)
     _ = comparison.before, comparison.after, comparison.oracle
     tell(STEPS[4])

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from fmucorrect.errors import SignalError, StudyError
-from fmucorrect.experiment import Pair, pair
+from fmucorrect.pairs import Pair, pair
 from fmucorrect.screening import Finding, screen
 from fmucorrect.signals import NANOSECONDS
 from fmucorrect.study import Study

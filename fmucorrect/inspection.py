@@ -12,8 +12,8 @@ from fmucorrect.bundle import Bundle
 from fmucorrect.catalogue.law import FAMILIES
 from fmucorrect.descriptions import Thing
 from fmucorrect.errors import SHOWN, FmucorrectError, RecordError, few
-from fmucorrect.experiment import Pair, pair
 from fmucorrect.fmu import FmuDescription, fixed, open_fmu
+from fmucorrect.pairs import Pair, pair
 from fmucorrect.records.contents import Contents
 from fmucorrect.screening import Finding, of_pairs, of_records
 from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Reading

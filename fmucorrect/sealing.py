@@ -32,8 +32,8 @@ from fmucorrect import bundle
 from fmucorrect.bundle import Bundle, Info
 from fmucorrect.comparison import Comparison, compare
 from fmucorrect.errors import BundleError
-from fmucorrect.experiment import Pair
 from fmucorrect.outputs import Replacing
+from fmucorrect.pairs import Pair
 from fmucorrect.screening import screen
 from fmucorrect.signals import NANOSECONDS, Channel, Condition
 from fmucorrect.stepper import CorrectedStepper, ReplayStepper, Window

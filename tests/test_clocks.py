@@ -10,8 +10,8 @@ import pytest
 
 from fmucorrect import unchanged
 from fmucorrect.errors import RecordError, StudyError
-from fmucorrect.experiment import Pair, pair
 from fmucorrect.fmu import FmuStepper
+from fmucorrect.pairs import Pair, pair
 from fmucorrect.records import describe, read, writer
 from fmucorrect.runs import run_study
 from fmucorrect.signals import Channel, Condition, Record

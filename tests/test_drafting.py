@@ -16,9 +16,9 @@ from fmucorrect import cli
 from fmucorrect.drafting import draft
 from fmucorrect.drafting.guess import likeness
 from fmucorrect.errors import RecordError
-from fmucorrect.experiment import pair
 from fmucorrect.fmu import IsolatedStepper
 from fmucorrect.inspection import study_problems
+from fmucorrect.pairs import pair
 from fmucorrect.records import read, writer
 from fmucorrect.signals import Channel, Condition, Record
 from fmucorrect.stepper import grid, run

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from fmucorrect.errors import StudyError
-from fmucorrect.experiment import pair, read_samples
 from fmucorrect.inspection import inspect
+from fmucorrect.pairs import pair, read_samples
 from fmucorrect.study import load_study
 from fmucorrect.units import Unit, in_base_units, known_to_all, parse
 

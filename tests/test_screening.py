@@ -12,7 +12,7 @@ import pytest
 from scipy.signal import butter, sosfilt
 
 from fmucorrect.errors import RecordError, StudyError
-from fmucorrect.experiment import Pair, pair
+from fmucorrect.pairs import Pair, pair
 from fmucorrect.records import writer
 from fmucorrect.registration import resample
 from fmucorrect.screening import of_pairs, of_records, screen

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from fmucorrect.experiment import pair
+from fmucorrect.pairs import pair
 from fmucorrect.report.training import compare_page
 from fmucorrect.report.training.table import Table
 from fmucorrect.study import Study, load_study

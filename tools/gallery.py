@@ -35,8 +35,8 @@ import gallery_plants  # noqa: E402
 from fmucorrect import bundle, outputs  # noqa: E402
 from fmucorrect.comparison import BAND_90, Comparison  # noqa: E402
 from fmucorrect.errors import FmucorrectError  # noqa: E402
-from fmucorrect.experiment import Pair, pair  # noqa: E402
 from fmucorrect.metrics import score  # noqa: E402
+from fmucorrect.pairs import Pair, pair  # noqa: E402
 from fmucorrect.sealing import evaluate  # noqa: E402
 from fmucorrect.stepper import Status  # noqa: E402
 from fmucorrect.study import Study, load_study  # noqa: E402

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from jaxtyping import Float64
 
-from fmucorrect.experiment import Pair
+from fmucorrect.pairs import Pair
 from fmucorrect.signals import NANOSECONDS
 from fmucorrect.study_training import Training
 from fmucorrect.training import linear, ridge

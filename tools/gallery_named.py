@@ -12,8 +12,8 @@ from typing import Any
 
 from gallery_plants import MEASURED, RIGS
 
-from fmucorrect.experiment import pair
 from fmucorrect.metrics import score
+from fmucorrect.pairs import pair
 from fmucorrect.study import load_study
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from fmucorrect import bundle
-from fmucorrect.experiment import pair
 from fmucorrect.metrics import score
+from fmucorrect.pairs import pair
 from fmucorrect.stepper import CorrectedStepper, ReplayStepper
 from fmucorrect.study import load_study
 

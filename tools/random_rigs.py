@@ -43,7 +43,7 @@ EPOCHS = (
 def train_and_score(study: Study) -> list[Comparison]:
     """Train on the study's development conditions, and open every condition with the finished bundle."""
     from fmucorrect import bundle
-    from fmucorrect.experiment import pair
+    from fmucorrect.pairs import pair
     from fmucorrect.sealing import evaluate
     from fmucorrect.training.protocol import train
 

@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 from jaxtyping import Float64
 
-from fmucorrect import experiment, metrics
+from fmucorrect import metrics, pairs
 from fmucorrect.discovery.budget import Budget
 from fmucorrect.discovery.fitted import Setting
 from fmucorrect.discovery.model import Model, runner, simulate, start_value
@@ -96,7 +96,7 @@ def _gap(
     budget: Budget,
 ) -> Gap:
     item = runner(study, condition, library, None, substeps, budget)
-    pair = experiment.pair(study, condition)
+    pair = pairs.pair(study, condition)
     if condition.simulated is None and study.fmu is not None:
         budget.add(len(pair.simulated) * study.simulation.step_size)
     t, rows, measured, before = pair.t_ns * 1e-9, pair.rows, pair.measured, pair.response

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float64
 from threadpoolctl import threadpool_limits
 
-from fmucorrect import experiment, outputs
+from fmucorrect import outputs, pairs
 from fmucorrect.discovery import output
 from fmucorrect.discovery.augmented import Found, found_of, write_model
 from fmucorrect.discovery.confirm import Gap, carries_over, gaps, sensors_told
@@ -339,7 +339,7 @@ def _prescribed(problem: Problem) -> tuple[list[Float64[np.ndarray, " N"]], str]
     study = problem.study
     if study.excitation is None or not any(channel.quantity == "force" for channel in study.channels):
         return [], ""
-    records = [experiment.simulate(study, trial.condition) for trial in problem.trials]
+    records = [pairs.simulate(study, trial.condition) for trial in problem.trials]
     column = records[0].index(study.excitation.simulation)
     unit = records[0].channels[column].unit
     moves = [record.values[trial.rows, column] for record, trial in zip(records, problem.trials, strict=True)]

@@ -23,7 +23,7 @@ from fmucorrect.discovery.model import Model, runner, simulate
 from fmucorrect.discovery.problem import Problem, load
 from fmucorrect.discovery.stepwise import fewer
 from fmucorrect.errors import FmucorrectError
-from fmucorrect.experiment import Pair
+from fmucorrect.pairs import Pair
 from fmucorrect.report.base.words import duration
 from fmucorrect.study import Study, load_study
 

@@ -28,8 +28,8 @@ from fmucorrect.discovery.model import AS_BEGUN, Model, Runner, runner, simulate
 from fmucorrect.discovery.starts import fitted
 from fmucorrect.discovery.trials import Trial, read
 from fmucorrect.errors import FmuError, StudyError
-from fmucorrect.experiment import Pair
 from fmucorrect.fmu import FmuDescription, open_fmu
+from fmucorrect.pairs import Pair
 from fmucorrect.study import Adjustable, Study
 
 LARGEST = 1e8

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
-from fmucorrect import experiment
+from fmucorrect import pairs
 from fmucorrect.discovery.noise import estimate
 from fmucorrect.signals import Condition
 from fmucorrect.study import Study
@@ -54,10 +54,10 @@ class Trial:
         return max(rows / max(self.ratio, 1.0), 1.0)
 
 
-def read(study: Study, condition: Condition, settled: float = SETTLED, pair: experiment.Pair | None = None) -> Trial:
+def read(study: Study, condition: Condition, settled: float = SETTLED, pair: pairs.Pair | None = None) -> Trial:
     """A condition's data: the measurement registered on the simulation, and how much its sensors' noise is. settled: seconds of
     a single tone. pair: both, where they are at hand."""
-    pair = experiment.pair(study, condition) if pair is None else pair
+    pair = pairs.pair(study, condition) if pair is None else pair
     step = study.simulation.step_size
     measured, first = pair.measured, pair.rows.start
     sigma, known, notes = sensor_noise(study, condition, measured, pair.response, first * step)

@@ -17,7 +17,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from fmucorrect.errors import FmucorrectError, StudyError
-from fmucorrect.experiment import Pair, pair
+from fmucorrect.pairs import Pair, pair
 from fmucorrect.screening.finding import Finding
 from fmucorrect.screening.recorded import of_records
 from fmucorrect.screening.repeatable import unrepeated

@@ -13,8 +13,8 @@ from jaxtyping import Float64
 from fmucorrect import records, units
 from fmucorrect.clocks import clock
 from fmucorrect.errors import SHOWN
-from fmucorrect.experiment import read_samples
 from fmucorrect.fmu import open_fmu
+from fmucorrect.pairs import read_samples
 from fmucorrect.screening.finding import Finding
 from fmucorrect.screening.floor import COMMON, shared_noise
 from fmucorrect.screening.lifeless import alone, few_values, frozen, spikes, stuck

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from fmucorrect.experiment import Pair, simulate
+from fmucorrect.pairs import Pair, simulate
 from fmucorrect.screening.finding import Finding
 from fmucorrect.study import Study
 

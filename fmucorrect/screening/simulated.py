@@ -8,7 +8,7 @@ from itertools import combinations, product
 import numpy as np
 from jaxtyping import Float64
 
-from fmucorrect.experiment import Pair
+from fmucorrect.pairs import Pair
 from fmucorrect.screening.finding import Finding
 from fmucorrect.study import Study
 

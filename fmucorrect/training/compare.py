@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from fmucorrect.experiment import pair
+from fmucorrect.pairs import pair
 from fmucorrect.study import Study
 from fmucorrect.study_training import Family, Training
 from fmucorrect.training.ablation import VARIANTS, ablation_table, budget, fit_variants

@@ -10,7 +10,7 @@ from jaxtyping import Float32, Float64
 
 from fmucorrect import units
 from fmucorrect.errors import SignalError
-from fmucorrect.experiment import Pair
+from fmucorrect.pairs import Pair
 from fmucorrect.signals import NANOSECONDS
 from fmucorrect.stepper import Window
 

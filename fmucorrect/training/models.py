@@ -15,8 +15,8 @@ import numpy as np
 
 from fmucorrect.comparison import Comparison
 from fmucorrect.errors import StudyError
-from fmucorrect.experiment import pair
 from fmucorrect.metrics import Scores, score
+from fmucorrect.pairs import pair
 from fmucorrect.stepper import Status
 from fmucorrect.study import Study
 from fmucorrect.training.data import samples

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from fmucorrect.diagnosis import agreements, recommend
 from fmucorrect.errors import FmuError
-from fmucorrect.experiment import Pair
+from fmucorrect.pairs import Pair
 from fmucorrect.study import Study
 from fmucorrect.study_training import Proposed, Training
 from fmucorrect.training.nominal import DAMPING_RATIO, NATURAL_FREQUENCY, in_words, linearised, rows

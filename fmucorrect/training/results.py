@@ -14,8 +14,8 @@ import numpy as np
 
 from fmucorrect import bundle, outputs
 from fmucorrect.comparison import BAND_90, Comparison
-from fmucorrect.experiment import pair
 from fmucorrect.metrics import Scores
+from fmucorrect.pairs import pair
 from fmucorrect.sealing import evaluate
 from fmucorrect.study import Study
 from fmucorrect.study_training import Training

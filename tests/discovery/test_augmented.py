@@ -11,7 +11,7 @@ import pytest
 pytest.importorskip("ziglang")
 pytest.importorskip("sympy")
 
-from fmucorrect import experiment
+from fmucorrect import pairs
 from fmucorrect.catalogue import find
 from fmucorrect.discovery import native
 from fmucorrect.discovery.augmented import augmented_study, found_of, toml, write_model
@@ -122,7 +122,7 @@ def test_the_study_on_the_augmented_fmu_answers_as_the_model_that_was_found(stud
             wanted = simulate(study, item, condition, model, problem.tolerated)
             bare = simulate(study, item, condition, problem.nominal, problem.tolerated)
             item.close()
-            y = experiment.simulate(after, after.condition(condition.name)).values[:, :1]
+            y = pairs.simulate(after, after.condition(condition.name)).values[:, :1]
             np.testing.assert_allclose(y, wanted, rtol=0.0, atol=1e-9 * np.ptp(wanted))
             assert np.abs(bare - wanted).max() > 0.02 * np.ptp(wanted)
 

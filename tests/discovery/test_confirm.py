@@ -8,7 +8,7 @@ pytest.importorskip("sympy")
 
 from one_mass import HEAD, NOISE, STEP, T, sweep, write
 
-from fmucorrect import experiment
+from fmucorrect import pairs
 from fmucorrect.discovery.confirm import gaps
 from fmucorrect.discovery.model import Model
 from fmucorrect.study import load_study
@@ -26,7 +26,7 @@ def test_how_a_record_began_before_the_excitation_is_no_error_of_the_model(libra
     (tmp_path / "study.toml").write_text(text, encoding="utf-8")
     (tmp_path / "true.toml").write_text(text.replace("parameters = { }", f"parameters = {{ x1 = {x1} }}"))
     true = load_study(tmp_path / "true.toml")
-    y = experiment.simulate(true, true.conditions[0]).values[:, 0]
+    y = pairs.simulate(true, true.conditions[0]).values[:, 0]
     write(tmp_path / "measured.csv", "x1 [mm]", y + NOISE * np.random.default_rng(2).normal(size=len(y)))
     study = load_study(tmp_path / "study.toml")
     (gap,) = gaps(study, library, study.conditions, Model(), (), np.zeros((1, 2)))

@@ -25,7 +25,7 @@ from fmucorrect.discovery.motion import motions
 from fmucorrect.discovery.output import sensor_rows
 from fmucorrect.discovery.problem import load
 from fmucorrect.errors import StudyError
-from fmucorrect.experiment import simulate
+from fmucorrect.pairs import simulate
 from fmucorrect.signals import Channel, Record
 from fmucorrect.study import load_study
 

@@ -27,7 +27,7 @@ from physical import Placed, actual, sensed, simulate  # noqa: E402
 from specs import Spec, Wanted  # noqa: E402
 from table import write_score  # noqa: E402
 
-from fmucorrect import experiment  # noqa: E402
+from fmucorrect import pairs  # noqa: E402
 from fmucorrect.study import load_study  # noqa: E402
 
 
@@ -50,7 +50,7 @@ def test_a_bare_truth_is_what_the_fmu_itself_simulates(written):
     folder, made = written
     study = load_study(folder / "cases" / "osc_made" / "study.toml")
     for run in made.bench.runs:
-        theirs = experiment.simulate(study, study.condition(run.name)).values[:, : len(study.channels)]
+        theirs = pairs.simulate(study, study.condition(run.name)).values[:, : len(study.channels)]
         ours = simulate(made.bench, run, {}, ())
         assert np.abs(ours - theirs).max() < 1e-6 * np.abs(theirs).max()
 
@@ -121,7 +121,7 @@ def test_the_label_says_how_many_tolerances_an_effect_moves_a_parameter(effect, 
 def test_the_case_shows_the_effect_and_the_noise_that_were_asked_for(written):
     folder, made = written
     study = load_study(folder / "cases" / "osc_made" / "study.toml")
-    pair = experiment.pair(study, study.conditions[0])
+    pair = pairs.pair(study, study.conditions[0])
     seen = np.sqrt(((pair.measured - pair.response) ** 2).mean(0))
     assert (seen > 3.0 * made.noise).all()
     quiet = pair.measured[50:900]
@@ -294,8 +294,8 @@ def test_the_test_that_a_report_asks_for_is_measured(written, tmp_path):
     extend("osc_made", folder, tmp_path, [{"like": "sweep_high", "scale": 0.5}])
     study = load_study(tmp_path / "cases" / "osc_made" / "study.toml")
     assert study.conditions[-1].name == "again_1"
-    pair = experiment.pair(study, study.conditions[-1])
-    first = experiment.pair(study, study.conditions[0])
+    pair = pairs.pair(study, study.conditions[-1])
+    first = pairs.pair(study, study.conditions[0])
     assert np.std(pair.response) == pytest.approx(0.5 * np.std(first.response), rel=0.02)
     again = simulate(made.bench, made.bench.runs[0], remade(made.label).parameters, remade(made.label).effects)
     assert again == pytest.approx(simulate(made.bench, made.bench.runs[0], made.parameters, made.effects))

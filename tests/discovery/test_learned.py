@@ -23,7 +23,7 @@ from fmucorrect.discovery.learned import Learned, learn
 from fmucorrect.discovery.learned_report import file_row, learned_row, writable
 from fmucorrect.discovery.located import located
 from fmucorrect.discovery.problem import Problem, load
-from fmucorrect.experiment import pair
+from fmucorrect.pairs import pair
 from fmucorrect.report.discovery.page import build
 from fmucorrect.study import load_study
 

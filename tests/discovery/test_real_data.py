@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmucorrect import experiment
+from fmucorrect import pairs
 from fmucorrect.fmu import FmuStepper
 from fmucorrect.signals import Channel, Condition, Record
 from fmucorrect.stepper import run
@@ -110,7 +110,7 @@ def test_the_model_is_as_far_off_as_it_was(name, figures, real_folder):
     assert score.table(rows).count("\n") == len(rows)
     study = load_study(folder / "study.toml")
     first = study.development[0]
-    pair = experiment.pair(study, first)
+    pair = pairs.pair(study, first)
     assert len(pair.measured) >= len(pair.simulated) - 1
     if "x1" in first.parameters:  # simulation and measurement begin alike
         assert pair.response[0, 0] == pytest.approx(pair.measured[0, 0], rel=1e-2)

@@ -125,12 +125,12 @@ def written(tmp_path_factory):
 
 @pytest.mark.parametrize("name", ["crane", "beam"])
 def test_with_nothing_hidden_the_truth_is_the_fmu(written, name):
-    from fmucorrect import experiment
+    from fmucorrect import pairs
     from fmucorrect.study import load_study
 
     folder, found = written
     study = load_study(folder / "cases" / found[name].spec.name / "study.toml")
-    theirs = experiment.simulate(study, study.condition("rough")).values[:, : len(study.channels)]
+    theirs = pairs.simulate(study, study.condition("rough")).values[:, : len(study.channels)]
     ours = motion(name, next(run for run in RUNS if run.name == "rough"), {}, ())[:-1:FINE]
     assert np.abs(ours[: len(theirs)] - theirs).max() < 1e-6 * np.abs(theirs).max()
 

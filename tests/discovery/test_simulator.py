@@ -10,7 +10,7 @@ from one_mass import JOINT, MASS, SWEEP, T, shown, sweep, term_at, write
 pytest.importorskip("ziglang")
 pytest.importorskip("sympy")
 
-from fmucorrect import experiment
+from fmucorrect import pairs
 from fmucorrect.catalogue import find
 from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.motion import motions
@@ -49,7 +49,7 @@ def law_at(study, effect: str, where: str, **parameters: float) -> LawAt:
 def test_without_laws_it_is_the_solver_to_the_bit(study, library):
     condition = study.condition("340")
     simulator = Simulator(study, condition, library)
-    whole = experiment.simulate(study, condition)
+    whole = pairs.simulate(study, condition)
     assert (simulator.run() == whole.values[:, : len(study.channels)]).all()
     assert not (simulator.run((), {"bush_ky": 5e6}) == whole.values[:, : len(study.channels)]).all()
     assert (simulator.run() == whole.values[:, : len(study.channels)]).all()

@@ -14,7 +14,7 @@ from exchange_fmu import exchange
 pytest.importorskip("ziglang")
 pytest.importorskip("sympy")
 
-from fmucorrect import experiment
+from fmucorrect import pairs
 from fmucorrect.catalogue import find
 from fmucorrect.cli import main
 from fmucorrect.discovery import native
@@ -142,7 +142,7 @@ def test_a_law_in_the_loop_is_a_parameter_of_the_model(study: Study, tmp_path: P
     simulator = Simulator(study, condition, native.build(tmp_path / "library"))
     try:
         alone = simulator.run().copy()
-        streamed = experiment.simulate(study, condition).values[:, :1]
+        streamed = pairs.simulate(study, condition).values[:, :1]
         np.testing.assert_allclose(
             alone, streamed, rtol=0, atol=2e-4
         )  # mm; times rounded otherwise, other steps in CVODE

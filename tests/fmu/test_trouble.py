@@ -11,8 +11,8 @@ import pytest
 from trouble_fmu import MODE, description, packed
 
 from fmucorrect.errors import FmuError, SignalError
-from fmucorrect.experiment import pair
 from fmucorrect.fmu import FmuStepper, input_record
+from fmucorrect.pairs import pair
 from fmucorrect.runs import run_study
 from fmucorrect.signals import Channel, Condition, Record
 from fmucorrect.stepper import grid, run

@@ -16,7 +16,7 @@ from host import FMUS, ROOT
 
 from fmucorrect import bundle
 from fmucorrect.comparison import Comparison, compare
-from fmucorrect.experiment import pair
+from fmucorrect.pairs import pair
 from fmucorrect.records import writer
 from fmucorrect.stepper import CorrectedStepper, ReplayStepper, Status
 from fmucorrect.study import load_study

@@ -11,8 +11,8 @@ from closed_form import BRIEF
 
 from fmucorrect import bundle
 from fmucorrect.comparison import Comparison
-from fmucorrect.experiment import pair
 from fmucorrect.metrics import score
+from fmucorrect.pairs import pair
 from fmucorrect.sealing import evaluate
 from fmucorrect.study import Study
 from fmucorrect.training.against import REPLAYED, Against, against

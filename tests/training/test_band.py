@@ -7,7 +7,7 @@ import torch
 from closed_form import SMALL
 
 from fmucorrect.comparison import BAND_90
-from fmucorrect.experiment import pair
+from fmucorrect.pairs import pair
 from fmucorrect.sealing import corners, ramps
 from fmucorrect.study import Study
 from fmucorrect.training.band import LeftOut, calibrate

@@ -13,7 +13,7 @@ import torch
 from scipy.signal import lfilter
 
 from fmucorrect.bundle import Bundle, load
-from fmucorrect.experiment import pair
+from fmucorrect.pairs import pair
 from fmucorrect.records import read, writer
 from fmucorrect.signals import Channel, Condition, Record
 from fmucorrect.stepper import CorrectedStepper, ReplayStepper, run

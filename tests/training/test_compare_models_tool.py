@@ -8,8 +8,8 @@ import pytest
 
 pytest.importorskip("ziglang")
 
-from fmucorrect.experiment import pair
 from fmucorrect.metrics import score
+from fmucorrect.pairs import pair
 from fmucorrect.study import load_study
 
 ROOT = Path(__file__).resolve().parent.parent.parent

@@ -12,7 +12,7 @@ from closed_form import SMALL
 
 from fmucorrect import bundle
 from fmucorrect.comparison import BAND_90
-from fmucorrect.experiment import pair
+from fmucorrect.pairs import pair
 from fmucorrect.sealing import evaluate
 from fmucorrect.study import Study
 from fmucorrect.training import distilled, loop, protocol

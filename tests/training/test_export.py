@@ -10,7 +10,7 @@ import torch
 from closed_form import SMALL
 
 from fmucorrect import bundle
-from fmucorrect.experiment import pair
+from fmucorrect.pairs import pair
 from fmucorrect.study import Study
 from fmucorrect.training.data import samples
 from fmucorrect.training.deployed import phase_features

@@ -11,7 +11,7 @@ import road
 from closed_form import SMALL
 
 from fmucorrect import bundle
-from fmucorrect.experiment import pair
+from fmucorrect.pairs import pair
 from fmucorrect.sealing import evaluate
 from fmucorrect.stepper import CorrectedStepper, ReplayStepper, Status, run
 from fmucorrect.study import Study, load_study

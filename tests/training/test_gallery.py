@@ -12,7 +12,7 @@ import road
 
 pytest.importorskip("ziglang")
 
-from fmucorrect.experiment import pair
+from fmucorrect.pairs import pair
 from fmucorrect.study import load_study
 
 ROOT = Path(__file__).resolve().parent.parent.parent

@@ -7,7 +7,7 @@ import pytest
 import torch
 from closed_form import SMALL
 
-from fmucorrect.experiment import pair
+from fmucorrect.pairs import pair
 from fmucorrect.study import Study
 from fmucorrect.study_training import Training
 from fmucorrect.training.data import Samples, samples

@@ -10,7 +10,7 @@ from closed_form import BRIEF, SMALL, make_study
 
 from fmucorrect import bundle
 from fmucorrect.errors import StudyError
-from fmucorrect.experiment import pair
+from fmucorrect.pairs import pair
 from fmucorrect.records import read, writer
 from fmucorrect.sealing import evaluate
 from fmucorrect.study import Study, load_study

@@ -11,7 +11,7 @@ from closed_form import HEAD, SMALL
 from exported import by_pythonfmu
 
 from fmucorrect.errors import FmuError
-from fmucorrect.experiment import Pair, pair
+from fmucorrect.pairs import Pair, pair
 from fmucorrect.railway.stability import watched_modes
 from fmucorrect.records import writer
 from fmucorrect.signals import Channel, Record

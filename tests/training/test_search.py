@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from closed_form import SMALL
 
-from fmucorrect.experiment import pair
+from fmucorrect.pairs import pair
 from fmucorrect.study import Study
 from fmucorrect.training.data import samples
 from fmucorrect.training.search import search

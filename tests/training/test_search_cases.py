@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from closed_form import SMALL
 
-from fmucorrect.experiment import pair
+from fmucorrect.pairs import pair
 from fmucorrect.study import Study
 from fmucorrect.training.data import samples
 from fmucorrect.training.search_cases import SEARCHED, most_epochs, search_cases

@@ -16,7 +16,7 @@ from test_sealing import foreign
 
 from fmucorrect import bundle
 from fmucorrect.errors import RecordError, StudyError
-from fmucorrect.experiment import pair
+from fmucorrect.pairs import pair
 from fmucorrect.records import read, writer
 from fmucorrect.runs import replay_log, run_study
 from fmucorrect.sealing import evaluate, seal

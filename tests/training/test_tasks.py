@@ -16,7 +16,7 @@ from closed_form import SMALL, make_study
 
 from fmucorrect import cli
 from fmucorrect.errors import TrainingError
-from fmucorrect.experiment import pair
+from fmucorrect.pairs import pair
 from fmucorrect.study import Study, load_study
 from fmucorrect.training import loop
 from fmucorrect.training.cases import Fitted, fit_case

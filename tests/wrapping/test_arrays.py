@@ -17,7 +17,7 @@ pytest.importorskip("sympy")
 from foreign import arrays
 from odd import MS, Host, folder
 
-from fmucorrect import bundle, experiment
+from fmucorrect import bundle, pairs
 from fmucorrect.discovery.simulator import Simulator
 from fmucorrect.effects import Effects, ForceEffect, write
 from fmucorrect.errors import FmuError
@@ -128,7 +128,7 @@ measurement = "measured.csv"
 parameters = {{}}
 """)
     study = load_study(tmp_path / "study.toml")
-    got = experiment.simulate(study, study.conditions[0]).values[:, 0]
+    got = pairs.simulate(study, study.conditions[0]).values[:, 0]
     np.testing.assert_allclose(got, expected(0.0 * U, U)[:, 1], rtol=0.0, atol=1e-12)
     with pytest.raises(FmuError, match=r"discovery cannot read or set elements of arrays: x\[2,1\], f\[2\]"):
         Simulator(study, study.conditions[0], tmp_path / "no library is needed")

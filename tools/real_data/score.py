@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from real_study import SCORE
 
-from fmucorrect import experiment, records, units
+from fmucorrect import pairs, records, units
 from fmucorrect.errors import FmucorrectError
 from fmucorrect.study import Study, load_study
 
@@ -26,7 +26,7 @@ def error(study: Study, figure: Mapping[str, Any], ratio: int, cache: dict[str, 
     """A figure as `study` has it, in the figure's unit. cache: responses by condition, filled here."""
     condition, channel = study.condition(figure["condition"]), study.channels[0]
     if condition.name not in cache:
-        cache[condition.name] = experiment.simulate(study, condition).values[:, 0]
+        cache[condition.name] = pairs.simulate(study, condition).values[:, 0]
     assert condition.measurement is not None
     raw = records.read(condition.measurement, [channel.measurement])
     factor = units.conversion(raw.channels[0].unit, channel.unit, str(condition.measurement)) * channel.measurement_sign

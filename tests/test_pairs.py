@@ -10,8 +10,8 @@ import pytest
 from fmucorrect.comparison import compare
 from fmucorrect.discovery.simulator import place_of
 from fmucorrect.errors import RecordError, SignalError
-from fmucorrect.experiment import pair, read_measurement, simulate
 from fmucorrect.fmu import open_fmu
+from fmucorrect.pairs import pair, read_measurement, simulate
 from fmucorrect.records import writer
 from fmucorrect.screening import of_records
 from fmucorrect.signals import Channel, Record
