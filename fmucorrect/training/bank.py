@@ -123,8 +123,8 @@ class Bank:
         newest: rows of the simulation, as they are."""
         return past - _flat(((newest - self.centre) / self.size)[:, None] * self.begins)
 
-    def weights(self, inputs: int) -> tuple[Tensor, Tensor]:
-        """The state's own step, and what x = (two rows, condition) drives it with; double. inputs: length of x."""
+    def weights(self, inputs: int) -> dict[str, Tensor]:
+        """A, the state's own step, and G and g, what x = (two rows, condition) drives it with; double. inputs: length of x."""
         channels, poles = len(self.centre), self.poles[:, None]
         half = 0.5 * (1.0 - np.abs(poles))
         drive = np.zeros((inputs, self.numbers))
@@ -133,7 +133,8 @@ class Bank:
                 one = np.zeros((len(each), channels), complex)
                 one[:, j] = each[:, j] / self.size[j]
                 drive[row * channels + j] = _flat(one[None])[0]
-        return rotation(self.poles, channels), torch.from_numpy(drive)
+        middle = np.tile(self.centre, ROWS) @ drive[: ROWS * channels]
+        return {"A": rotation(self.poles, channels), "G": torch.from_numpy(drive), "g": torch.from_numpy(-middle)}
 
     def on_state(
         self, numbers: Float64[np.ndarray, "P C"]
@@ -228,8 +229,8 @@ def answers(x: np.ndarray, poles: np.ndarray) -> np.ndarray:
 
 
 def remembered(t: Mapping[str, Tensor], x: Float[Tensor, "N X"], state: Float[Tensor, "N S"]) -> tuple[Tensor, Tensor]:
-    """What a head's bank has come to, by its tensors A and G (Bank.weights), and what is seen then: x beside it."""
-    past = torch.addmm(x @ t["G"], state, t["A"])
+    """What a head's bank has come to, by its tensors A, G and g (Bank.weights), and what is seen then: x beside it."""
+    past = torch.addmm(torch.addmm(t["g"], x, t["G"]), state, t["A"])
     return past, torch.cat([x, past], 1)
 
 

@@ -162,7 +162,7 @@ def _linear(add: Add, x: str, head: LinearHead, constants: dict[str, np.ndarray]
 
 def _remembered(add: Add, x: str, past: str) -> str:
     """A step of the bank (bank.py): what is seen, x and its state, which is called `past`."""
-    return add("Concat", [x, add("Gemm", ["state", "A", add("MatMul", [x, "G"], "drive")], past)], "seen", axis=1)
+    return add("Concat", [x, add("Gemm", ["state", "A", add("Gemm", [x, "G", "g"], "drive")], past)], "seen", axis=1)
 
 
 def _recurrent(add: Add, x: str, after: str) -> tuple[str, str]:

@@ -69,7 +69,7 @@ class Filter:
 class LinearHead(nn.Module):
     """The same on x = (rows, condition) and a state, scales folded into the weights.
 
-    p = state A + x G                   the bank; without one s = x
+    p = state A + x G + g               the bank; without one s = x
     y = s L + l + v (s M + n)           s = (x, p);  v = condition c + d, the scaled speed; sloped: whether it plays a part
     """
 
@@ -99,7 +99,7 @@ class LinearHead(nn.Module):
             tensors[weights] = torch.from_numpy(np.concatenate([on_x, on_state]))
             tensors[constant] = torch.from_numpy(numbers[0] + shift)
         if found.bank is not None:
-            tensors["A"], tensors["G"] = found.bank.weights(inputs)
+            tensors |= found.bank.weights(inputs)
         for name, tensor in tensors.items():
             self.register_buffer(name, tensor.detach().float().contiguous())
 

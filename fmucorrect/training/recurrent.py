@@ -265,7 +265,7 @@ class Recurrent:
 class RecurrentHead(nn.Module):
     """The same on x = (two rows, condition) and a state, scales folded into the weights, in double precision.
 
-    p      = state A + x G              first bank, the same for all members
+    p      = state A + x G + g          first bank, the same for all members
     h      = tanh(tanh((x, p) H + h1) K + k), u = h U + o     o: less u_0
     r      = state B + u F              second banks; the state holds the last u, too
     state' = (p, r, u)
@@ -287,10 +287,11 @@ class RecurrentHead(nn.Module):
         signals = sum(part["F"].shape[0] for part in made)
         self.state = bank + answers + signals
         zeros = torch.zeros
-        first, drive = see.bank.weights(inputs)
+        first = see.bank.weights(inputs)
         tensors = {
-            "A": torch.cat([first, zeros(answers + signals, bank, dtype=torch.float64)]),
-            "G": drive,
+            "A": torch.cat([first["A"], zeros(answers + signals, bank, dtype=torch.float64)]),
+            "G": first["G"],
+            "g": first["g"],
             "H": torch.cat([part["H"] for part in made], 1),
             "h": torch.cat([part["h"] for part in made]),
             "K": torch.block_diag(*(part["K"] for part in made)),
