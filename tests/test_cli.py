@@ -167,6 +167,18 @@ def test_replay_asks_for_nothing_that_training_did_not_have(tmp_path: Path) -> N
     assert records.describe(out).topics[0].topic.metadata["speed"] == "0.0"
 
 
+@pytest.mark.parametrize(
+    ("option", "value"), [("--speed", "nan"), ("--speed", "-385"), ("--amplitude", "inf"), ("--start", "nan")]
+)
+def test_replay_refuses_a_condition_that_is_none(model: Path, option: str, value: str, tmp_path: Path) -> None:
+    source, out = log(tmp_path / "log.csv"), tmp_path / "out.mcap"
+    refused(
+        call("replay", source, "--corrector", model, *CONDITION, option, value, "-o", out),
+        f"{option}: a number between",
+    )
+    assert not list(tmp_path.glob("out*"))
+
+
 def test_replay_refuses_a_log_of_another_sample_time(model: Path, tmp_path: Path) -> None:
     source = log(tmp_path / "log.csv", step_ns=2_000_000)
     result = call("replay", source, "--corrector", model, *CONDITION, "-o", tmp_path / "out.mcap")

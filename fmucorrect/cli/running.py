@@ -293,10 +293,15 @@ def _condition(
     from fmucorrect import runs
     from fmucorrect.signals import Condition
     from fmucorrect.study import load_study
+    from fmucorrect.study_schema import FASTEST, LONGEST
 
     if (study is None) != (name is None):
         raise UserError("--study and --condition belong together")
     given = {key: value for key, value in features.items() if value is not None}
+    for key, value in given.items():
+        low, high = (-LONGEST, LONGEST) if key == "start" else (0.0, FASTEST)
+        if not low <= value <= high:  # nor is NaN
+            raise UserError(f"--{key}: a number between {low:g} and {high:g} is expected, got {value:g}")
     if study is not None and name is not None:
         opened = load_study(study)
         chosen, read = opened.condition(name), list(opened.files())

@@ -86,7 +86,8 @@ def check(block: Block, names: Sequence[str], where: str, first_row: int = 0, af
         f"column {names[c]!r} is {block.values[i, c]} at row {row} (t = {seconds_text(now)} s)",
         where=where,
         expected="a finite number",
-        remedy="Choose a repair rule: 'drop' leaves such rows out, 'interpolate' fills them in.",
+        remedy="Choose a repair rule: 'drop' leaves such rows out, 'interpolate' fills them in where values stand before and "
+        "after them.",
     )
 
 
