@@ -36,13 +36,12 @@ from fmucorrect.stepper import (
     run,
 )
 from fmucorrect.study import Study
+from fmucorrect.study_schema import LONGEST
 from fmucorrect.withheld import admitted
 
 FEATURES = ("speed", "amplitude", "frequency", "start")
 STARTS = "parameters"
 """In a record's metadata: the FMU's start values of its condition, as JSON."""
-_LARGEST = 9e9
-"""No speed, amplitude, frequency or start is larger: int64 nanoseconds end at 9.2e9 s."""
 
 Progress = Callable[[int], object]
 """Called with the number of rows done since its last call."""
@@ -210,11 +209,11 @@ def _stated(log: Path, data: Mapping[str, str], key: str) -> float:
         value = float(data[key])
     except ValueError:
         value = math.nan
-    if not abs(value) <= _LARGEST:
+    if not abs(value) <= LONGEST:
         raise RecordError(
             f"the log's metadata state no usable {key}",
             where=str(log),
-            expected=f"a number up to {_LARGEST:g}",
+            expected=f"a number up to {LONGEST:g}",
             got=repr(data[key]),
             remedy=f"Give --{key}, or --study and --condition.",
         )

@@ -131,9 +131,13 @@ def learn(
     unit = units_of(seen, rows, sizes(development).seen)
     directions, shift = _components(seen, unit)
 
-    def strengths(item: Samples) -> Float64[np.ndarray, "N d"]:
-        assert remembered is not None
-        return strength(remembered.run(item) @ directions + shift, remembered.pole)[-len(item.simulated) :][::stride]
+    def motion(item: Samples) -> tuple[Float64[np.ndarray, "N d"], Float64[np.ndarray, "N d"] | None]:
+        """z, and g of a head that remembers, of every stride-th row."""
+        if remembered is None:
+            return look(item, stride) @ directions + shift, None
+        z = remembered.run(item) @ directions + shift
+        rows = slice(-len(item.simulated), None)
+        return z[rows][::stride], strength(z, remembered.pole)[rows][::stride]
 
     def apart(values: Sequence[np.ndarray], held: Sequence[int]) -> list[np.ndarray]:
         """Distances of those that are held, in motion, from the others."""
@@ -147,7 +151,7 @@ def learn(
         left += apart([each @ others + one for each in seen], held)
     known, new = _known([each @ directions + shift for each in seen], left)
     if remembered is not None:
-        strong = [strengths(item) for item in development]
+        strong = [g for _, g in map(motion, development) if g is not None]
         lately, more = _known(strong, [each for held in folds for each in apart(strong, held)])
         new = [a | b for a, b in zip(new, more, strict=True)]
     flagged = {item.name: float(new[i].mean()) for item, i in zip(development, order, strict=True)}
@@ -155,9 +159,10 @@ def learn(
     for name, made in strangers(development).items():
         shares: list[float] = []
         for item in made:
-            novelty = known.novelty(look(item, stride) @ directions + shift)
-            if lately is not None:
-                novelty = np.maximum(novelty, lately.novelty(strengths(item)))
+            z, g = motion(item)
+            novelty = known.novelty(z)
+            if lately is not None and g is not None:
+                novelty = np.maximum(novelty, lately.novelty(g))
             shares.append(float((novelty[in_motion(item, stride)] > 1.0).mean()))
         strange[name] = float(np.mean(shares))
     pole = 0.0 if remembered is None else remembered.pole
