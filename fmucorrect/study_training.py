@@ -170,10 +170,11 @@ class Recurrent:
 
 @dataclass(frozen=True)
 class Training:
-    """[training]. window: W, rows of history. decimation: the paper's cases are trained on every n-th sample, a uniform
-    grid of that step, on which their differences are taken. seed: of everything that is drawn."""
+    """[training]. window: W, rows of history, at least the two that a step of a memory takes (bank.py). decimation: the
+    paper's cases are trained on every n-th sample, a uniform grid of that step, on which their differences are taken. seed: of
+    everything that is drawn."""
 
-    window: Count = 40
+    window: Annotated[int, Ge(2)] = 40
     decimation: Count = 10
     seed: Annotated[int, Ge(0)] = 0
     tdnn: Tdnn = Tdnn()

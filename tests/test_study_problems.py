@@ -65,6 +65,7 @@ SINGLE = [
     ),
     ("radius = 0.43", "radius = 0", '[[rotations]] 1 "wheel", key radius: must be above 0, got 0'),
     ("# rate = ", "rate = 0 # ", "[records], key rate: must be above 0, got 0"),
+    ("[simulation]", "training.window = 1\n[simulation]", "[training], key window: must be at least 2, got 1"),
     (
         'time = "" ',
         'rate = 5\ntime = "t" ',
