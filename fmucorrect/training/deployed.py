@@ -166,7 +166,7 @@ class Corrector(nn.Module):
             if self.lately:
                 assert state is not None
                 assert after is not None
-                lately = torch.addmm(z * z, state, t["a"])
+                lately = torch.addmm(z * z, state[:, self.head.state :], t["a"])
                 after = torch.cat([after, lately], 1)
                 root = torch.sqrt(lately)
                 nearest = torch.addmm(t["lately_level"], torch.sqrt(root), t["lately_near"]).amax(1, keepdim=True)
@@ -210,10 +210,9 @@ def _guard(guard: Guard, head: Head, history: int) -> dict[str, Tensor]:
     if guard.lately is not None:
         sums = ((1.0 - guard.pole) * guard.known.width) ** 0.25
         count = len(guard.shift)
-        fading = torch.cat([torch.zeros(head.state, count), guard.pole * torch.eye(count, dtype=torch.float64)])
         tensors |= {f"lately_{name}": values for name, values in _left(guard.lately, sums).items()}
         tensors |= {
-            "a": fading,
+            "a": guard.pole * torch.eye(count, dtype=torch.float64),
             "lately_far": torch.full((count, 1), sums**2 / guard.lately.width, dtype=torch.float64),
         }
     return tensors

@@ -18,6 +18,8 @@ from fmucorrect.training.recurrent import RecurrentHead
 
 OPSET = 18
 IR_VERSION = 9
+MEMORY, ANSWERS, LATELY = "memory", ("answer_before", "last_answer_before"), "lately_before"
+"""Parts of the state: a bank's, those of the recurrent family's two passes, and the guard's."""
 STATES = 0.1
 """Standard deviation of the states in a golden pair; those of a motion are of the order of 1 or less."""
 
@@ -68,20 +70,28 @@ def graph(corrector: Corrector, rows: int, channels: int, columns: int) -> bytes
     if head.phase:
         parts.append(_phase(add, constants))
     x = add("Concat", parts, "x", axis=1)
-    after = "head_state" if corrector.lately else "next_state"
+    after: list[str] = []
+    if corrector.state:
+        parts = {MEMORY: head.state}
+        if isinstance(head, RecurrentHead):
+            parts = dict(zip((MEMORY, *ANSWERS), head.parts, strict=True))
+        if corrector.lately:
+            parts[LATELY] = corrector.lately
+        constants["parts"] = np.array(list(parts.values()))
+        nodes.append(helper.make_node("Split", ["state", "parts"], list(parts), axis=1))
     if isinstance(head, WindowHead | OneHead):
         responses, bases = _window(add, x, head)
     elif isinstance(head, RecurrentHead):
-        responses, bases = _recurrent(add, x, after)
+        responses, bases, after = _recurrent(add, x)
     else:
         assert isinstance(head, LinearHead)
-        responses, bases = _linear(add, x, head, constants, after)
+        responses, bases, after = _linear(add, x, head, constants)
     if head.members:  # of one alone the mean is what it says
         add("MatMul", [bases, "S"], "baseline")
     outside = add("Relu", [add("Gemm", [x, "R", "r"], "ramps")], "outside")
     known = _guard(add, "seen" if head.state else x, constants, corrector.lately > 0) if corrector.guarded else "one"
-    if corrector.lately:
-        add("Concat", [after, "lately"], "next_state", axis=1)
+    if corrector.state:
+        add("Concat", [*after, "lately"] if corrector.lately else after, "next_state", axis=1)
     inside = add("Relu", [add("Gemm", [outside, "v", known], "share")], "in_envelope")
     response = add("MatMul", [responses, "S"], "response") if head.members else responses
     lead = add("Gemm", [outside, "minus_Q", response], "lead")
@@ -102,9 +112,6 @@ def graph(corrector: Corrector, rows: int, channels: int, columns: int) -> bytes
 
     used = {name for node in nodes for name in node.input}
     weights = {name: tensor.numpy() for name, tensor in corrector.tensors().items() if name in used}
-    if corrector.lately:  # of which the head sees nothing
-        for name in {name for node in nodes if "state" in node.input for name in node.input} & {"A", "B"}:
-            weights[name] = np.pad(weights[name], ((0, corrector.lately), (0, 0)))
     state = [tensor("state", TensorProto.FLOAT, corrector.state)] if corrector.state else []
     ended = [tensor("next_state", TensorProto.FLOAT, corrector.state)] if corrector.state else []
     model = helper.make_model(
@@ -142,9 +149,9 @@ def _window(add: Add, x: str, head: WindowHead | OneHead) -> tuple[str, str]:
     return add("Gemm", [hidden, "D", bases], "responses"), bases
 
 
-def _linear(add: Add, x: str, head: LinearHead, constants: dict[str, np.ndarray], after: str) -> tuple[str, str]:
-    """linear.LinearHead. after: the name of the state that it comes to."""
-    seen = _remembered(add, x, after) if head.state else x
+def _linear(add: Add, x: str, head: LinearHead, constants: dict[str, np.ndarray]) -> tuple[str, str, list[str]]:
+    """linear.LinearHead: its responses and bases, and what its state comes to."""
+    seen, after = (_remembered(add, x), ["past"]) if head.state else (x, [])
     responses = add("Gemm", [seen, "L", "l"], "filtered")
     if head.sloped:
         more = add(
@@ -154,28 +161,31 @@ def _linear(add: Add, x: str, head: LinearHead, constants: dict[str, np.ndarray]
     channels, columns = head.last.stop - head.last.start, head.condition.start - head.last.start
     constants["newest"] = np.array(-1, np.int64)
     if channels == columns:
-        return responses, add("Gather", ["window", "newest"], "baseline", axis=1)
+        return responses, add("Gather", ["window", "newest"], "baseline", axis=1), after
     constants["channels"] = np.arange(channels)
     last = add("Gather", ["window", "newest"], "newest_row", axis=1)
-    return responses, add("Gather", [last, "channels"], "baseline", axis=1)
+    return responses, add("Gather", [last, "channels"], "baseline", axis=1), after
 
 
-def _remembered(add: Add, x: str, past: str) -> str:
+def _remembered(add: Add, x: str) -> str:
     """A step of the bank (bank.py): what is seen, x and its state, which is called `past`."""
-    return add("Concat", [x, add("Gemm", ["state", "A", add("Gemm", [x, "G", "g"], "drive")], past)], "seen", axis=1)
+    return add("Concat", [x, add("Gemm", [MEMORY, "A", add("Gemm", [x, "G", "g"], "drive")], "past")], "seen", axis=1)
 
 
-def _recurrent(add: Add, x: str, after: str) -> tuple[str, str]:
-    """recurrent.RecurrentHead. after: the name of the state that it comes to."""
-    seen, past = _remembered(add, x, "past"), "past"
-    hidden = add("Tanh", [add("Gemm", [seen, "H", "h"], "hidden_0")], "tanh_0")
-    hidden = add("Tanh", [add("Gemm", [hidden, "K", "k"], "hidden_1")], "tanh_1")
-    missing = add("Gemm", [hidden, "U", "o"], "missing")
-    answer = add("Gemm", ["state", "B", add("MatMul", [missing, "F"], "push")], "answer")
-    add("Concat", [past, answer, missing], after, axis=1)
-    return add("Gemm", [after, "O", add("Gemm", [x, "P", "p"], "direct")], "responses"), add(
-        "MatMul", [x, "E"], "bases"
-    )
+def _recurrent(add: Add, x: str) -> tuple[str, str, list[str]]:
+    """recurrent.RecurrentHead: its responses and bases, and what the parts of its state come to."""
+    seen = _remembered(add, x)
+    first = hidden = add("Gemm", [seen, "H", "h"], "hidden_0")
+    answers: list[list[str]] = []
+    for k, before in enumerate(ANSWERS):
+        if answers:
+            hidden = add("Gemm", [add("Concat", answers[-1], "answer", axis=1), "I", first], "fed_back")
+        inner = add("Tanh", [add("Gemm", [add("Tanh", [hidden], f"tanh_{k}"), "K", "k"], f"inner_{k}")], f"wide_{k}")
+        missing = add("Gemm", [inner, "U", "o"], f"missing_{k}")
+        answers.append([add("Gemm", [before, "B", add("MatMul", [missing, "F"], f"push_{k}")], f"moved_{k}"), missing])
+    answered = add("Concat", ["past", *answers[-1]], "answered", axis=1)
+    responses = add("Gemm", [answered, "O", add("Gemm", [x, "P", "p"], "direct")], "responses")
+    return responses, add("MatMul", [x, "E"], "bases"), ["past", *(part for answer in answers for part in answer)]
 
 
 def _guard(add: Add, seen: str, constants: dict[str, np.ndarray], lately: bool) -> str:
@@ -191,7 +201,7 @@ def _guard(add: Add, seen: str, constants: dict[str, np.ndarray], lately: bool) 
     z = add("Gemm", [seen, "Z", "z0"], "motion")
     shares = [left(z, add("ReduceSumSquare", [z, "each"], "far"), "")]
     if lately:
-        root = add("Sqrt", [add("Gemm", ["state", "a", add("Mul", [z, z], "power")], "lately")], "root")
+        root = add("Sqrt", [add("Gemm", [LATELY, "a", add("Mul", [z, z], "power")], "lately")], "root")
         shares.append(
             left(add("Sqrt", [root], "strength"), add("MatMul", [root, "lately_far"], "lately_square"), "lately_")
         )

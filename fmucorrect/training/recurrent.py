@@ -1,15 +1,21 @@
-"""The recurrent family: a bank of oscillators, a network behind it, and a bank of oscillators behind the network.
+"""The recurrent family: a bank of oscillators, a network behind it, a bank of oscillators behind the network, and both again.
 
-    p_t = lambda p_(t-1) + g (q_(t-1) + q_t) / 2            first bank, fixed: the simulation's past on all time scales
-    u_t = network(q_t, p_t, speed) - u_0                    what is missing, as forces and displacements without a name
-    r_t = mu r_(t-1) + g (u_(t-1) + u_t) / 2                second bank, trained: how the mechanism answers to them
-    y_t = q_t + D' (r_t, u_t, q_t, p_t) + d                 linear
+    p_t  = lambda p_(t-1) + g (q_(t-1) + q_t) / 2           first bank, fixed: the simulation's past on all time scales
+    u_t  = network(q_t, p_t, speed, 0) - u_0                what is missing, as forces and displacements without a name
+    r_t  = mu r_(t-1) + g (u_(t-1) + u_t) / 2               second bank, trained: how the mechanism answers to them
+    u'_t = network(q_t, p_t, speed, (r_t, u_t)) - u_0       what is missing in the motion with that answer
+    r'_t = mu r'_(t-1) + g (u'_(t-1) + u'_t) / 2            how the mechanism answers to that
+    y_t  = q_t + D' (r'_t, u'_t, q_t, p_t) + d              linear
 
 u_0 is what the network says where the records of development begin, so that the second bank is at rest there, too. A missing
 force is a static law of the motion, and acts through the modes of the mechanism: this order of parts is that of a
 discrepancy (a Wiener-Hammerstein structure; of linear recurrent units see Orvieto et al., Resurrecting recurrent neural
-networks for long sequences, ICML 2023). lambda and mu are complex, |.| < 1, so that a state always dies out. Training runs
-on every `stride`-th sample, as the motion's own spectrum allows; what is deployed has the same poles at the sample time.
+networks for long sequences, ICML 2023). But it is a law of the true motion, not of the simulated one. So the same network
+is asked twice, a step of the fixed-point iteration that ends in the feedback (Picard); whole records pass through it at once,
+where what is fed back sample by sample would have to wait for every one of them. With the second pass one member is left with
+0.91 mV of the Silverbox' multisine in the place of 1.14, with 2.2 % of the Bouc-Wen benchmark's in the place of 3.7; a third
+changes less than another seed. lambda and mu are complex, |.| < 1, so that a state always dies out. Training runs on every
+`stride`-th sample, as the motion's own spectrum allows; what is deployed has the same poles at the sample time.
 """
 
 from __future__ import annotations
@@ -114,11 +120,12 @@ class Oscillators(nn.Module):
         self.rate = nn.Parameter(torch.from_numpy(np.log(omega)).float())
         self.damping = nn.Parameter(torch.full((settings.answer,), math.log(DAMPING / (1.0 - DAMPING))))
         self.first = nn.Linear(len(begin), settings.width)
+        self.fed_back = nn.Linear(settings.signals * (2 * settings.answer + 1), settings.width, bias=False)
         self.second = nn.Linear(settings.width, settings.width)
         self.missing = nn.Linear(settings.width, settings.signals)
-        self.out = nn.Linear(settings.signals * (2 * settings.answer + 1) + features, channels)
-        nn.init.zeros_(self.out.weight)
-        nn.init.zeros_(self.out.bias)
+        self.out = nn.Linear(self.fed_back.in_features + features, channels)
+        for weights in (self.fed_back.weight, self.out.weight, self.out.bias):
+            nn.init.zeros_(weights)
 
     def poles(self, step: float) -> tuple[Tensor, Tensor, Tensor]:
         """Modulus, real and imaginary part at a sample time."""
@@ -127,20 +134,31 @@ class Oscillators(nn.Module):
         angle = omega * step * torch.sqrt(1.0 - damping**2)
         return modulus, modulus * torch.cos(angle), modulus * torch.sin(angle)
 
-    def lacking(self, seen: Float[Tensor, "N I"]) -> Float[Tensor, "N U"]:
-        """What the network says."""
-        return self.missing(tanh(self.second(tanh(self.first(seen)))))
+    def lacking(self, first: Float[Tensor, "N W"]) -> Float[Tensor, "N U"]:
+        """What the network says. first: of its first layer, before the nonlinearity."""
+        return self.missing(tanh(self.second(tanh(first))))
+
+    def begun(self) -> Float[Tensor, "1 U"]:
+        """u_0"""
+        return self.lacking(self.first(self.begin[None]))
 
     def inner(
         self, features: Float[Tensor, "T F"], condition: Float[Tensor, " C"], step: float
     ) -> Float[Tensor, "T O"]:
-        """What the last layer sees: (r, u, q, p)."""
-        u = self.lacking(torch.cat([features, condition.expand(len(features), -1)], 1)) - self.lacking(self.begin[None])
+        """What the last layer sees: (r', u', q, p)."""
+        first, begun = self.first(torch.cat([features, condition.expand(len(features), -1)], 1)), self.begun()
         modulus, real, imaginary = self.poles(step)
-        before = torch.cat([torch.zeros_like(u[:1]), u[:-1]])
-        re, im = _Bank.apply(0.5 * (u + before), real, imaginary)  # type: ignore[misc]
         gain = (1.0 - modulus)[:, None]
-        return torch.cat([(re * gain).flatten(1), (im * gain).flatten(1), u, features], 1)
+
+        def answered(u: Float[Tensor, "T U"]) -> Float[Tensor, "T Z"]:
+            """(r, u)"""
+            before = torch.cat([torch.zeros_like(u[:1]), u[:-1]])
+            re, im = _Bank.apply(0.5 * (u + before), real, imaginary)  # type: ignore[misc]
+            return torch.cat([(re * gain).flatten(1), (im * gain).flatten(1), u], 1)
+
+        once = answered(self.lacking(first) - begun)
+        twice = answered(self.lacking(first + self.fed_back(once)) - begun)
+        return torch.cat([twice, features], 1)
 
     def forward(
         self, features: Float[Tensor, "T F"], condition: Float[Tensor, " C"], step: float
@@ -265,11 +283,14 @@ class Recurrent:
 class RecurrentHead(nn.Module):
     """The same on x = (two rows, condition) and a state, scales folded into the weights, in double precision.
 
-    p      = state A + x G + g          first bank, the same for all members
-    h      = tanh(tanh((x, p) H + h1) K + k), u = h U + o     o: less u_0
-    r      = state B + u F              second banks; the state holds the last u, too
-    state' = (p, r, u)
-    Y      = state' O + x P + o2        the members' mean, then each one's deviation from it
+    state  = (p, z, z')                 of the step before
+    p      = p A + x G + g              first bank, the same for all members
+    h      = (x, p) H + h1
+    u      = tanh(tanh(h) K + k) U + o                        o: less u_0
+    z      = (z B + u F, u)             second banks, all members' r, then all members' u
+    u'     = tanh(tanh(z I + h) K + k) U + o
+    z'     = (z' B + u' F, u')
+    Y      = (p, z') O + x P + o2       the members' mean, then each one's deviation from it
     """
 
     linear = False
@@ -285,30 +306,22 @@ class RecurrentHead(nn.Module):
         bank, made = see.bank.numbers, [_member(member, see, inputs) for member in members]
         answers = sum(len(part["B"]) for part in made)
         signals = sum(part["F"].shape[0] for part in made)
-        self.state = bank + answers + signals
-        zeros = torch.zeros
-        first = see.bank.weights(inputs)
+        self.parts = (bank, answers + signals, answers + signals)
+        self.state = sum(self.parts)
         tensors = {
-            "A": torch.cat([first["A"], zeros(answers + signals, bank, dtype=torch.float64)]),
-            "G": first["G"],
-            "g": first["g"],
+            **see.bank.weights(inputs),
             "H": torch.cat([part["H"] for part in made], 1),
             "h": torch.cat([part["h"] for part in made]),
             "K": torch.block_diag(*(part["K"] for part in made)),
             "k": torch.cat([part["k"] for part in made]),
             "U": torch.block_diag(*(part["U"] for part in made)),
             "o": torch.cat([part["o"] for part in made]),
-            "B": torch.cat(
-                [
-                    zeros(bank, answers, dtype=torch.float64),
-                    torch.block_diag(*(part["B"] for part in made)),
-                    torch.block_diag(*(part["F"] for part in made)),
-                ]
-            ),
+            "B": torch.cat([torch.block_diag(*(part[name] for part in made)) for name in ("B", "F")]),
             "F": torch.block_diag(*(part["F"] for part in made)),
+            "I": torch.cat([torch.block_diag(*(part[name] for part in made)) for name in ("Ir", "Iu")]),
         }
         beside = spread(len(members), channels)
-        last = zeros(inputs, channels, dtype=torch.float64)
+        last = torch.zeros(inputs, channels, dtype=torch.float64)
         last[inputs - 3 - columns : inputs - 3 - columns + channels] = torch.eye(channels, dtype=torch.float64)
         tensors["O"] = torch.cat(
             [
@@ -326,13 +339,16 @@ class RecurrentHead(nn.Module):
     def forward(self, x: Float[Tensor, "N X"], state: Float[Tensor, "N S"] | None = None) -> Said:
         assert state is not None
         t = dict(self.named_buffers())
-        past, seen = remembered(t, x, state)
-        hidden = torch.tanh(torch.addmm(t["h"], seen, t["H"]))
-        hidden = torch.tanh(torch.addmm(t["k"], hidden, t["K"]))
-        missing = torch.addmm(t["o"], hidden, t["U"])
-        answer = torch.addmm(missing @ t["F"], state, t["B"])
-        after = torch.cat([past, answer, missing], 1)
-        return Said(torch.addmm(torch.addmm(t["p"], x, t["P"]), after, t["O"]), x @ t["E"], after, seen)
+        before, *passes = torch.split(state, list(self.parts), 1)
+        past, seen = remembered(t, x, before)
+        first = hidden = torch.addmm(t["h"], seen, t["H"])
+        after = [past]
+        for last in passes:
+            missing = torch.addmm(t["o"], torch.tanh(torch.addmm(t["k"], torch.tanh(hidden), t["K"])), t["U"])
+            after.append(torch.cat([torch.addmm(missing @ t["F"], last, t["B"]), missing], 1))
+            hidden = torch.addmm(first, after[-1], t["I"])
+        response = torch.addmm(torch.addmm(t["p"], x, t["P"]), torch.cat([past, after[-1]], 1), t["O"])
+        return Said(response, x @ t["E"], torch.cat(after, 1), seen)
 
 
 def _member(member: Oscillators, see: View, inputs: int) -> dict[str, Tensor]:
@@ -351,12 +367,12 @@ def _member(member: Oscillators, see: View, inputs: int) -> dict[str, Tensor]:
     seen, past, constant = on_x(weight(member.first))
     with torch.no_grad():
         modulus, real, imaginary = (part.double() for part in member.poles(see.bank.step))
-        begun = member.lacking(member.begin[None])[0].double()
+        begun = member.begun()[0].double()
     signals = member.missing.out_features
     answer = rotation(real.numpy() + 1j * imaginary.numpy(), signals)
     gain = torch.kron(0.5 * (1.0 - modulus)[None], torch.eye(signals, dtype=torch.float64))
     out = weight(member.out) * lacking
-    size_r = len(answer)
+    size_r, fed_back = len(answer), weight(member.fed_back)
     direct, through, shift = on_x(out[size_r + signals :])
     return {
         "H": torch.cat([seen, past]),
@@ -367,6 +383,8 @@ def _member(member: Oscillators, see: View, inputs: int) -> dict[str, Tensor]:
         "o": bias(member.missing) - begun,
         "B": answer,
         "F": torch.cat([gain, torch.zeros_like(gain)], 1),
+        "Ir": fed_back[:size_r],
+        "Iu": fed_back[size_r:],
         "Or": out[:size_r],
         "Ou": out[size_r : size_r + signals],
         "Op": through,
