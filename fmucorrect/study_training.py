@@ -111,7 +111,7 @@ class Proposed:
     alignment: bool = True
 
 
-Family = Literal["nothing", "amplitude", "linear", "window", "recurrent"]
+Family = Literal["nothing", "amplitude", "linear", "window", "recurrent", "feedback"]
 FAMILIES: tuple[Family, ...] = get_args(Family)
 """Of correctors, the simplest first."""
 
@@ -151,7 +151,7 @@ class Corrector:
 
 @dataclass(frozen=True)
 class Recurrent:
-    """[training.recurrent], the family with a memory of its own (training/recurrent.py).
+    """[training.recurrent], the families with a memory of their own, without and with feedback (training/recurrent.py).
 
     history: oscillators of the first bank for each channel. answer: of the second bank for each of the `signals` that the
     network gives. width: of its two hidden layers. members: networks that are averaged. steps: of the optimiser, a record each;

@@ -45,6 +45,7 @@ SEES: dict[Family, str] = {
     "linear": "window, speed",
     "window": "window features, speed, aligned TDNN",
     "recurrent": "simulation so far, speed",
+    "feedback": "simulation so far, speed, its own first answer",
 }
 """What the corrector of a family sees."""
 

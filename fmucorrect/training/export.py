@@ -19,7 +19,7 @@ from fmucorrect.training.recurrent import RecurrentHead
 OPSET = 18
 IR_VERSION = 9
 MEMORY, ANSWERS, LATELY = "memory", ("answer_before", "last_answer_before"), "lately_before"
-"""Parts of the state: a bank's, those of the recurrent family's two passes, and the guard's."""
+"""Parts of the state: a bank's, those of a recurrent head's answers, the second with feedback, and the guard's."""
 STATES = 0.1
 """Standard deviation of the states in a golden pair; those of a motion are of the order of 1 or less."""
 
@@ -74,7 +74,7 @@ def graph(corrector: Corrector, rows: int, channels: int, columns: int) -> bytes
     if corrector.state:
         parts = {MEMORY: head.state}
         if isinstance(head, RecurrentHead):
-            parts = dict(zip((MEMORY, *ANSWERS), head.parts, strict=True))
+            parts = dict(zip((MEMORY, *ANSWERS), head.parts, strict=False))  # of one answer the first alone
         if corrector.lately:
             parts[LATELY] = corrector.lately
         constants["parts"] = np.array(list(parts.values()))
@@ -82,7 +82,7 @@ def graph(corrector: Corrector, rows: int, channels: int, columns: int) -> bytes
     if isinstance(head, WindowHead | OneHead):
         responses, bases = _window(add, x, head)
     elif isinstance(head, RecurrentHead):
-        responses, bases, after = _recurrent(add, x)
+        responses, bases, after = _recurrent(add, x, len(head.parts) - 1)
     else:
         assert isinstance(head, LinearHead)
         responses, bases, after = _linear(add, x, head, constants)
@@ -172,12 +172,12 @@ def _remembered(add: Add, x: str) -> str:
     return add("Concat", [x, add("Gemm", [MEMORY, "A", add("Gemm", [x, "G", "g"], "drive")], "past")], "seen", axis=1)
 
 
-def _recurrent(add: Add, x: str) -> tuple[str, str, list[str]]:
-    """recurrent.RecurrentHead: its responses and bases, and what the parts of its state come to."""
+def _recurrent(add: Add, x: str, passes: int) -> tuple[str, str, list[str]]:
+    """recurrent.RecurrentHead: its responses and bases, and what the parts of its state come to. passes: answers."""
     seen = _remembered(add, x)
     first = hidden = add("Gemm", [seen, "H", "h"], "hidden_0")
     answers: list[list[str]] = []
-    for k, before in enumerate(ANSWERS):
+    for k, before in enumerate(ANSWERS[:passes]):
         if answers:
             hidden = add("Gemm", [add("Concat", answers[-1], "answer", axis=1), "I", first], "fed_back")
         inner = add("Tanh", [add("Gemm", [add("Tanh", [hidden], f"tanh_{k}"), "K", "k"], f"inner_{k}")], f"wide_{k}")

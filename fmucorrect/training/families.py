@@ -29,7 +29,7 @@ from fmucorrect.training.recurrent import Oscillators, Recurrent
 from fmucorrect.training.tasks import Context, Task, Workshop
 from fmucorrect.training.window import Ensemble, Member, needed
 
-NETWORKS: tuple[Family, ...] = ("window", "recurrent")
+NETWORKS: tuple[Family, ...] = ("window", "recurrent", "feedback")
 """Families that are trained, in tasks; the others are fitted in closed form."""
 
 
@@ -82,7 +82,9 @@ def fit_member(
     """One member of a family of networks."""
     if family == "window":
         return window.fit_member(context, development, training, number, epochs)
-    return recurrent.fit_member(context, development, training, sizes(development), number, epochs)
+    return recurrent.fit_member(
+        context, development, training, sizes(development), number, epochs, feedback=family == "feedback"
+    )
 
 
 def together(

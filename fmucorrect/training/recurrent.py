@@ -1,21 +1,27 @@
-"""The recurrent family: a bank of oscillators, a network behind it, a bank of oscillators behind the network, and both again.
+"""The recurrent families: a bank of oscillators, a network behind it, and a bank of oscillators behind the network.
 
-    p_t  = lambda p_(t-1) + g (q_(t-1) + q_t) / 2           first bank, fixed: the simulation's past on all time scales
-    u_t  = network(q_t, p_t, speed, 0) - u_0                what is missing, as forces and displacements without a name
-    r_t  = mu r_(t-1) + g (u_(t-1) + u_t) / 2               second bank, trained: how the mechanism answers to them
-    u'_t = network(q_t, p_t, speed, (r_t, u_t)) - u_0       what is missing in the motion with that answer
-    r'_t = mu r'_(t-1) + g (u'_(t-1) + u'_t) / 2            how the mechanism answers to that
-    y_t  = q_t + D' (r'_t, u'_t, q_t, p_t) + d              linear
+    p_t = lambda p_(t-1) + g (q_(t-1) + q_t) / 2            first bank, fixed: the simulation's past on all time scales
+    u_t = network(q_t, p_t, speed) - u_0                    what is missing, as forces and displacements without a name
+    r_t = mu r_(t-1) + g (u_(t-1) + u_t) / 2                second bank, trained: how the mechanism answers to them
+    y_t = q_t + D' (r_t, u_t, q_t, p_t) + d                 linear
 
 u_0 is what the network says where the records of development begin, so that the second bank is at rest there, too. A missing
 force is a static law of the motion, and acts through the modes of the mechanism: this order of parts is that of a
 discrepancy (a Wiener-Hammerstein structure; of linear recurrent units see Orvieto et al., Resurrecting recurrent neural
-networks for long sequences, ICML 2023). But it is a law of the true motion, not of the simulated one. So the same network
-is asked twice, a step of the fixed-point iteration that ends in the feedback (Picard); whole records pass through it at once,
-where what is fed back sample by sample would have to wait for every one of them. With the second pass one member is left with
-0.91 mV of the Silverbox' multisine in the place of 1.14, with 2.2 % of the Bouc-Wen benchmark's in the place of 3.7; a third
-changes less than another seed. lambda and mu are complex, |.| < 1, so that a state always dies out. Training runs on every
-`stride`-th sample, as the motion's own spectrum allows; what is deployed has the same poles at the sample time.
+networks for long sequences, ICML 2023). lambda and mu are complex, |.| < 1, so that a state always dies out. Training runs
+on every `stride`-th sample, as the motion's own spectrum allows; what is deployed has the same poles at the sample time.
+
+But it is a law of the true motion, not of the simulated one. With feedback the same network is asked again, and sees what its
+first answer has made of the motion; the last layer has (r', u') in the place of (r, u):
+
+    u'_t = network(q_t, p_t, speed, (r_t, u_t)) - u_0
+    r'_t = mu r'_(t-1) + g (u'_(t-1) + u'_t) / 2
+
+That is one step of the fixed-point iteration at whose end the loop is closed (Picard), and whole records go through it at
+once; what is fed back sample by sample waits for each. One member, trained as long without and with it: the Silverbox'
+multisine 1.14 and 0.91 mV (2800 steps), the Bouc-Wen benchmark's 3.7 and 2.2 % (1600). A third pass, or a network of its own
+for the second, is worth no more. From few and short records it learns too much: so it is a family of its own, and leaving
+conditions out decides.
 """
 
 from __future__ import annotations
@@ -106,12 +112,18 @@ def view(development: Sequence[Samples], training: Training, sizes: Sizes) -> Vi
 
 class Oscillators(nn.Module):
     """The network and the second bank. rate: ln of 1/s, damping: its logit, (P,) each. begin: (F + C,) features and condition
-    where the records begin, their mean."""
+    where the records begin, their mean. fed_back: what its first layer sees of the first answer, None without feedback."""
 
     begin: Tensor
 
     def __init__(
-        self, begin: Float[Tensor, " I"], features: int, channels: int, training: Training, chosen: Pace
+        self,
+        begin: Float[Tensor, " I"],
+        features: int,
+        channels: int,
+        training: Training,
+        chosen: Pace,
+        feedback: bool = False,
     ) -> None:
         super().__init__()
         settings = training.recurrent
@@ -120,12 +132,14 @@ class Oscillators(nn.Module):
         self.rate = nn.Parameter(torch.from_numpy(np.log(omega)).float())
         self.damping = nn.Parameter(torch.full((settings.answer,), math.log(DAMPING / (1.0 - DAMPING))))
         self.first = nn.Linear(len(begin), settings.width)
-        self.fed_back = nn.Linear(settings.signals * (2 * settings.answer + 1), settings.width, bias=False)
+        answer = settings.signals * (2 * settings.answer + 1)
+        self.fed_back = nn.Linear(answer, settings.width, bias=False) if feedback else None
         self.second = nn.Linear(settings.width, settings.width)
         self.missing = nn.Linear(settings.width, settings.signals)
-        self.out = nn.Linear(self.fed_back.in_features + features, channels)
-        for weights in (self.fed_back.weight, self.out.weight, self.out.bias):
-            nn.init.zeros_(weights)
+        self.out = nn.Linear(answer + features, channels)
+        for layer in (self.out, self.fed_back):
+            for weights in () if layer is None else layer.parameters():
+                nn.init.zeros_(weights)
 
     def poles(self, step: float) -> tuple[Tensor, Tensor, Tensor]:
         """Modulus, real and imaginary part at a sample time."""
@@ -145,7 +159,7 @@ class Oscillators(nn.Module):
     def inner(
         self, features: Float[Tensor, "T F"], condition: Float[Tensor, " C"], step: float
     ) -> Float[Tensor, "T O"]:
-        """What the last layer sees: (r', u', q, p)."""
+        """What the last layer sees: (r, u, q, p), of the last answer."""
         first, begun = self.first(torch.cat([features, condition.expand(len(features), -1)], 1)), self.begun()
         modulus, real, imaginary = self.poles(step)
         gain = (1.0 - modulus)[:, None]
@@ -156,9 +170,10 @@ class Oscillators(nn.Module):
             re, im = _Bank.apply(0.5 * (u + before), real, imaginary)  # type: ignore[misc]
             return torch.cat([(re * gain).flatten(1), (im * gain).flatten(1), u], 1)
 
-        once = answered(self.lacking(first) - begun)
-        twice = answered(self.lacking(first + self.fed_back(once)) - begun)
-        return torch.cat([twice, features], 1)
+        answer = answered(self.lacking(first) - begun)
+        if self.fed_back is not None:
+            answer = answered(self.lacking(first + self.fed_back(answer)) - begun)
+        return torch.cat([answer, features], 1)
 
     def forward(
         self, features: Float[Tensor, "T F"], condition: Float[Tensor, " C"], step: float
@@ -167,7 +182,13 @@ class Oscillators(nn.Module):
 
 
 def fit_member(
-    context: Context, development: Sequence[Samples], training: Training, sizes: Sizes, member: int, epochs: int
+    context: Context,
+    development: Sequence[Samples],
+    training: Training,
+    sizes: Sizes,
+    member: int,
+    epochs: int,
+    feedback: bool = False,
 ) -> tuple[Oscillators, list[Curve]]:
     """One network to the development conditions, a record a step of the optimiser (in a third of the steps another near it,
     where such motions are taught), then the last layer at every sample."""
@@ -182,7 +203,7 @@ def fit_member(
     conditions = [see.condition(item) for item in lesson]
     begin = [np.append(values[0], condition) for values, condition in zip(features, conditions, strict=True)]
     begun = torch.from_numpy(np.mean(begin[: len(development)], axis=0)).float()
-    network = Oscillators(begun, features[0].shape[1], channels, training, see.pace)
+    network = Oscillators(begun, features[0].shape[1], channels, training, see.pace, feedback)
     seen = [torch.from_numpy(values[::stride]).float() for values in features]
     targets = [_target(item, see, len(values)) for item, values in zip(lesson, features, strict=True)]
     each = len(near) // len(development)
@@ -283,14 +304,13 @@ class Recurrent:
 class RecurrentHead(nn.Module):
     """The same on x = (two rows, condition) and a state, scales folded into the weights, in double precision.
 
-    state  = (p, z, z')                 of the step before
+    state  = (p, z[, z'])               of the step before
     p      = p A + x G + g              first bank, the same for all members
     h      = (x, p) H + h1
     u      = tanh(tanh(h) K + k) U + o                        o: less u_0
     z      = (z B + u F, u)             second banks, all members' r, then all members' u
-    u'     = tanh(tanh(z I + h) K + k) U + o
-    z'     = (z' B + u' F, u')
-    Y      = (p, z') O + x P + o2       the members' mean, then each one's deviation from it
+    [u'    = tanh(tanh(z I + h) K + k) U + o,   z' = (z' B + u' F, u')    with feedback]
+    Y      = (p, z or z') O + x P + o2  the members' mean, then each one's deviation from it
     """
 
     linear = False
@@ -306,7 +326,7 @@ class RecurrentHead(nn.Module):
         bank, made = see.bank.numbers, [_member(member, see, inputs) for member in members]
         answers = sum(len(part["B"]) for part in made)
         signals = sum(part["F"].shape[0] for part in made)
-        self.parts = (bank, answers + signals, answers + signals)
+        self.parts = (bank, *(1 + ("Ir" in made[0])) * [answers + signals])
         self.state = sum(self.parts)
         tensors = {
             **see.bank.weights(inputs),
@@ -318,8 +338,9 @@ class RecurrentHead(nn.Module):
             "o": torch.cat([part["o"] for part in made]),
             "B": torch.cat([torch.block_diag(*(part[name] for part in made)) for name in ("B", "F")]),
             "F": torch.block_diag(*(part["F"] for part in made)),
-            "I": torch.cat([torch.block_diag(*(part[name] for part in made)) for name in ("Ir", "Iu")]),
         }
+        if len(self.parts) > 2:
+            tensors["I"] = torch.cat([torch.block_diag(*(part[name] for part in made)) for name in ("Ir", "Iu")])
         beside = spread(len(members), channels)
         last = torch.zeros(inputs, channels, dtype=torch.float64)
         last[inputs - 3 - columns : inputs - 3 - columns + channels] = torch.eye(channels, dtype=torch.float64)
@@ -344,9 +365,10 @@ class RecurrentHead(nn.Module):
         first = hidden = torch.addmm(t["h"], seen, t["H"])
         after = [past]
         for last in passes:
+            if len(after) > 1:
+                hidden = torch.addmm(first, after[-1], t["I"])
             missing = torch.addmm(t["o"], torch.tanh(torch.addmm(t["k"], torch.tanh(hidden), t["K"])), t["U"])
             after.append(torch.cat([torch.addmm(missing @ t["F"], last, t["B"]), missing], 1))
-            hidden = torch.addmm(first, after[-1], t["I"])
         response = torch.addmm(torch.addmm(t["p"], x, t["P"]), torch.cat([past, after[-1]], 1), t["O"])
         return Said(response, x @ t["E"], torch.cat(after, 1), seen)
 
@@ -372,7 +394,10 @@ def _member(member: Oscillators, see: View, inputs: int) -> dict[str, Tensor]:
     answer = rotation(real.numpy() + 1j * imaginary.numpy(), signals)
     gain = torch.kron(0.5 * (1.0 - modulus)[None], torch.eye(signals, dtype=torch.float64))
     out = weight(member.out) * lacking
-    size_r, fed_back = len(answer), weight(member.fed_back)
+    size_r = len(answer)
+    fed_back = {}
+    if member.fed_back is not None:
+        fed_back = {"Ir": weight(member.fed_back)[:size_r], "Iu": weight(member.fed_back)[size_r:]}
     direct, through, shift = on_x(out[size_r + signals :])
     return {
         "H": torch.cat([seen, past]),
@@ -383,8 +408,7 @@ def _member(member: Oscillators, see: View, inputs: int) -> dict[str, Tensor]:
         "o": bias(member.missing) - begun,
         "B": answer,
         "F": torch.cat([gain, torch.zeros_like(gain)], 1),
-        "Ir": fed_back[:size_r],
-        "Iu": fed_back[size_r:],
+        **fed_back,
         "Or": out[:size_r],
         "Ou": out[size_r : size_r + signals],
         "Op": through,

@@ -17,6 +17,7 @@ WORDS: dict[Family, str] = {
     "linear": "linear filter",
     "window": "network on a window",
     "recurrent": "recurrent network",
+    "feedback": "recurrent network with feedback",
 }
 
 

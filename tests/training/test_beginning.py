@@ -18,11 +18,12 @@ from fmucorrect.records import read, writer
 from fmucorrect.signals import Channel, Condition, Record
 from fmucorrect.stepper import CorrectedStepper, ReplayStepper, run
 from fmucorrect.study import Study, load_study
-from fmucorrect.study_training import Corrector, Recurrent
+from fmucorrect.study_training import Corrector, Family, Recurrent
 from fmucorrect.training.data import samples, sizes
 from fmucorrect.training.protocol import train
 from fmucorrect.training.recurrent import Oscillators, view
 from fmucorrect.training.results import save
+from fmucorrect.wrapping.package import wrap
 
 SHORT = Recurrent(steps=(40,), width=8, members=2)
 PLACE = 30.0
@@ -104,14 +105,19 @@ def test_the_beginning_of_a_record_is_no_worse_than_the_rest(
         assert after < max(0.7 * before, 4.0 * road.NOISE)
 
 
-def test_where_records_begin_a_recurrent_network_says_the_same_for_as_long_as_nothing_moves(study: Study) -> None:
+@pytest.mark.parametrize("feedback", [False, True])
+def test_where_records_begin_a_recurrent_network_says_the_same_for_as_long_as_nothing_moves(
+    study: Study, feedback: bool
+) -> None:
     """Whatever its weights are, its own answer to that is no motion."""
     development = [samples(pair(study, condition), road.QUICK.window) for condition in study.development]
     see = view(development, road.QUICK, sizes(development))
     torch.manual_seed(3)
     begin = torch.randn(see.bank.features(development[0]).shape[1])
-    network = Oscillators(begin, len(begin), 1, road.QUICK, see.pace)
-    torch.nn.init.normal_(network.out.weight)
+    network = Oscillators(begin, len(begin), 1, road.QUICK, see.pace, feedback)
+    for layer in (network.out, network.fed_back):
+        if layer is not None:
+            torch.nn.init.normal_(layer.weight)
     with torch.no_grad():
         still = network(begin.repeat(2000, 1), torch.zeros(0), see.bank.step)
         moved = network(begin.repeat(2000, 1) + 1.0, torch.zeros(0), see.bank.step)
@@ -119,10 +125,15 @@ def test_where_records_begin_a_recurrent_network_says_the_same_for_as_long_as_no
     assert float(moved.max() - moved.min()) > 1e-2
 
 
-def test_deployed_it_does_so_from_its_first_answer_on(study: Study, tmp_path: Path) -> None:
-    """Its state is nothing there."""
-    made = train(study, replace(road.QUICK, corrector=Corrector(families=("recurrent",)), recurrent=SHORT))
-    assert made.selection.family == "recurrent"
+@pytest.mark.parametrize("family", ["recurrent", "feedback"])
+def test_deployed_it_does_so_from_its_first_answer_on(study: Study, family: Family, tmp_path: Path) -> None:
+    """Its state is nothing there. The same file as C, in a wrapped FMU, says the same (the wrapper's own proof)."""
+    made = train(study, replace(road.QUICK, corrector=Corrector(families=(family,)), recurrent=SHORT))
+    assert made.selection.family == family
     begin = np.mean([samples(pair(study, c), road.QUICK.window).whole[:2, 0].mean() for c in study.development])
-    said = corrected(load(save(made, tmp_path)), study.conditions[0], np.full(2000, begin))
+    model = load(save(made, tmp_path))
+    said = corrected(model, study.conditions[0], np.full(2000, begin))
     assert np.ptp(said) < road.NOISE
+    proof = wrap(None, model.path, tmp_path / "alone.fmu", platforms=["linux64"]).proof
+    assert proof is not None
+    assert proof.inside > 100

@@ -96,7 +96,7 @@ def test_what_it_sees_makes_it_better(study: Study, model_of: Models, tmp_path: 
     assert (seeing.status == Status.OK).mean() > 0.95
 
 
-@pytest.mark.parametrize("family", ["linear", "window", "recurrent"])
+@pytest.mark.parametrize("family", ["linear", "window", "recurrent", "feedback"])
 def test_every_family_says_in_onnx_what_was_fitted(family: Family, study: Study, model_of: Models) -> None:
     made, path = model_of(family)
     assert made.selection.family == family
