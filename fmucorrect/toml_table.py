@@ -20,7 +20,9 @@ from typing import Annotated, Any, Literal, TypeVar, Union, cast, get_args, get_
 
 from annotated_types import Ge, Gt, Interval, Le, MinLen
 
-from fmucorrect.study_places import Location, Places, by_line, nearest, parse_toml, place, scan
+from fmucorrect.study_places import Location, Places, by_line, nearest, place, scan
+from fmucorrect.toml_text import parse_toml
+from fmucorrect.toml_value import toml
 
 Text = Annotated[str, MinLen(1)]
 Positive = Annotated[float, Gt(0)]
@@ -225,5 +227,5 @@ def _path(loc: Location) -> str:
 
 def shown(value: Any) -> str:
     """A wrong value, as much of it as one line takes."""
-    text = repr(value)
+    text = repr(value) if isinstance(value, str) else toml(value)
     return text if len(text) <= SHOWN else f"{text[:SHOWN]} ..."

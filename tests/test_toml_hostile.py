@@ -18,7 +18,8 @@ from fmucorrect import effects, study_places
 from fmucorrect.errors import FmucorrectError, StudyError
 from fmucorrect.railway.assessment import load_assessment
 from fmucorrect.study import load_study
-from fmucorrect.study_places import DEEPEST, LONGEST_TEXT, MOST_BYTES, parse_toml, scan
+from fmucorrect.study_places import DEEPEST, scan
+from fmucorrect.toml_text import LONGEST_TEXT, MOST_BYTES, parse_toml
 from fmucorrect.wrapping.wiring import read_mapping
 
 FMUS = Path(__file__).parents[1] / "fmus"
@@ -169,10 +170,10 @@ def test_shared_cases_are_refused(path: Path | None) -> None:
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("a = " + "[" * 5000, "nested too deeply"),
-        ("x = 1\na = " + "[" * (DEEPEST + 1) + "]" * (DEEPEST + 1), f"key a: is nested more than {DEEPEST} deep"),
+        ("a = " + "[" * 5000, f"line 1: is nested more than {DEEPEST} deep"),
+        ("x = 1\na = " + "[" * (DEEPEST + 1) + "]" * (DEEPEST + 1), f"line 2: is nested more than {DEEPEST} deep"),
         ("x = 1\na = { b = 9223372036854775808 }", "line 2, [a], key b: is a whole number of more than 64 bits"),
-        ("a = -" + "9" * 5000, "is not TOML"),
+        ("a = -" + "9" * 5000, "line 1: is a number of 5000 digits"),
         ("a = 0x" + "f" * 5000, "more than 64 bits"),
         ('a = "b\\u0000"', "character of code 0"),
         ('"a\\u0000" = 1', "character of code 0"),

@@ -275,7 +275,7 @@ def test_a_mapping_file_says_otherwise(tmp_path):
             for i, k in enumerate(("speed", "start", "frequency"), 2)]),
         (b"[parameters]\na = 'b'\nc = false\nd = inf", [
             "line 2, [parameters], key a: must be a number, got 'b'",
-            "line 3, [parameters], key c: must be a number, got False",
+            "line 3, [parameters], key c: must be a number, got false",
             "line 4, [parameters], key d: must be a finite number, got inf"]),
         (b"[channels", ["TOML"]),
         (b"# \xff", ["UTF-8"]),
