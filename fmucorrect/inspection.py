@@ -184,10 +184,6 @@ def _against_model(study: Study, fmu: FmuDescription | None, columns: Mapping[Pa
     """What the study asks for that the FMU (None: left out) and records with these columns do not have."""
     if fmu is None:
         return check_study(study, None, columns)
-    try:
-        fmu = fmu.known(study.simulation.units)
-    except FmucorrectError as error:
-        return [str(error), *check_study(study, None, columns)]
     return check_study(
         study, fmu.units, columns, [variable.name for variable in fmu.of("input")], fmu.defined, fixed(fmu)
     )

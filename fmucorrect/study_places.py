@@ -215,6 +215,33 @@ def misfit(
     return None
 
 
+def units_misfits(
+    given: Mapping[str, str], there: Mapping[str, str], defined: Mapping[str, units.Unit] = units.NONE
+) -> dict[str, str]:
+    """What is wrong, by variable, with units that a file gives to variables which the FMU leaves without one.
+
+    there: unit by variable of the FMU. defined: units of the FMU's own.
+    """
+    found: dict[str, str] = {}
+    for name, unit in given.items():
+        if name not in there:
+            found[name] = f"there is no variable {name!r} in the FMU{nearest(name, there)}"
+        elif there[name] not in ("", "1", unit):
+            found[name] = f"{name!r} is in {there[name]!r}, as the FMU says itself, not in {unit!r}"
+        elif unit not in defined and (text := unknown_unit(unit)):
+            found[name] = f"{text} The FMU declares none of that name."
+    return found
+
+
+def unknown_unit(text: str) -> str:
+    """Why nobody but an FMU can know this unit; "" for one that is known."""
+    try:
+        units.parse(text)
+    except SignalError as error:
+        return str(error)
+    return ""
+
+
 def like(unit: str, other: str, defined: Mapping[str, units.Unit] = units.NONE) -> bool:
     """Whether values in one unit can be converted to the other; False when a unit is not known."""
     try:

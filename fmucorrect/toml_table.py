@@ -40,11 +40,14 @@ SHOWN = 200
 T = TypeVar("T")
 
 
-def read(data: bytes, kind: type[T], misfits: Callable[[T, Places], Found]) -> tuple[T, Places, list[str]]:
+def read(
+    data: bytes, kind: type[T], misfits: Callable[[T, Places], Found], doubts: Callable[[T], Found] = lambda _: iter(())
+) -> tuple[T, Places, list[str]]:
     """The table that a TOML file is, where its values stand, and all that is wrong, a line each, in the order of the file.
 
     misfits: what does not fit between the values of a table, some of which may be blank; left out where the
-    value itself is wrong already.
+    value itself is wrong already. doubts: what may be wrong, which another file settles; told only beside something that
+    is wrong, so that both are mended at once.
     """
     text, document, wrong = parse_toml(data)
     if wrong:
@@ -52,11 +55,16 @@ def read(data: bytes, kind: type[T], misfits: Callable[[T, Places], Found]) -> t
     places = scan(text, document)
     problems: list[Problem] = []
     table = _table(kind, document, (), problems)
+    problems = _untold(misfits(table, places), problems) + problems
+    if problems:
+        problems += _untold(doubts(table), problems)
+    return table, places, by_line(f"{place(places, loc)}: {what}" for loc, what in problems)
+
+
+def _untold(found: Found, problems: list[Problem]) -> list[Problem]:
+    """What was found where nothing is wrong already."""
     told = {loc for loc, _ in problems}
-    more = [
-        (loc, what) for loc, what in misfits(table, places) if not any(loc[:n] in told for n in range(1, len(loc) + 1))
-    ]
-    return table, places, by_line(f"{place(places, loc)}: {what}" for loc, what in more + problems)
+    return [(loc, what) for loc, what in found if not any(loc[:n] in told for n in range(1, len(loc) + 1))]
 
 
 def named(table: str | Location, rows: Iterable[Any]) -> list[tuple[Location, str]]:

@@ -16,6 +16,7 @@ import pytest
 
 from fmucorrect import effects, study_places
 from fmucorrect.errors import FmucorrectError, StudyError
+from fmucorrect.fmu import open_fmu
 from fmucorrect.railway.assessment import load_assessment
 from fmucorrect.study import load_study
 from fmucorrect.study_places import DEEPEST, scan
@@ -23,6 +24,7 @@ from fmucorrect.toml_text import LONGEST_TEXT, MOST_BYTES, parse_toml
 from fmucorrect.wrapping.wiring import read_mapping
 
 FMUS = Path(__file__).parents[1] / "fmus"
+OSCILLATOR = FMUS / "oscillator" / "oscillator.fmu"
 CASES = Path(__file__).parents[2] / "shared" / "cases" / "hostile"
 EFFECTS = """format = 1
 coupling_step = 0.001
@@ -35,12 +37,12 @@ groups = [{ name = "g", joints = ["j"] }]
 rotations = [{ name = "wheel", radius = 0.43, speed = "v" }]
 """
 MAPPING = """[channels]
-FW = "y"
+FW = "mass1.x"
 [conditions]
-speed = "v"
+speed = "mass1.v"
 amplitude = 0.03
 [parameters]
-k = 1.0
+k1 = 1000.0
 """
 HOSTILE: list[Any] = [
     *(True, 0, -1, 2**63, 10**400, 1e-300, 5e-324, 1e308, math.inf, -math.inf, math.nan, -0.0, 1e-9),
@@ -132,7 +134,7 @@ SEEDS: list[tuple[Path | None, bytes, Callable[[Path], object]]] = [
     (FMUS / "full_vehicle" / "assess.toml", b"", load_assessment),
     (FMUS / "cooperrider" / "assess.toml", b"", load_assessment),
     (None, EFFECTS.encode(), effects.read),
-    (None, MAPPING.encode(), read_mapping),
+    (None, MAPPING.encode(), lambda path: read_mapping(path, open_fmu(OSCILLATOR), None)),
 ]
 
 

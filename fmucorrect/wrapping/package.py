@@ -215,8 +215,9 @@ def _read(
             "train, compare and discover take it as it is.",
         )
     found = effects.read(effects_file) if effects_file is not None else Effects()
-    said = read_mapping(Path(mapping)) if mapping is not None else MappingFile()
-    inner = said.known(inner, model.info if model else None)
+    info = model.info if model else None
+    said = read_mapping(Path(mapping), inner, info) if mapping is not None else MappingFile()
+    inner = said.known(inner, info)
     wiring = wire(inner, model.info, said) if model else Wiring((), {}, {}, {})
     wiring = replace(wiring, parameters=places.with_offsets(inner, wiring.parameters, found.offsets))
     step_ns = model.info.step_ns if model else round((found.coupling_step or inner.step_size or 1e-3) * 1e9)
