@@ -135,7 +135,7 @@ def wrap(
         "the mapping": mapping,
     }
     read = [(what, None if path is None else Path(path)) for what, path in named.items()]
-    outputs.check_file(out, read, made_by, overwrite)
+    outputs.check_file(out, read, made_by, overwrite, parents=True)
     parts = _read(fmu, corrector, effects_file, mapping, fmi, platforms)
     with WorkFolder() as folder:
         work = folder.path
