@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from fmucorrect import bundle, descriptions, records, sources, units
+from fmucorrect.brief import brief
 from fmucorrect.bundle import Bundle
 from fmucorrect.catalogue.law import FAMILIES
 from fmucorrect.descriptions import Thing
@@ -33,6 +34,8 @@ class Inspection:
     warnings: tuple[Finding, ...] = ()
     seen: tuple[str, ...] = ()
     pairs: Mapping[Path, Sequence[Pair]] = field(default_factory=lambda: {})
+
+    __repr__ = brief
 
     def to_json(self) -> dict[str, Any]:
         """All of it for programs."""

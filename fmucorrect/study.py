@@ -15,6 +15,7 @@ from types import MappingProxyType
 from typing import Any
 
 from fmucorrect import sketch
+from fmucorrect.brief import brief
 from fmucorrect.errors import StudyError
 from fmucorrect.signals import NANOSECONDS, Channel, Condition, Reading
 from fmucorrect.study_places import Location, Places, by_line, like, misfit, nearest, place, units_misfits, unknown_unit
@@ -88,6 +89,8 @@ class Study:
     training: Training = field(default_factory=Training)
     places: Places = field(default_factory=dict, repr=False, compare=False)
     allow_damaged: bool = False
+
+    __repr__ = brief
 
     def _repr_html_(self) -> str:
         """What a notebook shows: channels and conditions."""

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float64, Int64
 from scipy.interpolate import CubicSpline
 
+from fmucorrect.brief import brief
 from fmucorrect.errors import SignalError
 from fmucorrect.railway.contact.profile import Points, Profile
 
@@ -85,6 +86,8 @@ class Contact:
     radius: Column
     angle: Column
     lift: Column
+
+    __repr__ = brief
 
 
 @dataclass(frozen=True)
