@@ -15,7 +15,7 @@ from fmucorrect import study_training, units
 from fmucorrect.signals import Reading
 from fmucorrect.study_places import Location, Places, missing_file, nearest, unknown_unit
 from fmucorrect.study_training import Training
-from fmucorrect.toml_table import Found, NotNegative, Positive, Sign, Text, named, read, repeated, shown, those
+from fmucorrect.toml_table import Found, NotNegative, Positive, Sign, Text, doubted, named, read, repeated, shown, those
 
 _QUANTITIES = {
     "displacement": ("m",),
@@ -76,12 +76,18 @@ Feature = Annotated[float, Interval(ge=0, le=FASTEST)]
 
 
 @dataclass(frozen=True)
-class SimulationTable:
-    """[simulation]. units: also the FMU's own, which check_study knows."""
+class ModelTable:
+    """What is run, and how."""
 
     step_size: Annotated[float, _step, "the communication step in s, as step_size = 0.001"]
     fmu: Text | None = None
     parameters: Mapping[str, float] = field(default_factory=dict[str, float])
+
+
+@dataclass(frozen=True)
+class SimulationTable(ModelTable):
+    """[simulation]. units: also the FMU's own, which check_study knows."""
+
     step_timeout: Positive | None = None
     tolerance: Positive | None = None
     units: Mapping[str, str] = field(default_factory=dict[str, str])
@@ -260,8 +266,7 @@ def _records(table: StudyTable) -> list[tuple[Location, RecordsTable]]:
 
 def _doubts(table: StudyTable) -> Found:
     """Units that only the FMU can know, which check_study asks."""
-    for loc, text in _unknown_units(table) if table.simulation.fmu is not None else ():
-        yield loc, f"{text} Leave it where the FMU declares it."
+    yield from doubted(_unknown_units(table) if table.simulation.fmu is not None else ())
 
 
 def _unknown_units(table: StudyTable) -> Found:

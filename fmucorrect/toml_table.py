@@ -86,6 +86,11 @@ def unknown(key: str, known: Iterable[str]) -> str:
     return f"is not known{nearest(key, known) or '; known here: ' + ', '.join(known)}"
 
 
+def doubted(units: Iterable[Problem]) -> Found:
+    """Units that are not known here, as `read` takes them for doubts."""
+    yield from ((loc, f"{text} Leave it where the FMU declares it.") for loc, text in units)
+
+
 def those(name: str, known: Iterable[str], what: str = "there are") -> str:
     """The nearest of the names that are there, or all of them."""
     some = [other for other in dict.fromkeys(known) if other]
