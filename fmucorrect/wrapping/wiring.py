@@ -99,19 +99,24 @@ def _misfits(table: MappingTable, _: Places, fmu: FmuDescription, info: Info | N
     yield from ((("units", name), text) for name, text in wrong.items())
     told = _units(table.units, fmu, info)
     fmu = fmu.known({k: unit for k, unit in told.items() if not units_misfits({k: unit}, fmu.units, fmu.defined)})
-    seen = {channel.name: channel.unit for channel in info.seen} if info else {}
+    for name, text in start_value_misfits(fmu, table.parameters or {}).items():
+        yield ("parameters", name), text
+    if info is None:
+        yield from (
+            ((key,), "means nothing without a corrector") for key in ("channels", "conditions") if getattr(table, key)
+        )
+        return
+    seen = {channel.name: channel.unit for channel in info.seen}
     for name, said in table.channels.items():
-        if info is not None and name not in seen:
+        if name not in seen:
             yield ("channels", name), f"the corrector has no channel {name!r}{those(name, seen)}"
         elif said and said not in wrong:
-            yield from _unfit(fmu, ("channels", name), said, seen.get(name, ""), _real)
+            yield from _unfit(fmu, ("channels", name), said, seen[name], _real)
     for key, said in table.conditions.items():
         if key not in CONDITIONS:
             yield ("conditions", key), unknown(key, CONDITIONS)
         elif isinstance(said, str) and said and said not in wrong:
             yield from _unfit(fmu, ("conditions", key), said, CONDITIONS[key], lambda variable: variable.number)
-    for name, text in start_value_misfits(fmu, table.parameters or {}).items():
-        yield ("parameters", name), text
 
 
 def _unfit(fmu: FmuDescription, loc: Location, name: str, unit: str, fits: Callable[[Variable], bool]) -> Found:

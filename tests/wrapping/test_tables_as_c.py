@@ -15,7 +15,7 @@ from fmucorrect.bundle import Info
 from fmucorrect.errors import FmucorrectError, WrapError
 from fmucorrect.fmu import FmuDescription, Variable
 from fmucorrect.signals import Channel
-from fmucorrect.wrapping import compiler, generated, wiring
+from fmucorrect.wrapping import compiler, generated, package, wiring
 from fmucorrect.wrapping.conversion import TIME, Wired
 from fmucorrect.wrapping.generated import Facts, Place
 from fmucorrect.wrapping.wiring import MappingFile, Source, Wiring, read_mapping, wire
@@ -311,6 +311,26 @@ def test_everything_wrong_with_a_mapping_file_is_named(content, said, tmp_path):
     assert not [text for text in said if text not in str(refusal.value)]
     with pytest.raises(WrapError, match="cannot be read"):
         read_mapping(tmp_path / "nothing.toml", fmu(), info())
+
+
+def test_without_a_corrector_a_mapping_gives_start_values_alone(tmp_path):
+    path = tmp_path / "mapping.toml"
+    path.write_text("[channels]\nfront = 'x'\n[conditions]\nspeed = 3.0\n[parameters]\nf = -1.0\n")
+    with pytest.raises(WrapError) as refusal:
+        read_mapping(path, fmu(), None)
+    for said in (
+        "line 1, [channels]: means nothing",
+        "line 3, [conditions]: means nothing",
+        "line 6, [parameters], key f",
+    ):
+        assert said in str(refusal.value)
+    oscillator = HERE.parents[2] / "fmus" / "oscillator" / "oscillator.fmu"
+    path.write_text("[parameters]\nk1 = 1234.5\n")
+    (tmp_path / "effects.toml").write_text(
+        "format = 1\n[[effects]]\neffect = 'parameter_offset'\njoint = 'c1'\nparameters = { value = 1.0 }\n"
+    )
+    parts = package._read(oscillator, None, tmp_path / "effects.toml", path, None, ["linux64"])
+    assert {v.name: value for v, value in parts.wiring.parameters.items()}["k1"] == 1234.5
 
 
 @pytest.mark.parametrize(
