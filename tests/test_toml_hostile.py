@@ -31,8 +31,8 @@ CASES = Path(__file__).parents[2] / "shared" / "cases" / "hostile"
 EFFECTS = """format = 1
 coupling_step = 0.001
 effects = [
-    { effect = "viscous_damping", joint = "g", parameters = { damping = 100.0 }, unit = { damping = "N.s/m" } },
-    { effect = "parameter_offset", joint = "k", parameters = { value = 3.0 }, std = { value = 1.0 }, probability = 0.9, equation = "k" },
+    { effect = "viscous_damping", joint = "g", parameters = { damping = 100.0 }, std = { damping = 1.0 } },
+    { effect = "parameter_offset", joint = "k", parameters = { value = 3.0 }, probability = 0.9, equation = "k" },
 ]
 joints = [{ name = "j", force = "f", displacement = "d", velocity = "v", sign = 1, kinds = ["damper"] }]
 groups = [{ name = "g", joints = ["j"] }]
