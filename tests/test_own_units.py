@@ -11,6 +11,7 @@ import pytest
 from fmucorrect.errors import StudyError
 from fmucorrect.inspection import inspect
 from fmucorrect.pairs import pair, read_samples
+from fmucorrect.sources import plant
 from fmucorrect.study import load_study
 from fmucorrect.units import Unit, in_base_units, known_to_all, parse
 
@@ -95,6 +96,13 @@ def test_units_of_variables_have_their_lines_beside_all_else_that_is_wrong(study
     ):
         assert [line for line in misfits if line.startswith(start)], (start, misfits)
     assert not [line for line in misfits if "x3" in line]
+    known = load_study(study.with_name("study.toml"))
+    for isolated in (True, False):
+        with pytest.raises(StudyError) as refused:  # as run, train and diagnose meet them
+            plant(known, known.conditions[0], isolated=isolated)
+        assert [line.split(": ")[0] for line in refused.value.problems] == [
+            f"line 5, [simulation], key units.{name}" for name in ("mass1.x", "joint1.f", "masss")
+        ]
     study.write_text(text.replace('quantity = "displacement"', 'quantity = "length"'))
     with pytest.raises(StudyError) as caught:
         load_study(study)
