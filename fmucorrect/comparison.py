@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from fmucorrect import sketch
+from fmucorrect.brief import brief
 from fmucorrect.metrics import OracleLag, Scores, oracle_lag, score
 from fmucorrect.pairs import Pair
 from fmucorrect.registration import Offset
@@ -48,6 +49,8 @@ class Comparison:
     excitation: Float64[np.ndarray, " N"] | None = field(default=None, repr=False)
     steady: slice | None = None
     scales: Float64[np.ndarray, " J"] | None = field(default=None, repr=False)
+
+    __repr__ = brief
 
     @property
     def scored(self) -> slice:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64
 
+from fmucorrect.brief import brief
 from fmucorrect.errors import SignalError, StudyError
 from fmucorrect.pairs import Pair, pair
 from fmucorrect.screening import Finding, screen
@@ -49,6 +50,8 @@ class Agreement:
     frequencies: Float64[np.ndarray, " F"]
     coherence: Float64[np.ndarray, " F"]
 
+    __repr__ = brief
+
 
 @dataclass(frozen=True)
 class Diagnosis:
@@ -59,6 +62,8 @@ class Diagnosis:
     channels: tuple[str, ...]
     band: tuple[float, float] | None
     warnings: tuple[Finding, ...] = ()
+
+    __repr__ = brief
 
     def to_json(self) -> dict[str, Any]:
         """For programs; the coherence is left to the page."""

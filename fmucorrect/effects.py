@@ -25,8 +25,6 @@ speed = "speed"                   # the FMU's variable for the vehicle's speed, 
 
 from __future__ import annotations
 
-import json
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -38,6 +36,7 @@ from fmucorrect.catalogue import Law, find
 from fmucorrect.effects_schema import OFFSET, EffectRow, EffectsTable, parse
 from fmucorrect.errors import WrapError, listed
 from fmucorrect.study import Group, Joint, Rotation
+from fmucorrect.toml_value import toml
 
 
 @dataclass(frozen=True)
@@ -188,18 +187,3 @@ def _rows(table: str, row: Mapping[str, Any]) -> Iterator[str]:
         empty = value is None or (isinstance(value, str | tuple | Mapping) and not value)
         if key == "parameters" or not empty:
             yield f"{key} = {toml(value)}"
-
-
-def toml(value: Any) -> str:
-    """A value as TOML writes it in one line: text, numbers, tuples as arrays, mappings as inline tables."""
-    if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{_key(key)} = {toml(entry)}" for key, entry in value.items()) + " }"
-    if isinstance(value, tuple):
-        return f"[{', '.join(map(toml, value))}]"
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-    return repr(value)
-
-
-def _key(name: str) -> str:
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else toml(name)

@@ -8,9 +8,10 @@ from typing import Annotated, Literal
 
 from annotated_types import Interval
 
+from fmucorrect import units
 from fmucorrect.catalogue import CATALOGUE, PORTS, Law, find
 from fmucorrect.study import Group, Joint, Rotation
-from fmucorrect.study_places import Places
+from fmucorrect.study_places import Places, unknown_unit
 from fmucorrect.toml_table import Found, Positive, Text, named, read, repeated, those, unknown
 
 OFFSET = "parameter_offset"
@@ -81,6 +82,12 @@ def _law(
     law = find(row.effect, values)
     yield from _rotation(row, law, rotations)
     yield from _parameters(law, row.parameters, values)
+    for name, text in row.unit.items():
+        if not unknown_unit(text) and units.parse(text).factor != 1.0:
+            yield (
+                ("unit", name),
+                f"is {text!r}, while the value is taken in SI units: convert it, and write its SI unit",
+            )
     if row.joint and row.joint not in members:
         yield ("joint",), f"there is no joint or group {row.joint!r}{those(row.joint, [*joints, *members])}"
     for name in members.get(row.joint, ()):

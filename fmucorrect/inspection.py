@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from fmucorrect import bundle, descriptions, records, sources, units
+from fmucorrect.brief import brief
 from fmucorrect.bundle import Bundle
 from fmucorrect.catalogue.law import FAMILIES
 from fmucorrect.descriptions import Thing
@@ -33,6 +34,8 @@ class Inspection:
     warnings: tuple[Finding, ...] = ()
     seen: tuple[str, ...] = ()
     pairs: Mapping[Path, Sequence[Pair]] = field(default_factory=lambda: {})
+
+    __repr__ = brief
 
     def to_json(self) -> dict[str, Any]:
         """All of it for programs."""
@@ -184,10 +187,6 @@ def _against_model(study: Study, fmu: FmuDescription | None, columns: Mapping[Pa
     """What the study asks for that the FMU (None: left out) and records with these columns do not have."""
     if fmu is None:
         return check_study(study, None, columns)
-    try:
-        fmu = fmu.known(study.simulation.units)
-    except FmucorrectError as error:
-        return [str(error), *check_study(study, None, columns)]
     return check_study(
         study, fmu.units, columns, [variable.name for variable in fmu.of("input")], fmu.defined, fixed(fmu)
     )

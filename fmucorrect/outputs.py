@@ -42,11 +42,16 @@ def mark(command: str) -> str:
     return f"fmucorrect:{command}"
 
 
-def check_file(out: Path, inputs: Inputs, command: str, overwrite: bool) -> None:
-    """Raises OutputError where `out` is an input, a folder, or there already and not made by `command`."""
+def check_file(out: Path, inputs: Inputs, command: str, overwrite: bool, parents: bool = False) -> None:
+    """Raises OutputError where `out` is an input, a folder, or there already and not made by `command`, and where there is no
+    folder for it. parents: that folder will be made."""
     if out.is_dir():
         raise OutputError("this is a folder", where=str(out), expected="the name of the file to write")
     _none_is_read([(out, out)], inputs)
+    if not parents and not out.parent.is_dir():
+        raise OutputError(
+            f"there is no folder {out.parent}", where=str(out), remedy="Make it, or choose another name for -o."
+        )
     if not overwrite and _is_there(out) and not _made_by(out, command):
         raise OutputError(
             f"this file is there already, and nothing in it says that `fmucorrect {command}` may write it anew",

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from fmucorrect import records, sources, units
+from fmucorrect.brief import brief
 from fmucorrect.clocks import Clock, clock
 from fmucorrect.errors import RecordError, SignalError
 from fmucorrect.records import timebase
@@ -53,6 +54,8 @@ class Pair:
     rate: float = 0.0
     clock: str = ""
     defined: Mapping[str, units.Unit] = field(default_factory=lambda: units.NONE)
+
+    __repr__ = brief
 
     @property
     def t_ns(self) -> Int64[np.ndarray, " N"]:

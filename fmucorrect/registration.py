@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float64
 
+from fmucorrect.brief import brief
 from fmucorrect.errors import SignalError
 from fmucorrect.signals import NANOSECONDS, Record
 
@@ -72,6 +73,8 @@ class Offset:
     rate: float = 0.0
     rate_std: float = 0.0
     middle: float = 0.0
+
+    __repr__ = brief
 
 
 def mean_step(record: Record) -> Fraction:

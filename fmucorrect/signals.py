@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from fmucorrect import sketch
+from fmucorrect.brief import brief
 from fmucorrect.errors import MissingExtra, RecordError
 
 if TYPE_CHECKING:
@@ -64,6 +65,8 @@ class Record:
     values: Values
     channels: tuple[Channel, ...]
     metadata: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         expected = (len(self.t_ns), len(self.channels))

@@ -11,12 +11,12 @@ import numpy as np
 
 from fmucorrect import records, units
 from fmucorrect.clocks import Clock, begins, clock, measured_extents
-from fmucorrect.errors import FmuError, RecordError, SignalError, few
+from fmucorrect.errors import FmuError, RecordError, SignalError, StudyError, few
 from fmucorrect.fmu import FmuStepper, IsolatedStepper, Limits, Variable, input_record, open_fmu
 from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Channel, Condition, Reading, Record
 from fmucorrect.stepper import ReplayStepper, Stepper, grid
 from fmucorrect.study import Study, renamed_for_nothing
-from fmucorrect.study_places import place
+from fmucorrect.study_places import by_line, place, units_misfits
 
 ROWS = 1024
 """Samples that are computed and written at once."""
@@ -31,7 +31,7 @@ SIMULATION, CORRECTED = "/simulation", "/corrected"
 
 def plant(study: Study, condition: Condition, *, sees: Sequence[Channel] = (), isolated: bool = True) -> Stepper:
     """The plant of a condition. sees: what a corrector sees beside its channels. isolated: whether a solver runs in a process
-    of its own; without, it can take this one with it, and a call a sample costs less.
+    of its own; without, it can take this one with it, and a call a sample costs less. Raises as `solver`.
     """
     channels = responses(study, sees)
     fmu = study.fmu
@@ -40,6 +40,7 @@ def plant(study: Study, condition: Condition, *, sees: Sequence[Channel] = (), i
     driven = [variable.name for variable in driving(study, condition)]
     if not isolated:
         return solver(study, channels, driven)
+    _check_units(study, fmu)
     it = study.simulation
     return IsolatedStepper(
         fmu,
@@ -53,9 +54,19 @@ def plant(study: Study, condition: Condition, *, sees: Sequence[Channel] = (), i
 
 
 def solver(study: Study, channels: tuple[Channel, ...], inputs: Sequence[str]) -> FmuStepper:
-    """The study's FMU in this process. Raises FmuError where the study has none."""
+    """The study's FMU in this process. Raises FmuError where the study has none, StudyError where units that it gives to
+    variables do not fit, and as a stepper does."""
     it, fmu = study.simulation, fmu_of(study)
+    _check_units(study, fmu)
     return FmuStepper(fmu, channels, inputs=inputs, parameters=it.parameters, units=it.units, tolerance=it.tolerance)
+
+
+def _check_units(study: Study, fmu: Path) -> None:
+    description = open_fmu(fmu, warn=False)
+    wrong = units_misfits(study.simulation.units, description.units, description.defined)
+    if wrong:
+        told = [f"{place(study.places, ('simulation', 'units', name))}: {text}" for name, text in wrong.items()]
+        raise StudyError(str(study.path), by_line(told))
 
 
 def fmu_of(study: Study) -> Path:

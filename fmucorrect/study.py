@@ -15,12 +15,13 @@ from types import MappingProxyType
 from typing import Any
 
 from fmucorrect import sketch
-from fmucorrect.errors import SignalError, StudyError
+from fmucorrect.brief import brief
+from fmucorrect.errors import StudyError
 from fmucorrect.signals import NANOSECONDS, Channel, Condition, Reading
-from fmucorrect.study_places import Location, Places, by_line, like, misfit, nearest, place
+from fmucorrect.study_places import Location, Places, by_line, like, misfit, nearest, place, units_misfits, unknown_unit
 from fmucorrect.study_schema import Excitation, Group, Joint, Rotation, read_study
 from fmucorrect.study_training import Training
-from fmucorrect.units import NONE, Unit, parse
+from fmucorrect.units import NONE, Unit
 
 
 @dataclass(frozen=True)
@@ -88,6 +89,8 @@ class Study:
     training: Training = field(default_factory=Training)
     places: Places = field(default_factory=dict, repr=False, compare=False)
     allow_damaged: bool = False
+
+    __repr__ = brief
 
     def _repr_html_(self) -> str:
         """What a notebook shows: channels and conditions."""
@@ -225,12 +228,18 @@ def check_study(
 ) -> list[str]:
     """What the study asks for and the FMU or the records do not have, one line each, in the order of the file.
 
-    variables: unit by name of the FMU's variables, None to leave the FMU out; inputs: those of them that may be driven.
-    columns: unit by column name, and by the name that a study's [records] gives the column, of each record and input series
-    that was looked into, by its path in `study`; others are left out. defined: units that the FMU declares itself.
+    variables: unit by name of the FMU's variables, as it says them, None to leave the FMU out; inputs: those of them that
+    may be driven. columns: unit by column name, and by the name that a study's [records] gives the column, of each record
+    and input series that was looked into, by its path in `study`; others are left out. defined: units that the FMU declares.
     fixed: why, by name, a variable has no start value that could be unknown.
     """
-    found = [*_check_records(study, variables, columns, defined)]
+    found: list[tuple[Location, str]] = []
+    if variables is not None:
+        wrong = units_misfits(study.simulation.units, variables, defined)
+        found += [(("simulation", "units", name), text) for name, text in wrong.items()]
+        unsaid = {name for name, unit in variables.items() if unit in ("", "1")}
+        variables = {**variables, **{name: unit for name, unit in study.simulation.units.items() if name in unsaid}}
+    found += _check_records(study, variables, columns, defined)
     if variables is not None:
         driven = {name: variables[name] for name in inputs}
         found += [*_check_model(study, variables, defined, fixed), *_check_inputs(study, driven, columns, defined)]
@@ -273,21 +282,17 @@ _NAMED_COLUMNS = ("name", "simulation", "measurement", "acceleration")
 
 
 def _check_units(study: Study, defined: Mapping[str, Unit]) -> Iterator[tuple[Location, str]]:
-    """Units of channels, variables and columns that neither are known nor declared by the FMU."""
+    """Units of channels and columns that neither are known nor declared by the FMU."""
     said: list[tuple[Location, str]] = [
         (("channels", i, "unit"), channel.unit) for i, channel in enumerate(study.channels)
     ]
-    said += [(("simulation", "units", name), unit) for name, unit in study.simulation.units.items()]
     for i, condition in enumerate(study.conditions):
         for name, unit in condition.reading.units.items():
             loc: Location = ("conditions", i, "records", "units", name)
             said.append((loc if loc in study.places else ("records", "units", name), unit))
     for loc, unit in dict.fromkeys(said):
-        if unit not in defined:
-            try:
-                parse(unit)
-            except SignalError as error:
-                yield loc, f"{error} The FMU declares none of that name."
+        if unit not in defined and (text := unknown_unit(unit)):
+            yield loc, f"{text} The FMU declares none of that name."
 
 
 def _check_model(

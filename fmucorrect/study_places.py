@@ -17,14 +17,8 @@ from fmucorrect.errors import SignalError
 Location = tuple[str | int, ...]
 """The path of a value: table, row of an array of tables, keys; as ("channels", 1, "unit")."""
 
-MOST_BYTES = 4 * 2**20
-"""Bytes of a TOML file; the largest that were seen, mapping files of whole vehicles, have 30 000."""
-
 DEEPEST = 16
 """Tables and arrays inside each other; a study has five."""
-
-LONGEST_TEXT = 4096
-"""Characters of one text: a path has no more."""
 
 MOST_NAMES = 1000
 """Files beside a missing one among which a similar name is looked for."""
@@ -60,48 +54,6 @@ def place(places: Places, loc: Location) -> str:
     return f"{places[known]}{mark}{rest}" if rest else places[known]
 
 
-def parse_toml(data: bytes) -> tuple[str, dict[str, Any], list[str]]:
-    """The text of a TOML file, its content, and what is wrong, with its line, where it is none or holds impossible values."""
-    if len(data) > MOST_BYTES:
-        return "", {}, [f"line 1: the file has {len(data)} bytes, expected {MOST_BYTES} at most"]
-    try:
-        text = data.decode("utf-8-sig").replace("\r\n", "\n")
-        document = tomllib.loads(text)
-        found = list(_impossible(document))
-        places = scan(text, document) if found else {}
-        return text, document, [f"{place(places, loc)}: {what}" for loc, what in found]
-    except RecursionError:
-        return "", {}, ["line 1: the file is nested too deeply to be read"]
-    except UnicodeDecodeError as error:
-        return "", {}, [f"line {len(data[: error.start].splitlines()) or 1}: is not UTF-8 text"]
-    except tomllib.TOMLDecodeError as error:
-        what, _, at = str(error).partition(" (at ")
-        line = at.split(",")[0] if at.startswith("line") else f"line {len(data.splitlines())}"
-        return "", {}, [f"{line}: is not TOML: {what}"]
-    except ValueError as error:  # a number of thousands of digits
-        return "", {}, [f"line 1: is not TOML: {error}"]
-
-
-def _impossible(document: Mapping[str, Any]) -> Iterator[tuple[Location, str]]:
-    """Values that nothing here can take, whatever the key: so the checks that follow need not expect them."""
-    waiting: list[tuple[Location, Any]] = [((), document)]
-    while waiting:
-        loc, value = waiting.pop()
-        if len(loc) > DEEPEST:
-            yield loc[:1], f"is nested more than {DEEPEST} deep"
-            return
-        if isinstance(value, dict | list):
-            inner = value.items() if isinstance(value, dict) else enumerate(value)
-            waiting += [((*loc, key), below) for key, below in inner]
-        names = [value, loc[-1]] if loc else [value]
-        if any(isinstance(name, str) and "\0" in name for name in names):
-            yield loc[:-1], "holds a character of code 0, which no name has"
-        if isinstance(value, int) and not -(2**63) <= value < 2**63:
-            yield loc, "is a whole number of more than 64 bits"
-        if isinstance(value, str) and len(value) > LONGEST_TEXT:
-            yield loc, f"is a text of {len(value)} characters, expected {LONGEST_TEXT} at most"
-
-
 def missing_file(folder: Path, name: str, beside: str, record: bool = False) -> str | None:
     """What is wrong where `folder`, in which `beside` lies, has no such file, with the nearest name; None where it has.
 
@@ -131,7 +83,7 @@ def scan(text: str, document: Mapping[str, Any]) -> Places:
     stands behind so many values that nobody wrote them by hand, is left out.
     """
     places: dict[Location, str] = {(): "line 1"}
-    for path, line in islice(_positions(_tokens(text)), MOST_PLACES):
+    for path, line in islice(positions(tokens(text)), MOST_PLACES):
         for n in range(1, len(path) + 1):
             if path[:n] not in places:
                 places[path[:n]] = f"line {line}, {_title(document, path[:n])}"
@@ -143,16 +95,17 @@ _TOKEN = re.compile(
     r"|\'{3}.*?\'{3,5}"
     r'|"(?:\\.|[^"\\\n])*"'
     r"|'[^'\n]*'"
-    r"|#[^\n]*|[\[\]{},=\n]|[^\s\[\]{},=\"'#]+",
+    r"|#[^\n]*|[\[\]{},=\n\"']|[^\s\[\]{},=\"'#]+",
     re.DOTALL,
 )
 """Strings, comments, marks and line ends, and what stands bare between them."""
 
-_Tokens = Iterator[tuple[str, int]]
+Tokens = Iterator[tuple[str, int]]
 """Each with its line."""
 
 
-def _tokens(text: str) -> _Tokens:
+def tokens(text: str) -> Tokens:
+    """What a TOML text consists of, without its comments; a quotation mark by itself begins a string that has no end."""
     line = 1
     for match in _TOKEN.finditer(text):
         if not match[0].startswith("#"):
@@ -160,7 +113,7 @@ def _tokens(text: str) -> _Tokens:
         line += match[0].count("\n")
 
 
-def _positions(tokens: _Tokens, path: Location = (), opened: str = "") -> Iterator[tuple[Location, int]]:
+def positions(tokens: Tokens, path: Location = (), opened: str = "") -> Iterator[tuple[Location, int]]:
     """Headers, keys and entries of arrays, each with the line where it begins, inside of what `opened` begins: an array, a
     table in braces, the file (""), or another value, inside of which there is nothing."""
     rows: dict[Location, int] = {}
@@ -175,12 +128,12 @@ def _positions(tokens: _Tokens, path: Location = (), opened: str = "") -> Iterat
                 fresh = False
                 if len(path) < DEEPEST:
                     yield (*path, index), line
-                yield from _positions(tokens, (*path, index), token)
+                yield from positions(tokens, (*path, index), token)
         elif token == "=":
             inner = (*path, *_keys(key))
             if len(inner) <= DEEPEST:
                 yield inner, first
-            yield from _positions(tokens, inner, next(tokens)[0])
+            yield from positions(tokens, inner, next(tokens)[0])
         elif token == "[" and not key:
             path = _header(tokens, rows)
             yield path, line
@@ -188,7 +141,7 @@ def _positions(tokens: _Tokens, path: Location = (), opened: str = "") -> Iterat
             key, first = key + token, first if key else line
 
 
-def _header(tokens: _Tokens, rows: dict[Location, int]) -> Location:
+def _header(tokens: Tokens, rows: dict[Location, int]) -> Location:
     """The table that a header, of which "[" is read, begins. rows: the last row of each array of tables so far."""
     name = "".join(token for token, _ in takewhile(lambda item: item[0] != "]", tokens))
     *above, last = _keys(name.removeprefix("["))
@@ -260,6 +213,33 @@ def misfit(
             return str(error), expected
         return f"{kind} {name!r} has unit {there[name]!r}", expected
     return None
+
+
+def units_misfits(
+    given: Mapping[str, str], there: Mapping[str, str], defined: Mapping[str, units.Unit] = units.NONE
+) -> dict[str, str]:
+    """What is wrong, by variable, with units that a file gives to variables which the FMU leaves without one.
+
+    there: unit by variable of the FMU. defined: units of the FMU's own.
+    """
+    found: dict[str, str] = {}
+    for name, unit in given.items():
+        if name not in there:
+            found[name] = f"there is no variable {name!r} in the FMU{nearest(name, there)}"
+        elif there[name] not in ("", "1", unit):
+            found[name] = f"{name!r} is in {there[name]!r}, as the FMU says itself, not in {unit!r}"
+        elif unit not in defined and (text := unknown_unit(unit)):
+            found[name] = f"{text} The FMU declares none of that name."
+    return found
+
+
+def unknown_unit(text: str) -> str:
+    """Why nobody but an FMU can know this unit; "" for one that is known."""
+    try:
+        units.parse(text)
+    except SignalError as error:
+        return str(error)
+    return ""
 
 
 def like(unit: str, other: str, defined: Mapping[str, units.Unit] = units.NONE) -> bool:

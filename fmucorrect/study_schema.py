@@ -12,11 +12,10 @@ from typing import Annotated, Any, Literal
 from annotated_types import Gt, Interval, Le, MinLen
 
 from fmucorrect import study_training, units
-from fmucorrect.errors import SignalError
 from fmucorrect.signals import Reading
-from fmucorrect.study_places import Location, Places, missing_file, nearest
+from fmucorrect.study_places import Location, Places, missing_file, nearest, unknown_unit
 from fmucorrect.study_training import Training
-from fmucorrect.toml_table import Found, NotNegative, Positive, Sign, Text, named, read, repeated, shown, those
+from fmucorrect.toml_table import Found, NotNegative, Positive, Sign, Text, doubted, named, read, repeated, shown, those
 
 _QUANTITIES = {
     "displacement": ("m",),
@@ -26,15 +25,6 @@ _QUANTITIES = {
     "angle": ("rad",),
 }
 Quantity = Literal["displacement", "velocity", "acceleration", "force", "angle"]
-
-
-def unknown_unit(text: str) -> str:
-    """Why nobody but an FMU can know this unit; "" for one that is known."""
-    try:
-        units.parse(text)
-    except SignalError as error:
-        return str(error)
-    return ""
 
 
 LONGEST_STEP = 86_400.0
@@ -86,12 +76,18 @@ Feature = Annotated[float, Interval(ge=0, le=FASTEST)]
 
 
 @dataclass(frozen=True)
-class SimulationTable:
-    """[simulation]. units: also the FMU's own, which check_study knows."""
+class ModelTable:
+    """What is run, and how."""
 
     step_size: Annotated[float, _step, "the communication step in s, as step_size = 0.001"]
     fmu: Text | None = None
     parameters: Mapping[str, float] = field(default_factory=dict[str, float])
+
+
+@dataclass(frozen=True)
+class SimulationTable(ModelTable):
+    """[simulation]. units: also the FMU's own, which check_study knows."""
+
     step_timeout: Positive | None = None
     tolerance: Positive | None = None
     units: Mapping[str, str] = field(default_factory=dict[str, str])
@@ -228,7 +224,7 @@ class StudyTable:
 
 def read_study(data: bytes, folder: Path) -> tuple[StudyTable, Places, list[str]]:
     """What a file says whose paths are relative to `folder`, where its values stand, and all that is wrong."""
-    return read(data, StudyTable, partial(_misfits, folder=folder))
+    return read(data, StudyTable, partial(_misfits, folder=folder), _doubts)
 
 
 def _misfits(table: StudyTable, places: Places, folder: Path) -> Found:
@@ -237,7 +233,8 @@ def _misfits(table: StudyTable, places: Places, folder: Path) -> Found:
     yield from repeated(named("joints", table.joints) + named("groups", table.groups), places)
     yield from repeated(named("rotations", table.rotations), places)
     yield from repeated(named("conditions", table.conditions), places)
-    yield from _units(table)
+    yield from _unknown_units(table) if table.simulation.fmu is None else ()
+    yield from _other_quantities(table)
     joints = [joint.name for joint in table.joints]
     for i, group in enumerate(table.groups):
         for name in group.joints:
@@ -267,14 +264,20 @@ def _records(table: StudyTable) -> list[tuple[Location, RecordsTable]]:
     return own + [(("conditions", i, "records"), row.records) for i, row in enumerate(table.conditions)]
 
 
-def _units(table: StudyTable) -> Found:
-    """Units that are not known, or are none of their quantity. An FMU may declare some of its own, which check_study knows."""
+def _doubts(table: StudyTable) -> Found:
+    """Units that only the FMU can know, which check_study asks."""
+    yield from doubted(_unknown_units(table) if table.simulation.fmu is not None else ())
+
+
+def _unknown_units(table: StudyTable) -> Found:
     told = [(("channels", i, "unit"), row.unit) for i, row in enumerate(table.channels)]
     for loc, units_of in ((("simulation",), table.simulation), *_records(table)):
         told += [((*loc, "units", name), unit) for name, unit in units_of.units.items()]
-    for loc, unit in told if table.simulation.fmu is None else ():
-        if text := unknown_unit(unit):
-            yield loc, text
+    yield from ((loc, text) for loc, unit in told if (text := unknown_unit(unit)))
+
+
+def _other_quantities(table: StudyTable) -> Found:
+    """Units that are none of their channel's quantity."""
     for i, row in enumerate(table.channels):
         known = _QUANTITIES.get(row.quantity, ())
         if known and not unknown_unit(row.unit):

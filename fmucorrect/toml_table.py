@@ -20,7 +20,9 @@ from typing import Annotated, Any, Literal, TypeVar, Union, cast, get_args, get_
 
 from annotated_types import Ge, Gt, Interval, Le, MinLen
 
-from fmucorrect.study_places import Location, Places, by_line, nearest, parse_toml, place, scan
+from fmucorrect.study_places import Location, Places, by_line, nearest, place, scan
+from fmucorrect.toml_text import parse_toml
+from fmucorrect.toml_value import toml
 
 Text = Annotated[str, MinLen(1)]
 Positive = Annotated[float, Gt(0)]
@@ -38,11 +40,14 @@ SHOWN = 200
 T = TypeVar("T")
 
 
-def read(data: bytes, kind: type[T], misfits: Callable[[T, Places], Found]) -> tuple[T, Places, list[str]]:
+def read(
+    data: bytes, kind: type[T], misfits: Callable[[T, Places], Found], doubts: Callable[[T], Found] = lambda _: iter(())
+) -> tuple[T, Places, list[str]]:
     """The table that a TOML file is, where its values stand, and all that is wrong, a line each, in the order of the file.
 
     misfits: what does not fit between the values of a table, some of which may be blank; left out where the
-    value itself is wrong already.
+    value itself is wrong already. doubts: what may be wrong, which another file settles; told only beside something that
+    is wrong, so that both are mended at once.
     """
     text, document, wrong = parse_toml(data)
     if wrong:
@@ -50,11 +55,16 @@ def read(data: bytes, kind: type[T], misfits: Callable[[T, Places], Found]) -> t
     places = scan(text, document)
     problems: list[Problem] = []
     table = _table(kind, document, (), problems)
+    problems = _untold(misfits(table, places), problems) + problems
+    if problems:
+        problems += _untold(doubts(table), problems)
+    return table, places, by_line(f"{place(places, loc)}: {what}" for loc, what in problems)
+
+
+def _untold(found: Found, problems: list[Problem]) -> list[Problem]:
+    """What was found where nothing is wrong already."""
     told = {loc for loc, _ in problems}
-    more = [
-        (loc, what) for loc, what in misfits(table, places) if not any(loc[:n] in told for n in range(1, len(loc) + 1))
-    ]
-    return table, places, by_line(f"{place(places, loc)}: {what}" for loc, what in more + problems)
+    return [(loc, what) for loc, what in found if not any(loc[:n] in told for n in range(1, len(loc) + 1))]
 
 
 def named(table: str | Location, rows: Iterable[Any]) -> list[tuple[Location, str]]:
@@ -74,6 +84,11 @@ def repeated(rows: Iterable[tuple[Location, str]], places: Places) -> Found:
 def unknown(key: str, known: Iterable[str]) -> str:
     """What is wrong with a key that a table with these does not have."""
     return f"is not known{nearest(key, known) or '; known here: ' + ', '.join(known)}"
+
+
+def doubted(units: Iterable[Problem]) -> Found:
+    """Units that are not known here, as `read` takes them for doubts."""
+    yield from ((loc, f"{text} Leave it where the FMU declares it.") for loc, text in units)
 
 
 def those(name: str, known: Iterable[str], what: str = "there are") -> str:
@@ -225,5 +240,5 @@ def _path(loc: Location) -> str:
 
 def shown(value: Any) -> str:
     """A wrong value, as much of it as one line takes."""
-    text = repr(value)
+    text = repr(value) if isinstance(value, str) else toml(value)
     return text if len(text) <= SHOWN else f"{text[:SHOWN]} ..."

@@ -222,7 +222,7 @@ def test_bad_studies_bundles_and_files_are_one_message(model: Path, tmp_path: Pa
     tampered.write_bytes(model.read_bytes().replace(b"window", b"windaw"))
     refused(call("run", STUDY, "--condition", "385", "--corrector", tampered, "-o", out), "tampered.onnx")
     refused(call("replay", tmp_path / "no.csv", "--corrector", model, *CONDITION, "-o", out), "there is no such file")
-    refused(call("run", STUDY, "--condition", "385", "-o", tmp_path / "no" / "out.mcap"), "cannot be written")
+    refused(call("run", STUDY, "--condition", "385", "-o", tmp_path / "no" / "out.mcap"), "there is no folder")
     refused(call("run", STUDY), "Missing option")
     refused(call("inspect", tmp_path / "what.xyz"), "suffix")
 

@@ -11,6 +11,7 @@ from click.testing import CliRunner, Result
 
 from fmucorrect import cli
 from fmucorrect.cli.contact import LENGTHS, UNITS
+from fmucorrect.railway.contact import table
 from fmucorrect.railway.contact.equivalent_conicity import equivalent_conicity
 from fmucorrect.railway.contact.geometry import Placement, WheelOnRail
 from fmucorrect.railway.contact.profile_file import UNITS as KNOWN
@@ -79,9 +80,9 @@ def test_profiles_that_simpack_wrote(tmp_path: Path) -> None:
     files = (REFERENCE / "MBench_S1002_v3.prw", REFERENCE / "MBench_UIC60_v3.prr")
     done = call(*files, "--inclination", "0", "--softness", "0.001", "--width", "0", "-o", tmp_path / "contact.csv")
     assert done.exit_code == 0, done.output
-    table = columns(tmp_path / "contact.csv")
-    difference = table["radius"] - table["radius"][::-1]
-    assert equivalent_conicity(table["y"], difference, 3e-3) == pytest.approx(0.182, rel=0.02)
+    made = columns(tmp_path / "contact.csv")
+    difference = made["radius"] - made["radius"][::-1]
+    assert equivalent_conicity(made["y"], difference, 3e-3) == pytest.approx(0.182, rel=0.02)
 
 
 @pytest.mark.parametrize(
@@ -94,12 +95,16 @@ def test_profiles_that_simpack_wrote(tmp_path: Path) -> None:
         (("S1002", "60E1", "--gauge", "nan"), "gauge out of range"),
         (("S1002", "60E1", "--smooth", "nan"), "smoothing length out of range"),
         (("S1002", "60E1", "--reach", "80"), "runs off the profiles"),
-        (("S1002", "60E1", "--reach", "inf"), "'--reach'"),
-        (("S1002", "60E1", "--step", "0"), "'--step'"),
-        (("S1002", "60E1", "--step", "nan"), "--step"),
+        (("S1002", "60E1", "--reach", "inf"), "--reach is inf mm: 0.001 to 100 mm is expected"),
+        (("S1002", "60E1", "--reach", "-3"), "--reach is -3 mm: 0.001 to 100 mm is expected"),
+        (("S1002", "60E1", "--reach", "nan"), "--reach is nan mm: 0.001 to 100 mm is expected"),
+        (("S1002", "60E1", "--step", "0"), "--step is 0 mm: 0.001 mm to --reach, 15 mm, is expected"),
+        (("S1002", "60E1", "--step", "nan"), "--step is nan mm"),
+        (("S1002", "60E1", "--radius", "0.43"), "radius out of range, expected 100 to 1500 mm, got 0.43 mm"),
+        (("S1002", "60E1", "--back-to-back", "1440"), "gauge of 1435 mm from flange to flange, got 1505.0 mm: back-to"),
+        (("S1002", "60E1", "--gauge", "1000"), "gauge of 1000 mm from flange to flange, got 1425.0 mm: back-to-back"),
         (("S1002", "60E1", "--step", "20"), "--step is 20 mm"),
-        ((SHIPPED, "60E1"), "Write that line, or name the unit (--wheel-unit"),
-        ((SHIPPED, "60E1", "--wheel-unit", "m"), "does not hold two numbers"),
+        ((SHIPPED, "60E1", "--wheel-unit", "m"), "is neither two numbers nor a header"),
     ],
 )
 def test_it_says_what_is_wrong(tmp_path: Path, arguments: tuple[object, ...], message: str) -> None:
@@ -108,6 +113,31 @@ def test_it_says_what_is_wrong(tmp_path: Path, arguments: tuple[object, ...], me
     assert message in done.output
     assert "Traceback" not in done.output
     assert not (tmp_path / "contact.csv").exists()
+
+
+@pytest.mark.parametrize(
+    ("out", "message"),
+    [
+        ("none/contact.csv", "there is no folder"),
+        ("contact.xlsx", "the table is written as CSV, to a name that ends in .csv or .txt, or has no ending"),
+        ("contact.mat", "the table is written as CSV"),
+    ],
+)
+def test_where_it_cannot_write_is_said_before_it_computes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, out: str, message: str
+) -> None:
+    monkeypatch.setattr(table, "make_contact_table", None)  # called, it would be another error
+    done = call("S1002", "60E1", "-o", tmp_path / out)
+    assert done.exit_code == 2, done.output
+    assert message in done.output
+    assert not [*tmp_path.iterdir()]
+
+
+@pytest.mark.parametrize("out", ["contact", "contact.txt", "contact.CSV"])
+def test_names_of_text_are_written(tmp_path: Path, out: str) -> None:
+    done = call("S1002", "60E1", "--reach", "1", "--step", "0.5", "-o", tmp_path / out)
+    assert done.exit_code == 0, done.output
+    assert (tmp_path / out).is_file()
 
 
 def test_what_the_help_says_holds() -> None:

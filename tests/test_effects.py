@@ -282,6 +282,10 @@ def test_a_missing_velocity_is_no_problem_but_other_ports_are(tmp_path):
         ("format = 1\neffects = 3\n", "line 2, key effects: must be an array of tables: write [[effects]]"),
         ("format = 1\neffects = [3]\n", "must be a table: write [[effects]]"),
         ("", "line 1, key format: is missing: write format = 1"),
+        (
+            EXAMPLE.replace('friction_force = "N"', 'friction_force = "kN"'),
+            "line 9, [[effects]] 1, key unit.friction_force: is 'kN', while the value is taken in SI units",
+        ),
         (b"format = 1\n# \xff\n", "line 2: is not UTF-8 text"),
         ("format = 1\n[[effects]]\njoint = 3\n", "key effect: is missing"),
         (

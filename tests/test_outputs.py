@@ -97,6 +97,15 @@ def test_no_file_that_is_read_is_written_over(place: Path, command: str, flag: t
     assert content(place) == before
 
 
+@pytest.mark.parametrize("command", ["run", "replay", "inspect", "diagnose"])
+def test_a_folder_that_is_not_there_is_told_before_anything_is_read(place: Path, command: str) -> None:
+    arguments, read = commands(place)[command]
+    result = call(*arguments, "-o", place / "none" / f"new{read[0].suffix}")
+    assert result.exit_code == 2
+    assert f"there is no folder {place / 'none'}. Make it, or choose another name for -o." in result.output
+    assert not (place / "none").exists()
+
+
 def companions(place: Path) -> Iterator[tuple[Path, Path]]:
     """Records, and a file that belongs to each."""
     for name in (

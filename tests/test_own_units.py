@@ -11,6 +11,7 @@ import pytest
 from fmucorrect.errors import StudyError
 from fmucorrect.inspection import inspect
 from fmucorrect.pairs import pair, read_samples
+from fmucorrect.sources import plant
 from fmucorrect.study import load_study
 from fmucorrect.units import Unit, in_base_units, known_to_all, parse
 
@@ -79,6 +80,37 @@ def test_a_unit_that_nobody_declares_is_one_error(study):
     study.write_text(STUDY.replace('"raised"', '"risen"').replace('fmu = "own.fmu"', ""))
     with pytest.raises(StudyError, match="unit 'risen' is not known"):
         load_study(study)
+
+
+def test_units_of_variables_have_their_lines_beside_all_else_that_is_wrong(study):
+    """In one go where the file alone shows something, and in one go where only the FMU does."""
+    told = 'step_size = 0.01\nunits = { "mass1.x" = "cm", "joint1.f" = "furlong", "masss" = "kg", "x3" = "m" }'
+    text = STUDY.replace("step_size = 0.01", told).replace('unit = "mm"', 'unit = "furlong"')
+    study.write_text(text)
+    misfits = [line.partition("line ")[2] for line in inspect([study]).misfits]
+    for start in (
+        "5, [simulation], key units.mass1.x: 'mass1.x' is in 'mmm', as the FMU says itself, not in 'cm'",
+        "5, [simulation], key units.joint1.f: 'joint1.f' is in 'N', as the FMU says itself, not in 'furlong'",
+        "5, [simulation], key units.masss: there is no variable 'masss' in the FMU; did you mean 'masses'?",
+        "11, [[channels]] 1 \"x1\", key unit: unit 'furlong' is not known",
+    ):
+        assert [line for line in misfits if line.startswith(start)], (start, misfits)
+    assert not [line for line in misfits if "x3" in line]
+    known = load_study(study.with_name("study.toml"))
+    for isolated in (True, False):
+        with pytest.raises(StudyError) as refused:  # as run, train and diagnose meet them
+            plant(known, known.conditions[0], isolated=isolated)
+        assert [line.split(": ")[0] for line in refused.value.problems] == [
+            f"line 5, [simulation], key units.{name}" for name in ("mass1.x", "joint1.f", "masss")
+        ]
+    study.write_text(text.replace('quantity = "displacement"', 'quantity = "length"'))
+    with pytest.raises(StudyError) as caught:
+        load_study(study)
+    problems = "\n".join(caught.value.problems)
+    assert "line 5, [simulation], key units.joint1.f: unit 'furlong' is not known" in problems
+    assert 'line 10, [[channels]] 1 "x1", key quantity' in problems
+    assert "line 11, [[channels]] 1 \"x1\", key unit: unit 'furlong' is not known" in problems
+    assert "Leave it where the FMU declares it" in problems
 
 
 def test_what_others_must_read_is_in_base_units():

@@ -40,7 +40,7 @@ SINGLE = [
         'fmu = "rollerrig2.fmu" ',
         "[simulation], key fmu: there is no file 'rollerrig2.fmu' beside the study; did you mean 'RollerRig.fmu'?",
     ),
-    ("parameters = { } ", "parameters = { a = true } ", "[simulation], key parameters.a: must be a number, got True"),
+    ("parameters = { } ", "parameters = { a = true } ", "[simulation], key parameters.a: must be a number, got true"),
     ("parameters = { } ", "parameters = 3 ", "[simulation], key parameters: must be a table, as { key = value }, got 3"),
     ('unit = "mm" ', 'unti = "mm" ', f"{CHANNEL}, key unti: is not known; did you mean 'unit'?"),
     ('unit = "mm" ', 'unit = "N" ', f"{CHANNEL}, key unit: 'N' is no unit of displacement; write one like 'm'"),
@@ -188,11 +188,10 @@ def test_all_problems_at_once(folder: Path) -> None:
 
 
 def test_not_toml(folder: Path) -> None:
-    assert problems(folder, edited(("noise = 0.02", "noise = "))) == [
-        f"line {line_of(EXAMPLE, 'noise')}: is not TOML: Invalid value"
-    ]
+    (problem,) = problems(folder, edited(("noise = 0.02", "noise = ")))
+    assert problem.startswith(f"line {line_of(EXAMPLE, 'noise')}: is not TOML: a value is missing, in: noise = ")
     (problem,) = problems(folder, 'format = 1\nname = """\nopen')
-    assert problem.startswith("line 3: is not TOML: ")
+    assert problem.startswith("line 2: is not TOML: a text that begins here has no end")
     (folder / "study.toml").write_bytes(b"format = 1\nname = '\xff'\n")
     with pytest.raises(StudyError, match="line 2: is not UTF-8 text"):
         load_study(folder / "study.toml")

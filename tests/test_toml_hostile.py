@@ -15,18 +15,23 @@ from typing import Any
 import pytest
 
 from fmucorrect import effects, study_places
+from fmucorrect.bundle import Info
 from fmucorrect.errors import FmucorrectError, StudyError
+from fmucorrect.fmu import open_fmu
 from fmucorrect.railway.assessment import load_assessment
+from fmucorrect.signals import Channel
 from fmucorrect.study import load_study
-from fmucorrect.study_places import DEEPEST, LONGEST_TEXT, MOST_BYTES, parse_toml, scan
+from fmucorrect.study_places import DEEPEST, scan
+from fmucorrect.toml_text import LONGEST_TEXT, MOST_BYTES, parse_toml
 from fmucorrect.wrapping.wiring import read_mapping
 
 FMUS = Path(__file__).parents[1] / "fmus"
+OSCILLATOR = FMUS / "oscillator" / "oscillator.fmu"
 CASES = Path(__file__).parents[2] / "shared" / "cases" / "hostile"
 EFFECTS = """format = 1
 coupling_step = 0.001
 effects = [
-    { effect = "linear_damper", joint = "g", parameters = { c = 100.0 }, std = { c = 1.0 }, unit = { c = "N.s/m" } },
+    { effect = "viscous_damping", joint = "g", parameters = { damping = 100.0 }, std = { damping = 1.0 } },
     { effect = "parameter_offset", joint = "k", parameters = { value = 3.0 }, probability = 0.9, equation = "k" },
 ]
 joints = [{ name = "j", force = "f", displacement = "d", velocity = "v", sign = 1, kinds = ["damper"] }]
@@ -34,13 +39,25 @@ groups = [{ name = "g", joints = ["j"] }]
 rotations = [{ name = "wheel", radius = 0.43, speed = "v" }]
 """
 MAPPING = """[channels]
-FW = "y"
+FW = "mass1.x"
 [conditions]
-speed = "v"
+speed = "mass1.v"
 amplitude = 0.03
 [parameters]
-k = 1.0
+k1 = 1000.0
 """
+KNOWN = Info(
+    name="oscillator",
+    channels=(Channel("FW", "mm"),),
+    rows=1,
+    step_ns=1_000_000,
+    uncorrected=(1.0,),
+    envelope={},
+    conditions=({"name": "one", "speed": 3.0},),
+    study_hash="",
+    versions={},
+)
+"""A corrector that the mapping fits."""
 HOSTILE: list[Any] = [
     *(True, 0, -1, 2**63, 10**400, 1e-300, 5e-324, 1e308, math.inf, -math.inf, math.nan, -0.0, 1e-9),
     *(
@@ -131,7 +148,7 @@ SEEDS: list[tuple[Path | None, bytes, Callable[[Path], object]]] = [
     (FMUS / "full_vehicle" / "assess.toml", b"", load_assessment),
     (FMUS / "cooperrider" / "assess.toml", b"", load_assessment),
     (None, EFFECTS.encode(), effects.read),
-    (None, MAPPING.encode(), read_mapping),
+    (None, MAPPING.encode(), lambda path: read_mapping(path, open_fmu(OSCILLATOR), KNOWN)),
 ]
 
 
@@ -147,6 +164,9 @@ def test_hostile_values_give_one_error_or_none(tmp_path: Path, number: int) -> N
             for file in (source.parent if place == folder else source.parent.parent).iterdir():
                 if file.is_file():
                     (place / file.name).symlink_to(file)
+    unchanged = folder / "unchanged.toml"
+    unchanged.write_bytes(data)
+    load(unchanged)
     dice, refused = random.Random(number), 0
     for i in range(60):
         file = folder / f"hostile_{i}.toml"
@@ -169,10 +189,10 @@ def test_shared_cases_are_refused(path: Path | None) -> None:
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("a = " + "[" * 5000, "nested too deeply"),
-        ("x = 1\na = " + "[" * (DEEPEST + 1) + "]" * (DEEPEST + 1), f"key a: is nested more than {DEEPEST} deep"),
+        ("a = " + "[" * 5000, f"line 1: is nested more than {DEEPEST} deep"),
+        ("x = 1\na = " + "[" * (DEEPEST + 1) + "]" * (DEEPEST + 1), f"line 2: is nested more than {DEEPEST} deep"),
         ("x = 1\na = { b = 9223372036854775808 }", "line 2, [a], key b: is a whole number of more than 64 bits"),
-        ("a = -" + "9" * 5000, "is not TOML"),
+        ("a = -" + "9" * 5000, "line 1: is a number of 5000 digits"),
         ("a = 0x" + "f" * 5000, "more than 64 bits"),
         ('a = "b\\u0000"', "character of code 0"),
         ('"a\\u0000" = 1', "character of code 0"),

@@ -82,23 +82,23 @@ def test_a_table_becomes_the_dataclass_that_it_says() -> None:
     [
         ("mas = 1", "key mas: is not known; did you mean 'mass'?"),
         ("mass = 0", "key mass: must be above 0, got 0"),
-        ("mass = true", "key mass: must be a number, got True"),
+        ("mass = true", "key mass: must be a number, got true"),
         ("mass = nan", "key mass: must be a finite number, got nan"),
         ("mass = 1e400", "key mass: must be a finite number, got inf"),
-        ("mass = 1979-05-27", "key mass: must be a number, got datetime.date(1979, 5, 27)"),
+        ("mass = 1979-05-27", "key mass: must be a number, got 1979-05-27"),
         ("load = -0.5", "key load: must be at least 0, got -0.5"),
         ("share = 1.5", "key share: must be between 0 and 1, got 1.5"),
         ("doors = 3", "key doors: must be even, got 3"),
         ("doors = 4.0", "key doors: must be a whole number, got 4.0"),
-        ("seats = true", "key seats: must be a whole number, got True"),
+        ("seats = true", "key seats: must be a whole number, got true"),
         ("open = 1", "key open: must be true or false, got 1"),
         ("sign = 2", "key sign: must be 1 or -1, got 2"),
-        ("sign = true", "key sign: must be 1 or -1, got True"),
+        ("sign = true", "key sign: must be 1 or -1, got true"),
         ('sign = "1"', "key sign: must be 1 or -1, got '1'"),
         ("words = 1", "key words: must be a string in quotes, got 1"),
         ("widths = [1]", "key widths: must have at least 2 entries, got [1]"),
         ("spring.counts = [1, 2.5]", "[spring], key counts.1: must be a whole number, got 2.5"),
-        ("widths = { a = 1 }", "[widths]: must be an array, as [ ... ], got {'a': 1}"),
+        ("widths = { a = 1 }", "[widths]: must be an array, as [ ... ], got { a = 1 }"),
         ("spring = 3", "key spring: must be a table, got 3"),
         ("spring.stiffness = -1", "[spring], key stiffness: must be at least 0, got -1"),
         ("spring.stiffness = nan", "[spring], key stiffness: must be at least 0, got nan"),
@@ -147,7 +147,7 @@ def test_what_is_wrong_already_is_not_told_twice() -> None:
 
 def test_a_file_that_is_no_toml_is_one_problem_and_a_blank_table() -> None:
     found, problems = car("mass = ")
-    assert problems == ["line 1: is not TOML: Invalid value"]
+    assert problems == ["line 1: is not TOML: a value is missing, in: mass ="]
     assert math.isnan(found.mass)
 
 

@@ -21,6 +21,8 @@ LENGTHS = {
 }
 """Options whose defaults stand in Placement and Smoothing."""
 UNITS = ("m", "cm", "mm", "um", "in")
+ENDINGS = (".csv", ".txt", "")
+"""Of a file of text; another one says that it is of another format."""
 
 
 def _lengths(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -39,10 +41,8 @@ def _lengths(command: Callable[..., Any]) -> Callable[..., Any]:
 @click.option("--wheel-unit", type=click.Choice(UNITS), help="Unit of a wheel profile in columns that name none.")
 @click.option("--rail-unit", type=click.Choice(UNITS), help="Unit of a rail profile in columns that name none.")
 @click.option("--smooth", type=float, default=0.0, help="Smooth the profiles over so many mm; 8 for 10 um of noise.")
-@click.option(
-    "--reach", type=click.FloatRange(max=100.0), default=15.0, help="Largest lateral displacement, mm; default: 15."
-)
-@click.option("--step", type=click.FloatRange(min=0.001), default=0.05, help="Step in it, mm; default: 0.05.")
+@click.option("--reach", type=float, default=15.0, help="Largest lateral displacement, mm; default: 15.")
+@click.option("--step", type=float, default=0.05, help="Step in it, mm; default: 0.05.")
 @_lengths
 @OVERWRITE
 def contact(
@@ -76,8 +76,13 @@ def contact(
     from fmucorrect.railway.contact.smoothing import smoothed
     from fmucorrect.railway.contact.table import Smoothing, make_contact_table, write_contact_table
 
-    if not step <= reach:
-        raise UserError(f"--step is {step:g} mm: no larger than --reach, {reach:g} mm, is expected")
+    if not 0.001 <= reach <= 100.0:
+        raise UserError(f"--reach is {reach:g} mm: 0.001 to 100 mm is expected")
+    if not 0.001 <= step <= reach:
+        raise UserError(f"--step is {step:g} mm: 0.001 mm to --reach, {reach:g} mm, is expected")
+    if out.suffix.lower() not in ENDINGS:
+        written = " or ".join(filter(None, ENDINGS))
+        raise UserError(f"-o {out}: the table is written as CSV, to a name that ends in {written}, or has no ending")
     outputs.check_file(out, [("the wheel", Path(wheel)), ("the rail", Path(rail))], "contact", overwrite)
     given = {name: value * 1e-3 for name, value in lengths.items() if value is not None}
     placement = Placement(inclination=_angle(inclination), **_some(given, "gauge", "back_to_back", "radius"))

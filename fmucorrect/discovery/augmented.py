@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import json
 import os
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from fmucorrect import effects as effects_file
-from fmucorrect import outputs
+from fmucorrect import outputs, toml_value
 from fmucorrect.discovery.model import Model, overrides, start_value
 from fmucorrect.discovery.output import adjusted
 from fmucorrect.discovery.problem import Problem
@@ -19,7 +17,7 @@ from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, Term
 from fmucorrect.effects import Effects, ForceEffect, ParameterOffset, Remarks
 from fmucorrect.errors import FmucorrectError
 from fmucorrect.study import Study
-from fmucorrect.study_places import parse_toml
+from fmucorrect.toml_text import parse_toml
 from fmucorrect.wrapping.wiring import known_by_solver
 
 
@@ -154,14 +152,14 @@ def _table(table: Mapping[str, Any], place: Sequence[str]) -> Iterator[str]:
     tables = {key: value for key, value in table.items() if isinstance(value, Mapping)}
     for key, value in table.items():
         if key not in rows and key not in tables:
-            yield f"{_key(key)} = {_value(value)}"
+            yield f"{toml_value.key(key)} = {toml_value.toml(value)}"
     for key, value in tables.items():
         yield f"\n[{_name(place, key)}]"
         yield from _table(value, (*place, key))
     for key, value in rows.items():
         for row in value:
             yield f"\n[[{_name(place, key)}]]"
-            yield from (f"{_key(name)} = {_value(entry)}" for name, entry in row.items())
+            yield from (f"{toml_value.key(name)} = {toml_value.toml(entry)}" for name, entry in row.items())
 
 
 def _tables(values: Sequence[Any]) -> bool:
@@ -169,18 +167,4 @@ def _tables(values: Sequence[Any]) -> bool:
 
 
 def _name(place: Sequence[str], key: str) -> str:
-    return ".".join(map(_key, (*place, key)))
-
-
-def _key(name: str) -> str:
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _value(name)
-
-
-def _value(value: Any) -> str:
-    if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{_key(key)} = {_value(entry)}" for key, entry in value.items()) + " }"
-    if isinstance(value, list):
-        return f"[{', '.join(map(_value, value))}]"
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-    return str(value).lower() if isinstance(value, bool) else repr(value)
+    return ".".join(map(toml_value.key, (*place, key)))

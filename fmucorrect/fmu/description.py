@@ -20,6 +20,7 @@ from fmucorrect import outputs, unchanged
 from fmucorrect.errors import FmuError
 from fmucorrect.fmu import archive
 from fmucorrect.fmu.elements import element_names
+from fmucorrect.study_places import units_misfits
 from fmucorrect.units import Unit
 
 _LIBRARY_SUFFIXES = (".so", ".dll", ".dylib")
@@ -136,17 +137,11 @@ class FmuDescription:
 
     def known(self, units: Mapping[str, str], tolerance: float | None = None) -> FmuDescription:
         """The same with units of variables that it leaves without one, and with another tolerance of the solver. Raises
-        FmuError that names every unknown variable, and every one whose unit the FMU says otherwise."""
-        problems = self.unknown(units, "variable")
-        told = {name: unit for name, unit in units.items() if name in self.variables}
-        for name, unit in told.items():
-            there = self.variables[name].unit
-            if there not in ("", "1", unit):
-                problems.append(f"{name!r} is in {there!r}, as the FMU says itself, not in {unit!r}")
-        if problems:
-            raise FmuError("; ".join(problems), where=str(self.path), remedy="Mend units in [simulation].")
+        FmuError with everything that is wrong with them."""
+        if problems := units_misfits(units, self.units, self.defined):
+            raise FmuError("; ".join(problems.values()), where=str(self.path), remedy="Mend units in [simulation].")
         variables = dict(self.variables) | {
-            name: replace(self.variables[name], unit=unit) for name, unit in told.items()
+            name: replace(self.variables[name], unit=unit) for name, unit in units.items()
         }
         return replace(self, variables=variables, tolerance=self.tolerance if tolerance is None else tolerance)
 

@@ -13,13 +13,20 @@ _INTEGERS = ("Integer", "Enumeration", "Boolean")
 
 def start_values(description: FmuDescription, values: Mapping[str, float]) -> dict[Variable, float]:
     """`values` by variable. Raises FmuError that names every unknown, fixed, out-of-range or ill-typed one at once."""
-    problems = description.unknown(values, "parameter")
-    known = {description.variables[name]: value for name, value in values.items() if name in description.variables}
-    for variable, value in known.items():
-        problems += _problems(variable, value)
-    if problems:
-        raise FmuError("start values do not fit: " + "; ".join(problems), where=str(description.path))
-    return known
+    if problems := misfits(description, values):
+        raise FmuError("start values do not fit: " + "; ".join(problems.values()), where=str(description.path))
+    return {description.variables[name]: value for name, value in values.items()}
+
+
+def misfits(description: FmuDescription, values: Mapping[str, float]) -> dict[str, str]:
+    """What is wrong with start values, by name."""
+    found: dict[str, str] = {}
+    for name, value in values.items():
+        variable = description.variables.get(name)
+        problem = _problem(variable, value) if variable else description.unknown([name], "parameter")[0]
+        if problem:
+            found[name] = problem
+    return found
 
 
 def fixed(description: FmuDescription) -> dict[str, str]:
@@ -37,15 +44,15 @@ def _fixed(variable: Variable) -> str:
     )
 
 
-def _problems(variable: Variable, value: float) -> list[str]:
+def _problem(variable: Variable, value: float) -> str:
     name = repr(variable.name)
     if not variable.number:
-        return [f"{name} is no single number (type {variable.type}, shape {variable.shape})"]
+        return f"{name} is no single number (type {variable.type}, shape {variable.shape})"
     if not variable.settable:
-        return [f"{name} is a {variable.variability} {variable.causality}, whose value the model computes"]
+        return f"{name} is a {variable.variability} {variable.causality}, whose value the model computes"
     if not math.isfinite(value):
-        return [f"{name} is {value}"]
+        return f"{name} is {value}"
     if not variable.minimum <= value <= variable.maximum:
-        return [f"{name} = {value:g} is outside [{variable.minimum:g}, {variable.maximum:g}] {variable.unit}".rstrip()]
+        return f"{name} = {value:g} is outside [{variable.minimum:g}, {variable.maximum:g}] {variable.unit}".rstrip()
     whole = variable.type in _INTEGERS or "Int" in variable.type
-    return [f"{name} = {value:g} is not a whole number"] if whole and value != math.floor(value) else []
+    return f"{name} = {value:g} is not a whole number" if whole and value != math.floor(value) else ""

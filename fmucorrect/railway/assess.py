@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from fmucorrect import sketch
+from fmucorrect.brief import brief
 from fmucorrect.errors import FmuError, SolverDied, StudyError
 from fmucorrect.fmu import IsolatedStepper, Limits, open_fmu
 from fmucorrect.railway.assessment import SECTIONS, Assessment, check_assessment
@@ -45,6 +46,8 @@ class Findings:
     critical_speed: CriticalSpeedAssessment | None
     safety: RunningSafety | None
     seconds: float
+
+    __repr__ = brief
 
     @property
     def passed(self) -> bool:

@@ -7,7 +7,7 @@ what the FMU has. Both name the line of the file. A section that is not there is
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -15,7 +15,7 @@ from types import MappingProxyType
 
 from fmucorrect.errors import SignalError, StudyError
 from fmucorrect.fmu import FmuDescription
-from fmucorrect.railway.assessment_checks import misfits
+from fmucorrect.railway.assessment_checks import doubts, misfits
 from fmucorrect.railway.assessment_schema import AssessmentTable, CriticalSpeedTable, SafetyTable
 from fmucorrect.railway.constants import KMH
 from fmucorrect.railway.preload.mapping import PreloadMapping
@@ -37,7 +37,7 @@ from fmucorrect.railway.stability.disturbance import Disturbance
 from fmucorrect.railway.stability.limit_cycle import Observation
 from fmucorrect.railway.stability.ring_down import RingDown
 from fmucorrect.signals import NANOSECONDS, Channel
-from fmucorrect.study_places import Location, Places, by_line, misfit, place
+from fmucorrect.study_places import Location, Places, by_line, like, misfit, place, units_misfits
 from fmucorrect.toml_table import read
 
 SECTIONS = ("preload", "critical_speed", "safety")
@@ -71,7 +71,7 @@ def load_assessment(path: str | Path) -> Assessment:
         data = file.read_bytes()
     except OSError as error:
         raise StudyError(str(path), [f"cannot be read: {error.strerror}"]) from None
-    table, places, problems = read(data, AssessmentTable, partial(misfits, folder=file.parent))
+    table, places, problems = read(data, AssessmentTable, partial(misfits, folder=file.parent), doubts)
     if problems:
         raise StudyError(str(path), problems)
     simulation, preload = table.simulation, table.preload
@@ -206,9 +206,24 @@ def check_assessment(assessment: Assessment, description: FmuDescription) -> lis
     for loc, name, known in _wanted(assessment):
         if problem := misfit("variable", name, description.units, known, description.defined):
             found.append(f"{place(assessment.places, loc)}: {problem[0]} in the FMU{problem[1]}")
+    found += [f"{place(assessment.places, loc)}: {text}" for loc, text in _speed_units(assessment, description)]
     for loc, parameter, speeds in [] if found else _speeds(assessment):
         found += [f"{place(assessment.places, loc)}: {text}" for text in parameter.outside(description, speeds)]
     return by_line(dict.fromkeys(found))
+
+
+def _speed_units(assessment: Assessment, description: FmuDescription) -> Iterator[tuple[Location, str]]:
+    """What is wrong with the units that are given to speeds which the FMU leaves without one."""
+    for name in ("critical_speed", "safety"):
+        section: CriticalSpeedMapping | SafetyMapping | None = getattr(assessment, name)
+        if section is None or not section.speed.unit or section.speed.name not in description.variables:
+            continue
+        unit = section.speed.unit
+        wrong = units_misfits({section.speed.name: unit}, description.units, description.defined)
+        if wrong:
+            yield (name, "speed_unit"), wrong[section.speed.name]
+        elif not like("m/s", unit, description.defined):
+            yield (name, "speed_unit"), f"{unit!r} is no unit of speed; write one like 'm/s' or 'km/h'"
 
 
 def _speeds(assessment: Assessment) -> list[tuple[Location, SpeedParameter, Sequence[float]]]:

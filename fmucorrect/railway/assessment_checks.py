@@ -8,8 +8,8 @@ from pathlib import Path
 from fmucorrect.railway.assessment_schema import MOST_SPEEDS, AssessmentTable, CriticalSpeedTable, SafetyTable
 from fmucorrect.railway.preload.mapping import PreloadMapping
 from fmucorrect.railway.preload.supports import GROUND
-from fmucorrect.study_places import Location, Places, missing_file
-from fmucorrect.toml_table import Found, named, repeated, those
+from fmucorrect.study_places import Location, Places, missing_file, unknown_unit
+from fmucorrect.toml_table import Found, doubted, named, repeated, those
 
 
 def misfits(table: AssessmentTable, places: Places, folder: Path) -> Found:
@@ -34,6 +34,13 @@ def misfits(table: AssessmentTable, places: Places, folder: Path) -> Found:
     for loc, name in wanted:
         if name and name not in supports:
             yield loc, f"there is no support {name!r} in [preload]{those(name, supports)}"
+
+
+def doubts(table: AssessmentTable) -> Found:
+    """Units that only the FMU can know, which check_assessment asks."""
+    sections = {"critical_speed": table.critical_speed, "safety": table.safety}
+    said = [((name, "speed_unit"), section.speed_unit) for name, section in sections.items() if section is not None]
+    yield from doubted((loc, text) for loc, unit in said if (text := unknown_unit(unit)))
 
 
 def _preload(preload: PreloadMapping, places: Places) -> Found:

@@ -10,7 +10,7 @@ from annotated_types import Interval, MinLen
 
 from fmucorrect.railway.constants import CONTACT_SPACING
 from fmucorrect.railway.preload.mapping import PreloadMapping
-from fmucorrect.study_schema import SimulationTable
+from fmucorrect.study_schema import ModelTable
 from fmucorrect.toml_table import NotNegative, Positive, Sign, Text, shown
 
 MOST_SPEEDS = 10_000
@@ -192,7 +192,7 @@ class AssessmentTable:
     """The file."""
 
     format: Annotated[Literal[1], "write format = 1"]
-    simulation: Annotated[SimulationTable, "write a [simulation] table with fmu and step_size"]
+    simulation: Annotated[ModelTable, "write a [simulation] table with fmu and step_size"]
     name: str = ""
     preload: PreloadMapping | None = None
     critical_speed: CriticalSpeedTable | None = None

@@ -53,6 +53,17 @@ class Trained:
     distilled: Distilled | None = None
     warnings: tuple[Finding, ...] = ()
 
+    def __repr__(self) -> str:
+        """What was taken, and its NRMSE at conditions that were left out; the rest is long."""
+        chosen = self.selection
+        each = ", ".join(f"{name}: {error:.3g}" for name, error in list(chosen.held_out.items())[:8])
+        more = f", ... {len(chosen.held_out)} in all" * (len(chosen.held_out) > 8)
+        means = ", ".join(f"{family} {error:.3g} %" for family, error in chosen.means.items())
+        return (
+            f"Trained(family={chosen.family!r}, NRMSE left out: {means}; of {chosen.family!r} by condition in %: "
+            f"{{{each}{more}}}, bundle: {len(self.content)} bytes)"
+        )
+
 
 def train(study: Study, training: Training | None = None, workshop: Workshop | None = None) -> Trained:
     """Train on the study's development conditions; `training`: other settings than the study's own.

@@ -16,6 +16,7 @@ from fmucorrect.bundle import Bundle
 from fmucorrect.effects import Effects
 from fmucorrect.errors import FmuError, WrapError
 from fmucorrect.fmu import FmuDescription, open_fmu, state_check
+from fmucorrect.fmu.startvalues import start_values
 from fmucorrect.fmu.state_check import StateCheck
 from fmucorrect.units import NONE
 from fmucorrect.workfolder import WorkFolder
@@ -135,7 +136,7 @@ def wrap(
         "the mapping": mapping,
     }
     read = [(what, None if path is None else Path(path)) for what, path in named.items()]
-    outputs.check_file(out, read, made_by, overwrite)
+    outputs.check_file(out, read, made_by, overwrite, parents=True)
     parts = _read(fmu, corrector, effects_file, mapping, fmi, platforms)
     with WorkFolder() as folder:
         work = folder.path
@@ -215,9 +216,10 @@ def _read(
             "train, compare and discover take it as it is.",
         )
     found = effects.read(effects_file) if effects_file is not None else Effects()
-    said = read_mapping(Path(mapping)) if mapping is not None else MappingFile()
-    inner = said.known(inner, model.info if model else None)
-    wiring = wire(inner, model.info, said) if model else Wiring((), {}, {}, {})
+    info = model.info if model else None
+    said = read_mapping(Path(mapping), inner, info) if mapping is not None else MappingFile()
+    inner = said.known(inner, info)
+    wiring = wire(inner, model.info, said) if model else Wiring((), {}, {}, start_values(inner, said.parameters or {}))
     wiring = replace(wiring, parameters=places.with_offsets(inner, wiring.parameters, found.offsets))
     step_ns = model.info.step_ns if model else round((found.coupling_step or inner.step_size or 1e-3) * 1e9)
     platforms = solver.platforms(inner, wanted)

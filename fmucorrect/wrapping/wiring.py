@@ -17,18 +17,20 @@ A mapping file (TOML), every table and key of it optional:
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 from fmucorrect.bundle import Info
 from fmucorrect.bundle_metadata import FEATURES, Trained
-from fmucorrect.errors import FmuError, SignalError, WrapError, listed
+from fmucorrect.errors import FmucorrectError, FmuError, SignalError, WrapError, listed
 from fmucorrect.fmu import FmuDescription, Variable
+from fmucorrect.fmu.startvalues import misfits as start_value_misfits
 from fmucorrect.fmu.startvalues import start_values
-from fmucorrect.study_places import Places
-from fmucorrect.toml_table import Found, Text, read, shown, unknown
+from fmucorrect.study_places import Location, Places, units_misfits
+from fmucorrect.toml_table import Found, Text, read, shown, those, unknown
 from fmucorrect.units import conversion
 
 CONDITIONS = FEATURES
@@ -68,8 +70,12 @@ class MappingFile:
 
     def known(self, fmu: FmuDescription, info: Info | None) -> FmuDescription:
         """The solver with the units that this file and the corrector's study know."""
-        trained = {name: unit for name, unit in (info.units if info else {}).items() if name in fmu.variables}
-        return fmu.known({**trained, **self.units})
+        return fmu.known(_units(self.units, fmu, info))
+
+
+def _units(said: Mapping[str, str], fmu: FmuDescription, info: Info | None) -> dict[str, str]:
+    """Those that the corrector's study knew, and over them those that a mapping file says."""
+    return {name: unit for name, unit in (info.units if info else {}).items() if name in fmu.variables} | {**said}
 
 
 def _source(value: object) -> str:
@@ -87,17 +93,54 @@ class MappingTable:
     units: Mapping[str, Text] = field(default_factory=dict[str, str])
 
 
-def _misfits(table: MappingTable, _: Places) -> Found:
-    yield from ((("conditions", key), unknown(key, CONDITIONS)) for key in table.conditions if key not in CONDITIONS)
+def _misfits(table: MappingTable, _: Places, fmu: FmuDescription, info: Info | None) -> Found:
+    """What a solver and a corrector do not have, and units that do not fit."""
+    wrong = units_misfits(table.units, fmu.units, fmu.defined)
+    yield from ((("units", name), text) for name, text in wrong.items())
+    told = _units(table.units, fmu, info)
+    fmu = fmu.known({k: unit for k, unit in told.items() if not units_misfits({k: unit}, fmu.units, fmu.defined)})
+    for name, text in start_value_misfits(fmu, table.parameters or {}).items():
+        yield ("parameters", name), text
+    if info is None:
+        yield from (
+            ((key,), "means nothing without a corrector") for key in ("channels", "conditions") if getattr(table, key)
+        )
+        return
+    seen = {channel.name: channel.unit for channel in info.seen}
+    for name, said in table.channels.items():
+        if name not in seen:
+            yield ("channels", name), f"the corrector has no channel {name!r}{those(name, seen)}"
+        elif said and said not in wrong:
+            yield from _unfit(fmu, ("channels", name), said, seen[name], _real)
+    for key, said in table.conditions.items():
+        if key not in CONDITIONS:
+            yield ("conditions", key), unknown(key, CONDITIONS)
+        elif isinstance(said, str) and said and said not in wrong:
+            yield from _unfit(fmu, ("conditions", key), said, CONDITIONS[key], lambda variable: variable.number)
 
 
-def read_mapping(path: Path) -> MappingFile:
-    """Raises WrapError that names everything wrong with the file at once, each with its line."""
+def _unfit(fmu: FmuDescription, loc: Location, name: str, unit: str, fits: Callable[[Variable], bool]) -> Found:
+    """What is wrong with a variable in the place of a number in this unit."""
+    variable = fmu.variables.get(name)
+    if variable is None:
+        yield loc, fmu.unknown([name], "variable")[0]
+    elif not fits(variable):
+        yield loc, f"{name!r} is of type {variable.type}, expected one real number"
+    else:
+        try:
+            _factor(fmu, variable, unit, f"variable {name!r}")
+        except FmucorrectError as error:
+            yield loc, str(error)
+
+
+def read_mapping(path: Path, fmu: FmuDescription, info: Info | None) -> MappingFile:
+    """The mapping file for a solver, and a corrector if there is one. Raises WrapError that names everything wrong with it at
+    once, each with its line."""
     try:
         data = path.read_bytes()
     except OSError as error:
         raise WrapError(f"cannot be read: {error.strerror}", where=str(path)) from error
-    table, _, problems = read(data, MappingTable, _misfits)
+    table, _, problems = read(data, MappingTable, partial(_misfits, fmu=fmu, info=info))
     if problems:
         raise WrapError(listed(problems), where=str(path))
     return MappingFile(path, table.channels, table.conditions, table.parameters, table.units)
@@ -105,13 +148,6 @@ def read_mapping(path: Path) -> MappingFile:
 
 def wire(fmu: FmuDescription, info: Info, mapping: MappingFile) -> Wiring:
     """Joins a corrector to a solver. Raises WrapError, FmuError or SignalError that says what does not fit."""
-    unknown = sorted(set(mapping.channels) - {channel.name for channel in info.seen})
-    if unknown:
-        raise WrapError(
-            f"the corrector has no channel {', '.join(unknown)}",
-            where=str(mapping.path),
-            expected=", ".join(channel.name for channel in info.seen),
-        )
     remedy = "Say which solver outputs are meant in a mapping file (--mapping)."
     names = [mapping.channels.get(c.name) or c.simulation or c.name for c in info.seen]
     channels = len(info.channels)
@@ -134,13 +170,7 @@ def _conditions(fmu: FmuDescription, info: Info, mapping: MappingFile) -> tuple[
         said = mapping.conditions.get(key)
         trained = [float(condition.get(key, 0.0)) for condition in info.conditions]
         if isinstance(said, str):
-            variable = fmu.variables.get(said)
-            if variable is None or not variable.number:
-                raise WrapError(
-                    "; ".join(fmu.unknown([said], "variable")) or f"{said!r} is no single number",
-                    where=f"{mapping.path}: conditions.{key}",
-                )
-            sources[key] = Source(variable, _factor(fmu, variable, unit, f"conditions.{key}"))
+            sources[key] = Source(fmu.variables[said], _factor(fmu, fmu.variables[said], unit, f"conditions.{key}"))
         elif said is not None:
             tunables[key] = float(said)
         elif key not in info.features:

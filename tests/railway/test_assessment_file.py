@@ -6,6 +6,7 @@ import math
 import re
 import shutil
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -238,6 +239,52 @@ def test_what_the_fmu_does_not_have_is_named_with_unit_and_line(folder: Path) ->
     assert "there is no variable 'sped' in the FMU" in said[4]
     with pytest.raises(StudyError, match="5 problems"):
         assess(found)
+
+
+def line_of(text: str, start: str) -> int:
+    return text[: text.index(start)].count("\n") + 1
+
+
+@pytest.mark.parametrize(("unit", "told"), [
+    ("furlong", "'speed' is in 'm/s', as the FMU says itself, not in 'furlong'"),
+    ("km/h", "'speed' is in 'm/s', as the FMU says itself, not in 'km/h'"),
+])  # fmt: skip
+def test_a_unit_of_speed_that_contradicts_the_fmu_is_told(folder: Path, unit: str, told: str) -> None:
+    text = GOOD.replace('speed = "speed"\n', f'speed = "speed"\nspeed_unit = "{unit}"\n')
+    found = load(folder, text)
+    first, second = text.index("speed_unit"), text.rindex("speed_unit")
+    assert check_assessment(found, open_fmu(found.fmu)) == [
+        f"line {text[:at].count(chr(10)) + 1}, [{table}], key speed_unit: {told}"
+        for at, table in ((first, "critical_speed"), (second, "safety"))
+    ]
+
+
+@pytest.mark.parametrize(("unit", "told"), [
+    ("furlong", "unit 'furlong' is not known ('furlong'). Write it as in 'm/s2' or 'N.m'. The FMU declares none of that name."),
+    ("kg", "'kg' is no unit of speed; write one like 'm/s' or 'km/h'"),
+    ("mph", ""),
+])  # fmt: skip
+def test_a_unit_of_speed_is_one_where_the_fmu_says_none(folder: Path, unit: str, told: str) -> None:
+    text = GOOD.replace('speed = "speed"\nrange', f'speed = "speed"\nspeed_unit = "{unit}"\nrange')
+    found = load(folder, text)
+    description = open_fmu(found.fmu)
+    variables = {**description.variables, "speed": replace(description.variables["speed"], unit="")}
+    said = [line for line in check_assessment(found, replace(description, variables=variables)) if "safety" not in line]
+    assert said == ([f"line {line_of(text, 'speed_unit')}, [critical_speed], key speed_unit: {told}"] if told else [])
+
+
+def test_units_and_keys_that_mean_nothing_are_told_beside_all_else(folder: Path) -> None:
+    """What runs a study's FMU in another way is no key of an assessment, where it would be passed over."""
+    text = GOOD.replace("step_size = 0.001\n", 'step_size = 0.001\ntolerance = 1e-6\nunits = { "speed" = "m/s" }\n')
+    text = text.replace('speed = "speed"\nrange', 'speed = "speed"\nspeed_unit = "furlong"\nrange')
+    with pytest.raises(StudyError) as caught:
+        load(folder, text)
+    first, second, third = caught.value.problems
+    assert first.startswith(f"line {line_of(text, 'tolerance')}, [simulation], key tolerance: is not known")
+    assert second.startswith(f"line {line_of(text, 'units')}, [simulation], key units: is not known")
+    assert third.startswith(
+        f"line {line_of(text, 'speed_unit')}, [critical_speed], key speed_unit: unit 'furlong' is not"
+    )
 
 
 def test_speeds_that_the_fmu_does_not_run_at_are_named_before_anything_runs(tmp_path: Path) -> None:

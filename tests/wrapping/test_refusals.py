@@ -239,10 +239,10 @@ def test_everything_wrong_with_a_mapping_is_said_at_once(tmp_path):
     for text, expected in (
         ("[channels]\nx = 1\n[conditions]\nwind = 2\nspeed = true\n[parameters]\nf = 'a'\n[more]",
          ["[channels], key x", "[conditions], key wind", "[conditions], key speed", "[parameters], key f", "[more]"]),
-        ("[channels]\nx = 'xx'\ny = 'flag'\n", ["'xx'", "'flag' is of type Boolean", "--mapping"]),
-        ("[channels]\nq = 'x'\n", ["no channel q", "expected x, y, z"]),
-        ("[conditions]\nspeed = 'vv'\n", ["'vv'", "did you mean 'v'", "conditions.speed"]),
-        ("[conditions]\nspeed = 'amplitude'\n", ["conditions.speed", "mm", "km/h"]),
+        ("[channels]\nx = 'xx'\ny = 'flag'\n", ["line 2, ", "'xx'", "line 3, ", "'flag' is of type Boolean"]),
+        ("[channels]\nq = 'x'\n", ["no channel 'q'", "there are 'x', 'y', 'z'"]),
+        ("[conditions]\nspeed = 'vv'\n", ["'vv'", "did you mean 'v'", "[conditions], key speed"]),
+        ("[conditions]\nspeed = 'amplitude'\n", ["[conditions], key speed", "mm", "km/h"]),
         ("[parameters]\nff = 1.0\nsteps = 2.0\n", ["'ff'", "'steps'", "[parameters]"]),
         ("channels = [", ["is not TOML"]),
     ):  # fmt: skip

@@ -15,7 +15,7 @@ from fmucorrect.bundle import Info
 from fmucorrect.errors import FmucorrectError, WrapError
 from fmucorrect.fmu import FmuDescription, Variable
 from fmucorrect.signals import Channel
-from fmucorrect.wrapping import compiler, generated, wiring
+from fmucorrect.wrapping import compiler, generated, package, wiring
 from fmucorrect.wrapping.conversion import TIME, Wired
 from fmucorrect.wrapping.generated import Facts, Place
 from fmucorrect.wrapping.wiring import MappingFile, Source, Wiring, read_mapping, wire
@@ -242,20 +242,20 @@ def test_a_mapping_file_says_otherwise(tmp_path):
         "[parameters]\nf = 6.0\n"
     )
     with pytest.raises(WrapError, match=r"variable 'plain' has no unit in the FMU, .*\[units\] \"plain\" = "):
-        wire(fmu(), info(parameters={"steps": 2.0}), read_mapping(path))
+        read_mapping(path, fmu(), info(parameters={"steps": 2.0}))
     path.write_text(path.read_text() + '[units]\nplain = "m"\n')
-    mapping = read_mapping(path)
-    assert mapping.path == path
     trained = info(parameters={"steps": 2.0})
+    mapping = read_mapping(path, fmu(), trained)
+    assert mapping.path == path
     by = wire(mapping.known(fmu(), trained), trained, mapping)
     assert [(s.variable.name, s.factor) for s in by.seen] == [("plain", 1e3), ("y", pytest.approx(180.0 / np.pi))]
     assert by.conditions["amplitude"].factor == pytest.approx(180.0 / np.pi)
     assert by.tunables == {"speed": 90.0, "frequency": 1.5, "start": -2.0}
     assert {v.name: value for v, value in by.parameters.items()} == {"f": 6.0}
     path.write_text("")
-    assert read_mapping(path) == MappingFile(path, {}, {}, None)
+    assert read_mapping(path, fmu(), None) == MappingFile(path, {}, {}, None)
     path.write_text("[parameters]")
-    assert wire(fmu(), info(parameters={"steps": 2.0}), read_mapping(path)).parameters == {}
+    assert wire(fmu(), info(parameters={"steps": 2.0}), read_mapping(path, fmu(), None)).parameters == {}
 
 
 @pytest.mark.parametrize(
@@ -275,8 +275,29 @@ def test_a_mapping_file_says_otherwise(tmp_path):
             for i, k in enumerate(("speed", "start", "frequency"), 2)]),
         (b"[parameters]\na = 'b'\nc = false\nd = inf", [
             "line 2, [parameters], key a: must be a number, got 'b'",
-            "line 3, [parameters], key c: must be a number, got False",
+            "line 3, [parameters], key c: must be a number, got false",
             "line 4, [parameters], key d: must be a finite number, got inf"]),
+        (b"[units]\nx = 'furlong'\nplain = 'furlong'\ny = 'deg'\nz = 'm'\n[channels]\nfront = 3", [
+            "line 2, [units], key x: 'x' is in 'm', as the FMU says itself, not in 'furlong'",
+            "line 3, [units], key plain: unit 'furlong' is not known",
+            "line 4, [units], key y: 'y' is in 'rad', as the FMU says itself, not in 'deg'",
+            "line 5, [units], key z: there is no variable 'z' in the FMU",
+            "line 7, [channels], key front: must be a name in quotes, got 3"]),
+        (b"[channels]\nq = 'x'\nfront = 'z'\ny = 'on'\n[conditions]\nspeed = 'w'\namplitude = 'x'", [
+            "line 2, [channels], key q: the corrector has no channel 'q'; there are 'front', 'y'",
+            "line 3, [channels], key front: there is no variable 'z'",
+            "line 4, [channels], key y: 'on' is of type Boolean, expected one real number",
+            "line 6, [conditions], key speed: there is no variable 'w'",
+            "line 7, [conditions], key amplitude: variable 'x': units do not fit, expected a unit like 'deg', got 'm'"]),
+        (b"[channels]\nfront = 'y'\ny = 'many'\n[conditions]\nspeed = 'many'\namplitude = 'label'", [
+            "line 2, [channels], key front: variable 'y': units do not fit, expected a unit like 'mm', got 'rad'",
+            "line 3, [channels], key y: 'many' is of type Float64",
+            "line 5, [conditions], key speed: 'many' is of type Float64",
+            "line 6, [conditions], key amplitude: 'label' is of type String"]),
+        (b"[parameters]\nf = -1.0\nsteps = 1.5\nspeed = 3", [
+            "line 2, [parameters], key f: 'f' = -1 is outside [0, inf] Hz",
+            "line 3, [parameters], key steps: 'steps' = 1.5 is not a whole number",
+            "line 4, [parameters], key speed: there is no parameter 'speed'"]),
         (b"[channels", ["TOML"]),
         (b"# \xff", ["UTF-8"]),
     ],
@@ -285,33 +306,49 @@ def test_everything_wrong_with_a_mapping_file_is_named(content, said, tmp_path):
     path = tmp_path / "mapping.toml"
     path.write_bytes(content)
     with pytest.raises(WrapError) as refusal:
-        read_mapping(path)
+        read_mapping(path, fmu(), info())
     assert str(refusal.value).startswith(str(path))
     assert not [text for text in said if text not in str(refusal.value)]
     with pytest.raises(WrapError, match="cannot be read"):
-        read_mapping(tmp_path / "nothing.toml")
+        read_mapping(tmp_path / "nothing.toml", fmu(), info())
+
+
+def test_without_a_corrector_a_mapping_gives_start_values_alone(tmp_path):
+    path = tmp_path / "mapping.toml"
+    path.write_text("[channels]\nfront = 'x'\n[conditions]\nspeed = 3.0\n[parameters]\nf = -1.0\n")
+    with pytest.raises(WrapError) as refusal:
+        read_mapping(path, fmu(), None)
+    for said in (
+        "line 1, [channels]: means nothing",
+        "line 3, [conditions]: means nothing",
+        "line 6, [parameters], key f",
+    ):
+        assert said in str(refusal.value)
+    oscillator = HERE.parents[2] / "fmus" / "oscillator" / "oscillator.fmu"
+    path.write_text("[parameters]\nk1 = 1234.5\n")
+    (tmp_path / "effects.toml").write_text(
+        "format = 1\n[[effects]]\neffect = 'parameter_offset'\njoint = 'c1'\nparameters = { value = 1.0 }\n"
+    )
+    parts = package._read(oscillator, None, tmp_path / "effects.toml", path, None, ["linux64"])
+    assert {v.name: value for v, value in parts.wiring.parameters.items()}["k1"] == 1234.5
 
 
 @pytest.mark.parametrize(
-    ("mapping", "said"),
+    ("channels", "more", "said"),
     [
-        ({"channels": {"q": "x", "p": "x"}}, r"no channel p, q, expected front, y"),
-        ({"channels": {"front": "z"}}, r"no output 'z'.*mapping file"),
+        ((Channel("z", "mm"),), {}, r"no output 'z'.*mapping file"),
         (
-            {"channels": {"front": "on", "y": "many"}},
-            r"'on' is of type Boolean.*'many' is of type Float64, expected one real",
+            (Channel("on", "mm"), Channel("many", "m")),
+            {},
+            r"'on' is of type Boolean.*'many' is of type Float64, expected",
         ),
-        ({"channels": {"front": "y"}}, r"channel 'front'.*units do not fit"),
-        ({"conditions": {"speed": "w"}}, r"conditions.speed.*no variable 'w'"),
-        ({"conditions": {"speed": "many"}}, r"'many' is no single number"),
-        ({"conditions": {"speed": "label"}}, r"'label' is no single number"),
-        ({"conditions": {"speed": "x"}}, r"conditions.speed.*units do not fit"),
-        ({"parameters": {"f": -1.0}}, r"start values.*do not fit this solver.*outside.*\[parameters\]"),
+        ((Channel("y", "mm"),), {}, r"channel 'y'.*units do not fit"),
+        (CHANNELS, {"parameters": {"f": -1.0}}, r"start values.*do not fit this solver.*outside.*\[parameters\]"),
     ],
 )
-def test_what_does_not_fit_is_refused(mapping, said):
+def test_a_dictionary_of_a_corrector_that_does_not_fit_is_refused(channels, more, said):
     with pytest.raises(FmucorrectError, match=said):
-        wire(fmu(), info(), MappingFile(Path("m.toml"), **mapping))
+        wire(fmu(), info(channels=channels, **more), MappingFile())
 
 
 def test_the_solver_knows_a_condition_only_where_one_parameter_always_says_it():

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.optimize import brentq
 
+from fmucorrect.brief import brief
 from fmucorrect.errors import SignalError
 from fmucorrect.railway.contact.geometry import Contact, WheelOnRail
 
@@ -30,6 +31,8 @@ class WheelsetContact:
     roll: Column
     right: Contact
     left: Contact
+
+    __repr__ = brief
 
     @property
     def radius_difference(self) -> Column:

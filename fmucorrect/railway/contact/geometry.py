@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float64, Int64
 from scipy.interpolate import CubicSpline
 
+from fmucorrect.brief import brief
 from fmucorrect.errors import SignalError
 from fmucorrect.railway.contact.profile import Points, Profile
 
@@ -56,11 +57,11 @@ class Placement:
         for name, (low, high) in limits.items():
             value = float(getattr(self, name))
             if not low <= value <= high:
-                unit = "rad" if name == "inclination" else "m"
+                angle = name == "inclination"
                 raise SignalError(
-                    f"{name.replace('_', ' ')} out of range",
-                    expected=f"{low:g} to {high:g} {unit}",
-                    got=f"{value:g} {unit}",
+                    f"{name.replace('_', '-')} out of range",
+                    expected=f"{low:g} to {high:g} rad" if angle else f"{low * 1e3:g} to {high * 1e3:g} mm",
+                    got=f"{value:g} rad" if angle else f"{value * 1e3:g} mm ({value:g} m)",
                 )
 
     @property
@@ -85,6 +86,8 @@ class Contact:
     radius: Column
     angle: Column
     lift: Column
+
+    __repr__ = brief
 
 
 @dataclass(frozen=True)
@@ -117,6 +120,28 @@ def place_rail(rail: Profile, placement: Placement) -> Points:
     return turned.running_surface() - origin
 
 
+FLANGE_DEPTH = 0.010
+"""m below the running circle, where EN 13715 measures how thick a flange is."""
+
+
+def check_fit(wheel: Profile, placement: Placement) -> None:
+    """Raises SignalError for a wheelset whose flanges do not stand between the rails."""
+    y, z = wheel.points.T
+    tip = int(np.argmin(z))
+    face = int(np.flatnonzero(z[tip:] >= -FLANGE_DEPTH)[0]) + tip
+    flange = placement.running_circle + float(np.interp(-FLANGE_DEPTH, z[face - 1 : face + 1], y[face - 1 : face + 1]))
+    width = placement.back_to_back + 2.0 * flange
+    if width >= placement.gauge:
+        raise SignalError(
+            "the wheelset does not fit between the rails",
+            where=wheel.name,
+            expected=f"less than the gauge of {placement.gauge * 1e3:g} mm from flange to flange",
+            got=f"{width * 1e3:.1f} mm: back-to-back {placement.back_to_back * 1e3:g} mm, and two flanges of "
+            f"{flange * 1e3:.1f} mm, {FLANGE_DEPTH * 1e3:g} mm below the running circle",
+            remedy="Check gauge and back-to-back, and the origin of the wheel profile",
+        )
+
+
 class WheelOnRail:
     """One right wheel on one right rail; the profiles are splined once and for all.
 
@@ -125,9 +150,10 @@ class WheelOnRail:
     """
 
     def __init__(self, wheel: Profile, rail: Profile, placement: Placement) -> None:
-        """Raises SignalError for profiles of the wrong kind and as place_rail does."""
+        """Raises SignalError for profiles of the wrong kind and as check_fit and place_rail do."""
         _expect(wheel, "wheel")
         _expect(rail, "rail")
+        check_fit(wheel, placement)
         self.placement = placement
         self.names = f"{wheel.name} on {rail.name}"
         self.wheel = CubicSpline(*wheel.running_surface().T)

@@ -13,6 +13,7 @@ from jaxtyping import Float64
 from scipy.interpolate import CubicSpline, PchipInterpolator
 from scipy.special import ellipe, ellipkm1
 
+from fmucorrect.brief import brief
 from fmucorrect.errors import SignalError
 
 Values = Float64[np.ndarray, "*N"]
@@ -62,6 +63,8 @@ class KalkerCoefficients:
     c22: Values
     c23: Values
 
+    __repr__ = brief
+
 
 @dataclass(frozen=True)
 class ContactEllipse:
@@ -69,6 +72,8 @@ class ContactEllipse:
 
     a: Values
     b: Values
+
+    __repr__ = brief
 
 
 def kalker_coefficients(ratio: Values) -> KalkerCoefficients:

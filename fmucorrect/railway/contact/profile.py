@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Bool, Float64
 
+from fmucorrect.brief import brief
 from fmucorrect.errors import SignalError
 
 Kind = Literal["wheel", "rail"]
@@ -46,6 +47,8 @@ class Profile:
     name: str
     kind: Kind
     points: Points
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "points", _checked(self.name, self.kind, self.points))

@@ -10,9 +10,13 @@ import numpy as np
 from fmucorrect.errors import RecordError, SignalError
 from fmucorrect.railway.contact.profile import Kind, Points, Profile
 from fmucorrect.railway.contact.standard_profiles import STANDARD_PROFILES, standard_profile
+from fmucorrect.records.text import encoding_of, opened
 
 UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254}
 """Metres in a unit of length."""
+
+HEADER = "y [mm],z [mm]"
+"""The first line of two columns of text, in millimetres."""
 
 _COMMENTS = ("#", "!", "%", "//")
 _HEADER = re.compile(r"^\s*\"?y\s*\[\s*(\w+)\s*\]\"?\s*[,;\t ]\s*\"?z\s*\[\s*(\w+)\s*\]\"?\s*$", re.IGNORECASE)
@@ -35,19 +39,37 @@ def read_profile(path: Path, kind: Kind, unit: str | None = None) -> Profile:
 
     Raises RecordError for a file that cannot be read as such, SignalError for points that are no profile of this kind.
     """
-    try:
-        text = path.read_text(encoding="utf-8-sig", errors="replace")
-    except OSError as error:
-        raise RecordError(
-            f"the file cannot be read: {error.strerror}",
-            where=str(path),
-            remedy=f"A file, or one of the built-in profiles {', '.join(p.upper() for p in STANDARD_PROFILES)}, is needed",
-        ) from error
+    text = _text(path)
     if path.suffix.lower() in (".prw", ".prr") or "point.begin" in text:
         points = _simpack_points(str(path), text, kind)
     else:
         points = _text_points(str(path), text, unit)
     return Profile(path.name, kind, points)
+
+
+def _text(path: Path) -> str:
+    """All of it; in UTF-16 too, as spreadsheets write it."""
+    try:
+        with opened(str(path), encoding_of(str(path))[0]) as stream:
+            text = stream.read()
+    except RecordError as error:
+        raise RecordError(
+            str(error),
+            remedy=f"A file, or one of the built-in profiles {', '.join(p.upper() for p in STANDARD_PROFILES)}, is needed",
+        ) from error
+    if "\0" in text:
+        line = text.count("\n", 0, text.index("\0")) + 1
+        raise RecordError(
+            f"line {line} holds a character of code 0",
+            where=str(path),
+            expected="a text file",
+            remedy="Export the profile as text: two columns y and z, or Simpack's .prw and .prr",
+        )
+    if not text.strip():
+        raise RecordError(
+            "the file is empty", where=str(path), expected="points of a profile", remedy="Export the profile again"
+        )
+    return text
 
 
 def _simpack_points(where: str, text: str, kind: Kind) -> Points:
@@ -57,8 +79,12 @@ def _simpack_points(where: str, text: str, kind: Kind) -> Points:
     try:
         first, last = lines.index("point.begin"), lines.index("point.end")
     except ValueError as error:
+        missing = [mark for mark in ("point.begin", "point.end") if mark not in lines]
         raise RecordError(
-            "no points in this Simpack profile", where=where, expected="point.begin, point.end"
+            f"no points in this Simpack profile: {' and '.join(missing)} is missing",
+            where=where,
+            expected="lines point.begin, y and z, point.end",
+            remedy="Export it again, or give two columns of text in a file of another ending",
         ) from error
     body = lines.index("header.end") if "header.end" in lines else 0
     settings = _settings(lines[body:first])
@@ -102,48 +128,90 @@ def _apart(points: Points, distance: float) -> Points:
 def _text_points(where: str, text: str, unit: str | None) -> Points:
     lines = text.splitlines()
     rows = [i for i, line in enumerate(lines) if line.strip() and not line.strip().startswith(_COMMENTS)]
-    header = _HEADER.match(lines[rows[0]]) if rows else None
+    if not rows:
+        raise RecordError("the file holds comments alone", where=where, expected="points of a profile")
+    first, at = lines[rows[0]], f"line {rows[0] + 1}"
+    header = _HEADER.match(first)
     if header:
         rows = rows[1:]
-        if header[1] != header[2] or (unit is not None and unit != header[1]):
+        if header[1] != header[2]:
             raise RecordError(
-                "the units do not agree",
+                f"{at} names two units",
                 where=where,
-                expected=unit or header[1],
-                got=f"y [{header[1]}], z [{header[2]}]",
+                expected=f"one of both columns, as {HEADER!r}",
+                got=_shown(first),
+                remedy="Bring both columns to one unit",
+            )
+        if unit is not None and unit != header[1]:
+            raise RecordError(
+                f"the units do not agree: {at} says [{header[1]}]",
+                where=where,
+                expected=f"[{unit}], the unit that was given",
+                remedy="Leave out the unit that was given, or mend the line",
             )
         unit = header[1]
+    elif _cells(first) is None:
+        raise RecordError(
+            f"{at} is neither two numbers nor a header",
+            where=where,
+            expected=f"{HEADER!r}, or with another of {', '.join(UNITS)}",
+            got=_shown(first),
+            remedy="Write the header so; y is across the track, z upwards, and they stand in this order",
+        )
     if unit is None:
         raise RecordError(
-            "the profile's unit is not given",
+            f"the profile's unit is not given: {at} holds numbers",
             where=where,
-            expected="a first line 'y [mm],z [mm]'",
+            expected=f"a first line {HEADER!r}",
+            got=_shown(first),
             remedy="Write that line, or name the unit (--wheel-unit or --rail-unit on the command line)",
         )
     if unit not in UNITS:
-        raise RecordError("an unknown unit of length", where=where, expected=f"one of {', '.join(UNITS)}", got=unit)
+        raise RecordError(
+            f"{at} names an unknown unit of length" if header else "an unknown unit of length",
+            where=where,
+            expected=f"one of {', '.join(UNITS)}",
+            got=unit,
+        )
     return _numbers(where, lines, rows, 2) * UNITS[unit]
 
 
 def _numbers(where: str, lines: list[str], rows: range | list[int], columns: int | None) -> Points:
-    """The numbers of these lines; separated by blanks, comma, semicolon or tab, a decimal comma where it is semicolons."""
+    """The numbers of these lines, (P, 2); of `columns` a line, None for two or more."""
     values: list[list[float]] = []
     for i in rows:
-        line = lines[i].strip()
-        if not line:
+        if not lines[i].strip():
             continue
-        line = line.replace(",", ".").replace(";", " ") if ";" in line else line.replace(",", " ")
-        cells = line.split()
-        try:
-            numbers = [float(cell) for cell in cells]
-        except ValueError:
-            numbers = []
+        numbers = _cells(lines[i]) or []
         if len(numbers) < 2 or (columns is not None and len(numbers) != columns):
             raise RecordError(
                 f"line {i + 1} does not hold two numbers",
                 where=where,
                 expected="y and z",
-                got=repr(lines[i].strip()[:60]),
+                got=_shown(lines[i]),
+                remedy="Remove the line if it is no point, and columns beside y and z",
+            )
+        if not np.isfinite(numbers[:2]).all():
+            raise RecordError(
+                f"line {i + 1} holds what is not finite",
+                where=where,
+                expected="y and z as finite numbers",
+                got=_shown(lines[i]),
+                remedy="Remove the line: a point that was not measured is none",
             )
         values.append(numbers[:2])
     return np.array(values, dtype=np.float64).reshape(-1, 2)
+
+
+def _cells(line: str) -> list[float] | None:
+    """The numbers of a line, None where there are others than numbers; separated by blanks, comma, semicolon or tab, a decimal
+    comma where it is semicolons."""
+    line = line.replace(",", ".").replace(";", " ") if ";" in line else line.replace(",", " ")
+    try:
+        return [float(cell) for cell in line.split()]
+    except ValueError:
+        return None
+
+
+def _shown(line: str) -> str:
+    return repr(line.strip()[:60])

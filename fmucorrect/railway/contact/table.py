@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from fmucorrect import outputs
+from fmucorrect.brief import brief
 from fmucorrect.errors import RecordError, SignalError
 from fmucorrect.railway.contact.geometry import WheelOnRail
 from fmucorrect.railway.contact.kalker import hertz_ellipse, kalker_coefficients
@@ -65,6 +66,8 @@ class ContactTable:
     c11: Column
     c22: Column
     c23: Column
+
+    __repr__ = brief
 
 
 COLUMNS = tuple(field.name for field in fields(ContactTable))

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64
 
+from fmucorrect.brief import brief
 from fmucorrect.railway.preload.static_equilibrium import StaticEquilibrium
 
 
@@ -70,6 +71,8 @@ class PreloadAssessment:
     window: float
     times: Float64[np.ndarray, " T"]
     histories: Float64[np.ndarray, "T F"]
+
+    __repr__ = brief
 
     @property
     def converged(self) -> bool:

@@ -23,6 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float64
 
+from fmucorrect.brief import brief
 from fmucorrect.errors import SignalError
 from fmucorrect.railway.constants import GRAVITY
 from fmucorrect.railway.preload.moved_supports import moved_moments
@@ -51,6 +52,8 @@ class StaticEquilibrium:
     self_stress: Mapping[str, Float64[np.ndarray, " R"]]
     displacements: Mapping[str, tuple[float, ...]]
     weight: float
+
+    __repr__ = brief
 
     def load(self, supports: Sequence[str]) -> float:
         """N, what these supports carry together."""

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from fmucorrect.brief import brief
 from fmucorrect.railway.safety.assessment import SafetyAssessment, assess_safety
 from fmucorrect.railway.safety.limits import SafetyLimits
 from fmucorrect.railway.safety.quantities import Acceleration, Wheel
@@ -94,6 +95,8 @@ class RunningSafety:
     references: tuple[ReferenceOrder, ...]
     comparisons: tuple[RankAgreement, ...]
     records: Mapping[float, Record] = field(repr=False)
+
+    __repr__ = brief
 
     @property
     def exceeded(self) -> tuple[str, ...]:

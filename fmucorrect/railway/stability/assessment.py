@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from fmucorrect.brief import brief
 from fmucorrect.railway.speed_parameter import SpeedParameter
 from fmucorrect.railway.stability.bifurcation import Bifurcation, bifurcation
 from fmucorrect.railway.stability.critical_speed import LinearStability, linear_stability
@@ -101,6 +102,8 @@ class CriticalSpeedAssessment:
     bifurcation: Bifurcation | None
     conicity: float | None
     published: tuple[Published, ...]
+
+    __repr__ = brief
 
     def found(self, kind: str) -> float | None:
         """m/s, the critical speed of this kind: "linear"; "nonlinear" by step-down, else by deceleration; None if none."""

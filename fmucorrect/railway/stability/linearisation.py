@@ -20,6 +20,7 @@ from typing import Literal, final
 import numpy as np
 from jaxtyping import Complex128, Float64
 
+from fmucorrect.brief import brief
 from fmucorrect.errors import FmuError
 from fmucorrect.fmu import FmuDescription, open_fmu
 from fmucorrect.fmu.simulation import Simulation
@@ -53,6 +54,8 @@ class Linearisation:
     matrix: Float64[np.ndarray, "p p"] | None
     operating_point: Float64[np.ndarray, " p"]
     shapes: Complex128[np.ndarray, "w n"] = field(default_factory=lambda: np.zeros((0, 0), np.complex128))
+
+    __repr__ = brief
 
     def modes(self, lowest: float = 0.1) -> tuple[Mode, ...]:
         """The modes that oscillate faster than `lowest` (Hz), the least stable first."""

@@ -274,7 +274,7 @@ def test_where_the_conicity_is_not_defined() -> None:
     ("name", "value"), [("gauge", 1435.0), ("back_to_back", 1.36e3), ("radius", 430.0), ("inclination", 1.0 / 2.0)]
 )
 def test_a_placement_in_the_wrong_unit_is_refused(name: str, value: float) -> None:
-    with pytest.raises(SignalError, match=f"{name.replace('_', ' ')} out of range"):
+    with pytest.raises(SignalError, match=f"{name.replace('_', '-')} out of range"):
         replace(Placement(), **{name: value})
 
 
@@ -291,3 +291,19 @@ def test_a_rail_that_ends_above_the_gauge_level_is_refused() -> None:
     high = Profile("high", "rail", rail.points[rail.points[:, 1] > -14.5e-3])
     with pytest.raises(SignalError, match=r"ends above the level.*farther down"):
         WheelOnRail(s1002(), high, replace(Placement(), gauge_depth=0.016))
+
+
+@pytest.mark.parametrize(("gauge", "back_to_back", "fits"), [
+    (1.435, 1.360, True), (1.435, 1.369, True), (1.435, 1.371, False), (1.435, 1.440, False), (1.000, 0.925, True),
+    (1.000, 0.940, False), (1.668, 1.590, True),
+])  # fmt: skip
+def test_a_wheelset_stands_between_the_rails_or_is_refused(gauge: float, back_to_back: float, fits: bool) -> None:
+    """S1002's flanges are 32.5 mm thick."""
+    placement = Placement(gauge=gauge, back_to_back=back_to_back)
+    if fits:
+        assert WheelOnRail(s1002(), rail_60e1(), placement).contact(np.zeros(1)).angle[0] < np.radians(70.0)
+        return
+    with pytest.raises(
+        SignalError, match=f"gauge of {gauge * 1e3:g} mm .*got {back_to_back * 1e3 + 65.0:.1f} mm: back-to-"
+    ):
+        WheelOnRail(s1002(), rail_60e1(), placement)

@@ -223,18 +223,51 @@ def test_points_too_far_apart_on_the_running_surface_are_refused() -> None:
     ("text", "unit", "message"),
     [
         ("1 2\n3 4\n", None, "unit is not given.*y \\[mm\\],z \\[mm\\]"),
-        ("y [mm],z [m]\n1,2\n", None, "units do not agree"),
+        ("y [mm],z [m]\n1,2\n", None, r"line 1 names two units, .*got 'y \[mm\],z \[m\]'. Bring both"),
         ("y [mm],z [mm]\n1,2\n", "m", "units do not agree"),
         ("1 2\n3 4\n", "furlong", "unknown unit"),
+        ("# scan\ny [mn],z [mn]\n1,2\n", None, "line 2 names an unknown unit.*expected one of m, cm, mm.*got mn"),
+        ("\n1,2\n", None, r"line 2 holds numbers, expected a first line 'y \[mm\],z \[mm\]', got '1,2'"),
+        ("# scan\ny,z\n1,2\n", "mm", r"line 2 is neither two numbers nor a header, expected 'y \[mm\],z \[mm\]'"),
+        ("z [mm],y [mm]\n1,2\n", None, r"line 1 is neither.*got 'z \[mm\],y \[mm\]'. .*they stand in this order"),
+        ("y [mm],z [mm]\n1,2\nnan,4\n", None, "line 3 holds what is not finite.*got 'nan,4'. Remove the line"),
+        ("y [mm];z [mm]\n1;2\n\n3;1e999\n", None, "line 4 holds what is not finite"),
+        ("# scan\n% 7\n", "mm", "the file holds comments alone"),
+        ("y [mm],z [mm]\n1,2\n\0,4\n", None, "line 3 holds a character of code 0, expected a text file"),
         ("y [mm],z [mm]\n1,2\n3,four\n", None, "line 3 does not hold two numbers"),
         ("y [mm],z [mm]\n1,2\n3,4,5\n", None, "line 3 does not hold two numbers"),
-        ("", "mm", "too few points.*got 0"),
+        ("", "mm", "the file is empty, expected points"),
+        (" \n\n", None, "the file is empty, expected points"),
+        ("y [mm],z [mm]\n", None, "too few points.*got 0"),
     ],
 )
 def test_text_that_cannot_be_read_says_where(tmp_path: Path, text: str, unit: str | None, message: str) -> None:
     (tmp_path / "profile.csv").write_text(text, encoding="utf-8")
     with pytest.raises(FmucorrectError, match=message):
         read_profile(tmp_path / "profile.csv", "wheel", unit)
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be", "utf-8-sig"])
+def test_text_in_other_encodings_is_the_same_profile(tmp_path: Path, encoding: str) -> None:
+    """As spreadsheets save it, with and without a mark of the encoding."""
+    points = rail_60e1().points
+    rows = "".join(f"{y:.15g}\t{z:.15g}\r\n" for y, z in points)
+    (tmp_path / "rail.txt").write_bytes(
+        f"# Schiene, gem\u00e4\u00df Zeichnung\r\ny [m]\tz [m]\r\n{rows}".encode(encoding)
+    )
+    assert read_profile(tmp_path / "rail.txt", "rail").points == pytest.approx(points, abs=1e-15)
+
+
+def test_a_simpack_file_with_a_hole_says_in_which_line(tmp_path: Path) -> None:
+    wheel = s1002()
+    points = np.where(np.arange(len(wheel.points))[:, None] == 4, np.nan, wheel.points * (1e3, -1e3))
+    path = simpack(wheel, tmp_path / "wheel.prw", "units.len.f = 1000", points)
+    at = next(i for i, line in enumerate(path.read_text().splitlines(), 1) if "NAN" in line)
+    with pytest.raises(RecordError, match=f"line {at} holds what is not finite"):
+        read_profile(path, "wheel")
+    path.write_text(path.read_text().replace("point.end", ""))
+    with pytest.raises(RecordError, match=r"no points in this Simpack profile: point.end is missing"):
+        read_profile(path, "wheel")
 
 
 def test_a_file_that_is_not_there_names_the_built_in_profiles(tmp_path: Path) -> None:
