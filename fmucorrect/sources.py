@@ -283,6 +283,17 @@ def repaired(
     return told
 
 
+def repaired_inputs(study: Study, condition: Condition) -> str:
+    """What repair rules of the study change in what drives a condition, or was simulated of it, in words; "" for nothing."""
+    rules = condition.reading.repair
+    if condition.simulated is not None:
+        return repaired(condition.simulated, study.channels, repair=rules, reading=condition.reading)
+    if condition.inputs is None or study.fmu is None or not rules:
+        return ""
+    names = [variable.name for variable in driving(study, condition)]
+    return records.read(condition.inputs, names, reading=condition.reading).metadata.get("repaired", "")
+
+
 def columns(
     log: Path, channels: tuple[Channel, ...], topic: str | None = None, reading: Reading = AS_IT_IS
 ) -> list[str]:

@@ -90,6 +90,11 @@ def test_a_road_without_values_at_its_ends(mount: Path, tmp_path: Path) -> None:
         "Mended, as `repair` says: joined.csv: some rows of floor cannot be used: drop left out 40 of 1500 rows" in said
     )
     assert "inputs do not cover the run" in said
+    (told,) = [line for line in inspect([out]).seen if "drop left out" in line]
+    assert "condition 'joined': inputs, joined.csv: drop left out 40 of 1500 rows" in told
+    assert told.endswith("(cells without a value: floor 40)")
+    ran = CliRunner().invoke(cli.main, ["run", str(out), "--condition", "joined", "-o", str(tmp_path / "run.csv")])
+    assert "repaired: drop left out 40 of 1500 rows" in ran.output
     study = load_study(out)
     assert {c.measurement for c in study.channels} == {"deflection", "acceleration"}
     item = pair(study, study.conditions[0])
@@ -109,6 +114,11 @@ def test_a_sensor_that_ends_before_the_others_in_one_log(mount: Path, tmp_path: 
     assert "Mended, as `repair` says: short.csv: some rows of acceleration, deflection cannot be used: " in said
     assert "interpolate filled 1 of 1500 rows" in said
     assert "drop left out 60 of 1500 rows, at most 60 in a row from t = 2.88 s" in said
+    seen = "\n".join(inspect([out]).seen)
+    assert "condition 'short': measured, short.csv: interpolate filled 1 of 1500 rows" in seen
+    assert "(cells without a value: deflection 1)" in seen
+    assert "(cells without a value: acceleration 60)" in seen
+    assert "whole.csv:" not in seen
     study = load_study(out)
     assert {c.measurement for c in study.channels} == {"deflection", "acceleration"}
     rows = {condition.name: pair(study, condition).measured.shape[0] for condition in study.conditions}
