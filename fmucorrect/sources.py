@@ -307,6 +307,15 @@ def columns(
     return [column(channel) for channel in channels]
 
 
+def units_said(log: Path, channels: tuple[Channel, ...], topic: str | None = None, reading: Reading = AS_IT_IS) -> bool:
+    """Whether the log says the unit of each column that `log_inputs` takes for these channels in a unit of theirs."""
+    chosen = topic or default_topic(log, reading)
+    topics = [one for one in records.topics(log, reading) if chosen in (None, one.name)]
+    named = zip(columns(log, channels, chosen, reading), channels, strict=True)
+    wanted = [name for name, channel in named if channel.unit not in ("", "1") and records.has(topics, name, reading)]
+    return all(records.find(topics, name, str(log), reading)[1].unit not in ("", "1") for name in wanted)
+
+
 def default_topic(log: Path, reading: Reading = AS_IT_IS) -> str | None:
     """/simulation where the log has that topic beside others, else None."""
     names = [topic.name for topic in records.topics(log, reading)]

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import bundles
 import numpy as np
+import pandas as pd
 import pytest
 from click.testing import CliRunner, Result
 
@@ -165,6 +166,54 @@ def test_replay_asks_for_nothing_that_training_did_not_have(tmp_path: Path) -> N
     source, out = log(tmp_path / "log.csv"), tmp_path / "out.mcap"
     assert call("replay", source, "--corrector", model, "-o", out).exit_code == 0
     assert records.describe(out).topics[0].topic.metadata["speed"] == "0.0"
+
+
+def test_replay_says_which_options_nothing_comes_of(model: Path, ran: Path, tmp_path: Path) -> None:
+    """On standard error, and it goes on."""
+    road, out = bundles.make(tmp_path / "road.onnx", declared=False), tmp_path / "out.mcap"
+    source = tmp_path / "pandas.csv"
+    frame = pd.DataFrame({f"{name} [mm]": np.sin(np.arange(200) / 9.0) for name in ("FW", "FB", "RW", "RB")})
+    frame.insert(0, "time", np.arange(200) * 1e-3)
+    frame.to_csv(source, index=False)
+
+    def told(*arguments: object) -> list[str]:
+        result = call("replay", *arguments, "-o", out)
+        assert result.exit_code == 0, result.output
+        return [line for line in result.stderr.splitlines() if line.startswith("ignored: ")]
+
+    assert told(source, "--corrector", model, *CONDITION) == []
+    assert told(source, "--corrector", model, *CONDITION, "--delimiter", ",", "--decimal", ".", "--time", "time") == []
+    (speed, start) = told(source, "--corrector", road, "--speed", 300, "--start", 0)
+    assert speed.startswith("ignored: --speed 300.0: no condition of the corrector's training had it")
+    assert start.startswith("ignored: --start 0.0: ")
+    (unit,) = told(source, "--corrector", road, "--unit", "mm")
+    assert unit == "ignored: --unit mm: the log says the unit of every column that is read"
+    (rate,) = told(source, "--corrector", road, "--rate", 500)
+    assert rate == "ignored: --rate = 500: the file has a time of its own"
+    assert len(told(ran, "--corrector", model, "--delimiter", ";", "--encoding", "cp1250", "--time", "clock")) == 3
+    bare = log(tmp_path / "bare.csv", unit="1")
+    assert told(bare, "--corrector", road, "--unit", "mm") == []
+
+
+def test_run_says_which_options_nothing_comes_of(model: Path, ran: Path, tmp_path: Path) -> None:
+    """A simulated record, as another tool wrote it, is taken whole."""
+    frame = pd.DataFrame({f"{name} [mm]": np.sin(np.arange(200) / 9.0) for name in ("FW", "FB", "RW", "RB")})
+    frame.insert(0, "time", np.arange(200) * 1e-3)
+    frame.to_csv(tmp_path / "run.csv", index=False)
+    channels = "".join(
+        f'[[channels]]\nname = "{name}"\nsimulation = "{name}"\nmeasurement = "{name}"\nquantity = "displacement"\n'
+        'unit = "mm"\n'
+        for name in ("FW", "FB", "RW", "RB")
+    )
+    run = '[[conditions]]\nname = "a"\nrole = "development"\nmeasurement = "run.csv"\nsimulated = "run.csv"\n'
+    study = tmp_path / "study.toml"
+    study.write_text(f"format = 1\n[simulation]\nstep_size = 0.001\n{channels}{run}")
+    arguments = ["run", study, "--condition", "a", "--corrector", model, "-o", tmp_path / "out.mcap"]
+    assert call(*arguments).stderr == ""
+    result = call(*arguments, "--duration", 0.05, "--step-timeout", 5)
+    assert result.exit_code == 0, result.output
+    why = "a simulated record is taken whole, and no solver runs"
+    assert result.stderr.splitlines() == [f"ignored: --duration 0.05: {why}", f"ignored: --step-timeout 5.0: {why}"]
 
 
 @pytest.mark.parametrize(
