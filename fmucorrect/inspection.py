@@ -19,7 +19,7 @@ from fmucorrect.records.contents import Contents
 from fmucorrect.screening import Finding, of_pairs, of_records
 from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Reading
 from fmucorrect.study import Study, check_study, load_study
-from fmucorrect.study_places import nearest
+from fmucorrect.study_places import nearest, place
 
 
 @dataclass(frozen=True)
@@ -168,21 +168,23 @@ def study_problems(study: Study) -> list[str]:
         try:
             fmu = open_fmu(study.simulation.fmu)
         except FmucorrectError as error:
-            problems.append(str(error))
+            problems.append(f"{place(study.places, ('simulation', 'fmu'))}: {error}")
     columns: dict[Path, Mapping[str, str]] = {}
+    broken: set[Path] = set()
     for condition in study.conditions:
         for path in condition.files:
-            if path in columns:
+            if path in columns or path in broken:
                 continue
             try:
                 contents = records.describe(path, condition.reading)
             except FmucorrectError as error:
                 problems.append(str(error))
+                broken.add(path)
                 continue
             columns[path] = record_columns(contents, condition.reading)
             if contents.damage and not study.allow_damaged:
                 problems.append(str(records.damaged(str(path), contents.damage)))
-            elif path == condition.measurement and study.simulation.fmu is not None:
+            elif path == condition.measurement and fmu is not None:
                 try:
                     sources.expected_rows(study, condition)
                 except FmucorrectError as error:

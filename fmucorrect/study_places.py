@@ -13,6 +13,7 @@ from typing import Any
 
 from fmucorrect import units
 from fmucorrect.errors import SignalError
+from fmucorrect.toml_syntax import problem
 
 Location = tuple[str | int, ...]
 """The path of a value: table, row of an array of tables, keys; as ("channels", 1, "unit")."""
@@ -64,6 +65,7 @@ def parse_toml(data: bytes) -> tuple[str, dict[str, Any], list[str]]:
     """The text of a TOML file, its content, and what is wrong, with its line, where it is none or holds impossible values."""
     if len(data) > MOST_BYTES:
         return "", {}, [f"line 1: the file has {len(data)} bytes, expected {MOST_BYTES} at most"]
+    text = ""
     try:
         text = data.decode("utf-8-sig").replace("\r\n", "\n")
         document = tomllib.loads(text)
@@ -75,9 +77,7 @@ def parse_toml(data: bytes) -> tuple[str, dict[str, Any], list[str]]:
     except UnicodeDecodeError as error:
         return "", {}, [f"line {len(data[: error.start].splitlines()) or 1}: is not UTF-8 text"]
     except tomllib.TOMLDecodeError as error:
-        what, _, at = str(error).partition(" (at ")
-        line = at.split(",")[0] if at.startswith("line") else f"line {len(data.splitlines())}"
-        return "", {}, [f"{line}: is not TOML: {what}"]
+        return "", {}, [problem(error, text)]
     except ValueError as error:  # a number of thousands of digits
         return "", {}, [f"line 1: is not TOML: {error}"]
 

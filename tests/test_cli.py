@@ -313,6 +313,51 @@ def test_inspect_says_what_does_not_fit(model: Path, tmp_path: Path) -> None:
     assert "'340'" not in text
 
 
+def test_inspect_says_once_that_a_file_is_no_fmu(tmp_path: Path) -> None:
+    """Nor does anything follow from what it may have; the same of a log that several conditions name."""
+    log(tmp_path / "run.csv", rows=200)
+    (tmp_path / "log.onnx").write_text("no log")
+    study = tmp_path / "study.toml"
+
+    def misfits(fmu: str, measurement: str) -> list[str]:
+        channel = (
+            '[[channels]]\nname = "FW"\nsimulation = "x"\nmeasurement = "FW"\nquantity = "displacement"\nunit = "mm"\n'
+        )
+        runs = "".join(
+            f'[[conditions]]\nname = "{name}"\nrole = "development"\nmeasurement = "{measurement}"\n'
+            for name in "abcde"
+        )
+        study.write_text(f'format = 1\n[simulation]\nfmu = "{fmu}"\nstep_size = 0.001\n{channel}{runs}')
+        code, found = inspected(study)
+        assert code == 2
+        return found["misfits"]
+
+    (problem,) = misfits("run.csv", "run.csv")
+    assert "line 3, [simulation], key fmu: " in problem
+    assert "run.csv: this is not a zip file, expected an FMU" in problem
+    oscillator = (ROOT / "fmus" / "oscillator" / "oscillator.fmu").as_posix()
+    assert sum("log.onnx: " in problem for problem in misfits(oscillator, "log.onnx")) == 1
+
+
+@pytest.mark.parametrize("step", ["0x10", "0o20", "16", "16.0"])
+def test_a_step_that_is_not_in_s_is_told_as_one(step: str, tmp_path: Path) -> None:
+    """16 s, in whatever form, leave one sample: it is the step that is wrong, and not the record."""
+    log(tmp_path / "run.csv", rows=200)
+    channel = (
+        '[[channels]]\nname = "x"\nsimulation = "FW"\nmeasurement = "FW"\nquantity = "displacement"\nunit = "mm"\n'
+    )
+    run = '[[conditions]]\nname = "a"\nrole = "development"\nmeasurement = "run.csv"\nsimulated = "run.csv"\n'
+    (tmp_path / "study.toml").write_text(f"format = 1\n[simulation]\nstep_size = {step}\n{channel}{run}")
+    code, found = inspected(tmp_path / "study.toml")
+    assert code == 2
+    (problem,) = found["misfits"]
+    assert (
+        "line 3, [simulation], key step_size: at a step of 16 s 1 of the 200 samples of condition 'a' are left"
+        in problem
+    )
+    assert "step_size = 0.001, which is the record's own" in problem
+
+
 def test_inspect_as_text_and_into_a_file(model: Path, tmp_path: Path) -> None:
     text = call("inspect", STUDY, model).output
     assert "channels (4): FW [mm], FB [mm], RW [mm], RB [mm]" in text

@@ -187,10 +187,61 @@ def test_all_problems_at_once(folder: Path) -> None:
         load_study(folder / "study.toml")
 
 
+SLIPS = [
+    ("name = 'a'\nname = 'b'", 2, "a key stands there twice"),
+    (
+        "[simulation]\n[simulation]",
+        2,
+        "the table simulation stands there twice; of several, each begins with [[simulation]]",
+    ),
+    ("[[channels]]\n[channels]", 2, "the table channels stands there twice; of several, each begins with [[channels]]"),
+    ("a = { b = 1, b = 2 }", 1, "the key b stands twice in braces"),
+    ("step_size = 0,002", 1, "a number has a decimal point and no comma"),
+    ("step_size = -0x10", 1, "something follows the value"),
+    ("step size = 1", 1, "a name with blanks stands in quotes"),
+    ("name = Car", 1, "a value is a number, a text in quotes"),
+    ("flag = True", 1, "true, false"),
+    ('fmu = "C:\\data\\car.fmu"', 1, "write / in paths"),
+    ('fmu = "C:\\Users\\car.fmu"', 1, "write / in paths"),
+    ('name = "car\nb = 1', 1, "a text is not closed by the quotes"),
+    ("name = 'car\nb = 1", 2, "a text is not closed by the quotes"),
+    ("format = 1\nx = [1, 2", 2, "an array is not closed by ]"),
+    ("[simulation\nb = 1", 1, "not closed by as many brackets"),
+]
+
+
+@pytest.mark.parametrize(("text", "line", "words"), SLIPS)
+def test_slips_of_the_pen_are_told_in_words(folder: Path, text: str, line: int, words: str) -> None:
+    """With the line itself, and no word of the parser's."""
+    (problem,) = problems(folder, text)
+    assert problem.startswith(f"line {line}: is not TOML: ")
+    assert words in problem
+    assert problem.endswith(f", in `{text.split(chr(10))[line - 1]}`")
+    assert not any(word in problem for word in ("namespace", "Cannot", "('", "statement", "datetime"))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("[simulation]", "[[simulation]]", "[[simulation]]: must be a table"),
+        ("[[joints]]", "[joints]", "[joints]: must be an array of tables"),
+        ("[[channels]]", "[channels]", "[channels]: must be an array of tables"),
+    ],
+)
+def test_nothing_follows_from_a_table_of_the_wrong_form(folder: Path, old: str, new: str, expected: str) -> None:
+    """Of an FMU that is not read nobody knows whether it is there, and of joints not which."""
+    text = edited(("simulated =", "# "))
+    if old == "[[joints]]":  # one is left, as a table
+        at = text.index(old, text.index(old) + 1)
+        text = text[:at] + text[text.index("\n\n", at) :]
+    (problem,) = [problem for problem in problems(folder, text.replace(old, new)) if "is missing" not in problem[:40]]
+    assert expected in problem
+
+
 def test_not_toml(folder: Path) -> None:
-    assert problems(folder, edited(("noise = 0.02", "noise = "))) == [
-        f"line {line_of(EXAMPLE, 'noise')}: is not TOML: Invalid value"
-    ]
+    (problem,) = problems(folder, edited(("noise = 0.02", "noise = ")))
+    assert problem.startswith(f"line {line_of(EXAMPLE, 'noise')}: is not TOML: a value is a number, a text in quotes, ")
+    assert "in `noise = " in problem
     (problem,) = problems(folder, 'format = 1\nname = """\nopen')
     assert problem.startswith("line 3: is not TOML: ")
     (folder / "study.toml").write_bytes(b"format = 1\nname = '\xff'\n")

@@ -147,7 +147,8 @@ def test_what_is_wrong_already_is_not_told_twice() -> None:
 
 def test_a_file_that_is_no_toml_is_one_problem_and_a_blank_table() -> None:
     found, problems = car("mass = ")
-    assert problems == ["line 1: is not TOML: Invalid value"]
+    (problem,) = problems
+    assert problem.startswith("line 1: is not TOML: ")
     assert math.isnan(found.mass)
 
 
