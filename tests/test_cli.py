@@ -370,6 +370,13 @@ def test_inspect_as_text_and_into_a_file(model: Path, tmp_path: Path) -> None:
     assert "runs of the FMU" in once
 
 
+@pytest.mark.parametrize("name", ["roller_rig", "roller_rig_B", "roller_rig_C"])
+def test_a_corrector_is_described_without_forms_of_python(name: str) -> None:
+    told = call("inspect", ROOT / "exported_models" / name / "corrector.onnx").output
+    assert "parameters (speed 8" in told
+    assert not any(form in told for form in ("{", "'", "None", "True", "False"))
+
+
 def test_a_killed_run_leaves_a_readable_file(model: Path, tmp_path: Path) -> None:
     out = tmp_path / "killed.partial.mcap"
     end = tmp_path / "killed.mcap"

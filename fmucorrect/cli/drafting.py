@@ -64,10 +64,7 @@ def new(
         say(f"Look at {text}.")
     for run in found.runs:
         if run.missing:
-            say(
-                f"{run.path.name} lacks {'; '.join(run.missing)}. Leave this log out, or those channels; or take the rows "
-                'of it that have them all: records = { repair = "drop" } in its [[conditions]].'
-            )
+            say(f"{run.path.name} lacks {'; '.join(run.missing)}. Leave this log out, or what it lacks.")
     if inspected.misfits:
         raise UserError(f"{len(inspected.misfits)} of what was drafted does not fit yet, see above")
     train = f"or fmucorrect train {out} -o trained"

@@ -107,7 +107,9 @@ def draft(
             Path(references[i]) if references else None,
             "evaluation" if i == held_out else "development",
             tuple(
-                f"{column}, which cannot be read: {reason}" if (reason := log.unreadable.get(column)) else column
+                f'{column} ({reason}; records = {{ repair = "drop" }} in its condition takes the rows that have it)'
+                if (reason := log.unreadable.get(column))
+                else column
                 for column in (*(g.column for g in channels), *inputs.values())
                 if column not in log.columns
             ),
