@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import asammdf
 import numpy as np
 import pandas as pd
 import pytest
@@ -141,6 +142,35 @@ def test_a_sensor_that_is_lost_for_half_of_one_log(mount: Path, tmp_path: Path, 
     assert text.count(line) == 1
     out.write_text(text.replace(line, f'{line}\nrecords = {{ repair = "drop" }}'))  # as it says
     assert inspect([out]).misfits == ()
+
+
+def test_an_empty_column_and_one_of_words_cost_nothing(mount: Path, tmp_path: Path) -> None:
+    """They are told, and the others keep their rows."""
+    frame = measured(1)
+    frame["spare"], frame["note"] = np.nan, "ok"
+    frame.loc[1490:, "floor"] = np.nan
+    code, said, out = new(mount, saved(frame, tmp_path / "spare.csv"))
+    assert code == 0, said
+    assert "Left out: spare.csv: column 'spare' is empty" in said
+    assert "Left out: column 'note': text" in said
+    assert "some rows of floor cannot be used: drop left out 10 of 1500 rows" in said
+    assert {c.measurement for c in load_study(out).channels} == {"deflection", "acceleration"}
+
+
+def test_a_slow_group_that_ends_early(mount: Path, tmp_path: Path) -> None:
+    """Rows count by the group's own rate."""
+    frame = measured(1)
+    t, slow = frame["time"].to_numpy(), frame["deflection"].to_numpy()[::2].copy()
+    slow[-30:] = np.nan
+    with asammdf.MDF() as file:
+        signals = [asammdf.Signal(frame[name].to_numpy(), t, name=name) for name in ("floor", "acceleration")]
+        file.append(signals, common_timebase=True)
+        file.append([asammdf.Signal(slow, t[::2], name="deflection")])
+        path = Path(file.save(tmp_path / "slow.mf4"))
+    found = draft(mount, [path])
+    assert {guess.column for guess in found.channels} == {"deflection", "acceleration"}
+    assert found.reading.repair == "interpolate,drop"
+    assert "drop left out 30 of 750 rows" in found.filled[0]
 
 
 def test_a_last_row_of_nothing_but_a_time(mount: Path, tmp_path: Path) -> None:

@@ -141,30 +141,29 @@ def read_run(path: Path, reading: Reading = AS_IT_IS) -> Run:
         raise RecordError("there are no numeric columns with rows", where=str(path))
     kept, left_out = _beside_each_other(filled)
     names = [column.name for item in kept for column in item.topic.columns]
-    units = {
-        item.topic.full_name(column.name) if names.count(column.name) > 1 else column.name: column.unit
-        for item in kept
-        for column in item.topic.columns
-    }
-    record, wrong, reading, why = _mended(path, list(units), reading, kept)
+    units, rows = dict[str, str](), dict[str, int]()
+    for item in kept:
+        for column in item.topic.columns:
+            name = item.topic.full_name(column.name) if names.count(column.name) > 1 else column.name
+            units[name], rows[name] = column.unit, item.extent.rows
+    record, wrong, reading, why = _mended(path, rows, reading, kept)
     columns = {channel.name: units[channel.name] for channel in record.channels}
     told = (*wrong.values(), *left_out, *contents.left_out)
     return Run(path, columns, record, told, wrong, why, reading=reading, stand_ins=tuple(stand_ins(record)))
 
 
 def _mended(
-    path: Path, columns: Sequence[str], reading: Reading, topics: Sequence[TopicContents]
+    path: Path, rows: Mapping[str, int], reading: Reading, topics: Sequence[TopicContents]
 ) -> tuple[Record, dict[str, str], Reading, str]:
     """The columns with no more repair rules than the most of them need, as `_readable` has them; the reading with these rules,
-    and why they are there, "" without any. Raises RecordError, as of a log without rules."""
-    rows = max(item.extent.rows for item in topics)
+    and why they are there, "" without any. rows: of each column. Raises RecordError, as of a log without rules."""
     found: list[tuple[Record, dict[str, str], Reading]] = []
     errors: list[RecordError] = []
-    bare: Collection[str] = columns
+    bare: Collection[str] = rows
     for rules in ("", "interpolate", "interpolate,drop"):
         ruled = replace(reading, repair=",".join(filter(None, [reading.repair, rules])))
         try:
-            record, wrong = _readable(path, columns, ruled, rows)
+            record, wrong = _readable(path, rows, ruled, found[-1][1] if found else rows)
         except RecordError as error:
             errors.append(error)
             continue
@@ -175,14 +174,15 @@ def _mended(
     if not found:
         raise errors[0]
     record, wrong, ruled = min(found, key=lambda one: len(one[1]))
-    wrong = {column: _lost(path, column, reading, rows, error) for column, error in wrong.items()}
+    wrong = {column: _lost(path, column, reading, rows[column], error) for column, error in wrong.items()}
     if ruled == reading:
         return record, wrong, ruled, ""
-    if len(bare) == len(columns) and len(topics) > 1:
+    repaired = record.metadata.get("repaired", "")
+    if len(bare) == len(rows) and len(topics) > 1:
         why = f"straight lines between the samples of topics with other stamps, {_rates(topics)}"
-        return record, wrong, ruled, why
+        return record, wrong, ruled, "; ".join(filter(None, [why, repaired]))
     mended = ", ".join(sorted(set(bare) - wrong.keys()))
-    return record, wrong, ruled, f"some rows of {mended} cannot be used: {record.metadata.get('repaired', '')}"
+    return record, wrong, ruled, f"some rows of {mended} cannot be used: {repaired}"
 
 
 def _lost(path: Path, column: str, reading: Reading, rows: int, error: str) -> str:
@@ -227,30 +227,34 @@ def _beside_each_other(filled: Sequence[TopicContents]) -> tuple[list[TopicConte
     return kept, left_out
 
 
-def _readable(path: Path, columns: Sequence[str], reading: Reading, rows: int) -> tuple[Record, dict[str, str]]:
+def _readable(
+    path: Path, rows: Mapping[str, int], reading: Reading, doubtful: Collection[str]
+) -> tuple[Record, dict[str, str]]:
     """All columns but those that have no value at some row, which the others are as good without; and what is wrong with
-    these, by name. rows: of the log, of which rules must leave COVERED. Raises RecordError where that is every one."""
+    these, by name. rows: of each column, of which rules must leave COVERED. doubtful: those that may be wrong. Raises
+    RecordError where that is every one."""
 
     def taken(names: Sequence[str]) -> Record:
         record = records.read(path, names, reading=reading)
         if "drop" in timebase.rules(reading.repair):
             timebase.require_uniform(record, where=str(path))  # rows may go at the ends, not from between others
-            if len(record) < COVERED * rows:
-                raise RecordError(f"{few(names)}: values in {len(record)} of {rows} rows only", where=str(path))
+            whole = max(rows[name] for name in names)
+            if len(record) < COVERED * whole:
+                raise RecordError(f"{few(names)}: values in {len(record)} of {whole} rows only", where=str(path))
         return record
 
     try:
-        return taken(columns), {}
+        return taken([*rows]), {}
     except RecordError as error:
         wrong: dict[str, str] = {}
-        for column in columns:
+        for column in doubtful:
             try:
                 taken([column])
             except RecordError as own:
                 wrong[column] = str(own)
-        if not wrong or len(wrong) == len(columns):
+        if not wrong or len(wrong) == len(rows):
             raise error
-        return taken([column for column in columns if column not in wrong]), wrong
+        return taken([column for column in rows if column not in wrong]), wrong
 
 
 def beside(log: Run, other: Run) -> Run:
