@@ -171,4 +171,6 @@ def _plain(value: Any) -> str:
         return f"{value:.9g}"
     if isinstance(value, list):
         return "[" + ", ".join(_plain(entry) for entry in value) + "]"
-    return "yes" if value is True else "no" if value is False else str(value)
+    if isinstance(value, Mapping):
+        return "(" + ", ".join(f"{name} {_plain(entry)}" for name, entry in value.items()) + ")"
+    return "none" if value is None else "yes" if value is True else "no" if value is False else str(value)

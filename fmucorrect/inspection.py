@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -14,12 +15,12 @@ from fmucorrect.catalogue.law import FAMILIES
 from fmucorrect.descriptions import Thing
 from fmucorrect.errors import SHOWN, FmucorrectError, RecordError, few
 from fmucorrect.fmu import FmuDescription, fixed, open_fmu
-from fmucorrect.pairs import Pair, pair
+from fmucorrect.pairs import Pair, pair, read_samples
 from fmucorrect.records.contents import Contents
 from fmucorrect.screening import Finding, of_pairs, of_records
 from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Reading
 from fmucorrect.study import Study, check_study, load_study
-from fmucorrect.study_places import nearest
+from fmucorrect.study_places import nearest, place
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,7 @@ def inspect(paths: Sequence[Path], reading: Reading = AS_IT_IS) -> Inspection:
     pairs: dict[Path, Sequence[Pair]] = {}
     for study in (thing for thing in things if isinstance(thing, Study)):
         problems = study_problems(study)
-        seen += _left_out(study)
+        seen += [*_left_out(study), *_repaired(study)]
         found, simulated = _screened(study, problems, seen)
         warnings += [finding for finding in found if finding.level == "warning"]
         problems += [finding.text for finding in found if finding.level == "error"]
@@ -105,6 +106,21 @@ def _left_out(study: Study) -> Iterator[str]:
         yield from (f"{path.name}: left out: {text}" for text in contents.left_out)
         said = (item.topic.metadata.get("assumed", "") for item in contents.topics)
         yield from (f"{path.name}: assumed: {text}" for text in dict.fromkeys(said) if text)
+
+
+def _repaired(study: Study) -> Iterator[str]:
+    """What repair rules change in the records of a study."""
+    for condition in study.conditions:
+        with suppress(FmucorrectError):  # study_problems, or the gate, says why
+            if condition.reading.repair and condition.measurement is not None:
+                told = read_samples(study, condition).metadata.get("repaired", "")
+                driven = sources.repaired_inputs(study, condition)
+                file = condition.simulated or condition.inputs
+                if told:
+                    yield f"condition {condition.name!r}: measured, {condition.measurement.name}: {told}"
+                if driven and file is not None:
+                    what = "simulated" if condition.simulated is not None else "inputs"
+                    yield f"condition {condition.name!r}: {what}, {file.name}: {driven}"
 
 
 def _screened(study: Study, problems: list[str], seen: list[str]) -> tuple[list[Finding], list[Pair]]:
@@ -155,21 +171,23 @@ def study_problems(study: Study) -> list[str]:
         try:
             fmu = open_fmu(study.simulation.fmu)
         except FmucorrectError as error:
-            problems.append(str(error))
+            problems.append(f"{place(study.places, ('simulation', 'fmu'))}: {error}")
     columns: dict[Path, Mapping[str, str]] = {}
+    broken: set[Path] = set()
     for condition in study.conditions:
         for path in condition.files:
-            if path in columns:
+            if path in columns or path in broken:
                 continue
             try:
                 contents = records.describe(path, condition.reading)
             except FmucorrectError as error:
                 problems.append(str(error))
+                broken.add(path)
                 continue
             columns[path] = record_columns(contents, condition.reading)
             if contents.damage and not study.allow_damaged:
                 problems.append(str(records.damaged(str(path), contents.damage)))
-            elif path == condition.measurement and study.simulation.fmu is not None:
+            elif path == condition.measurement and fmu is not None:
                 try:
                     sources.expected_rows(study, condition)
                 except FmucorrectError as error:

@@ -27,6 +27,7 @@ from fmucorrect.registration import (
 from fmucorrect.signals import NANOSECONDS, Channel, Condition, Record
 from fmucorrect.stepper import run
 from fmucorrect.study import Study
+from fmucorrect.study_places import place as place_of
 
 
 @dataclass(frozen=True)
@@ -88,7 +89,17 @@ def read_measurement(study: Study, condition: Condition) -> Record:
     """`read_samples` at the study's step; metadata "sample_ns": the record's own."""
     samples = read_samples(study, condition)
     told = {**samples.metadata, "sample_ns": str(samples.step_ns)}
-    return _enough(condition, resample(replace(samples, metadata=told), study.simulation.step_ns))
+    measured = resample(replace(samples, metadata=told), study.simulation.step_ns)
+    if len(measured) < FEWEST:  # the record itself has enough
+        length = (samples.t_ns[-1] - samples.t_ns[0]) / NANOSECONDS
+        raise RecordError(
+            f"at a step of {study.simulation.step_size:g} s {len(measured)} of the {len(samples)} samples of condition "
+            f"{condition.name!r} are left, which take {length:.6g} s",
+            where=f"{study.path}, {place_of(study.places, ('simulation', 'step_size'))}",
+            expected=f"at least {FEWEST}",
+            remedy=f"Write step_size in s, as step_size = {samples.step_ns / NANOSECONDS!r}, which is the record's own.",
+        )
+    return measured
 
 
 def _enough(condition: Condition, measured: Record) -> Record:

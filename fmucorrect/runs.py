@@ -119,6 +119,7 @@ def run_study(
     corrector, unlike = (None, "") if corrector is None else admitted(corrector, given, sources.start_values(study))
     told = {
         "damage": "; ".join(f"{file.name}: {damage}" for file, damage in lost.items()),
+        "repaired": sources.repaired_inputs(study, condition),
         "starts": sources.unknown_starts(study, condition),
         "unlike": unlike,
     }

@@ -294,6 +294,17 @@ def repaired(
     return told
 
 
+def repaired_inputs(study: Study, condition: Condition) -> str:
+    """What repair rules of the study change in what drives a condition, or was simulated of it, in words; "" for nothing."""
+    rules = condition.reading.repair
+    if condition.simulated is not None:
+        return repaired(condition.simulated, study.channels, repair=rules, reading=condition.reading)
+    if condition.inputs is None or study.fmu is None or not rules:
+        return ""
+    names = [variable.name for variable in driving(study, condition)]
+    return records.read(condition.inputs, names, reading=condition.reading).metadata.get("repaired", "")
+
+
 def columns(
     log: Path, channels: tuple[Channel, ...], topic: str | None = None, reading: Reading = AS_IT_IS
 ) -> list[str]:
@@ -305,6 +316,15 @@ def columns(
         return next((name for name in names if records.has(topics, name, reading)), names[0])
 
     return [column(channel) for channel in channels]
+
+
+def units_said(log: Path, channels: tuple[Channel, ...], topic: str | None = None, reading: Reading = AS_IT_IS) -> bool:
+    """Whether the log says the unit of each column that `log_inputs` takes for these channels in a unit of theirs."""
+    chosen = topic or default_topic(log, reading)
+    topics = [one for one in records.topics(log, reading) if chosen in (None, one.name)]
+    named = zip(columns(log, channels, chosen, reading), channels, strict=True)
+    wanted = [name for name, channel in named if channel.unit not in ("", "1") and records.has(topics, name, reading)]
+    return all(records.find(topics, name, str(log), reading)[1].unit not in ("", "1") for name in wanted)
 
 
 def default_topic(log: Path, reading: Reading = AS_IT_IS) -> str | None:

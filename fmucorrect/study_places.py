@@ -47,8 +47,10 @@ def by_line(problems: Iterable[str]) -> list[str]:
 
 
 def place(places: Places, loc: Location) -> str:
-    """The place of a value, or the place of the table that it is missing from and the key."""
-    known = next(loc[:n] for n in range(len(loc), -1, -1) if loc[:n] in places)
+    """The place of a value, or the place of the table that it is missing from and the key; of what no file says, the keys."""
+    known = next((loc[:n] for n in range(len(loc), -1, -1) if loc[:n] in places), None)
+    if known is None:
+        return ".".join(str(key) for key in loc)
     rest = ".".join(str(key) for key in loc[len(known) :])
     mark = "." if ", key " in places[known] else ", key "
     return f"{places[known]}{mark}{rest}" if rest else places[known]

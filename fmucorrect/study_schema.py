@@ -233,10 +233,11 @@ def _misfits(table: StudyTable, places: Places, folder: Path) -> Found:
     yield from repeated(named("joints", table.joints) + named("groups", table.groups), places)
     yield from repeated(named("rotations", table.rotations), places)
     yield from repeated(named("conditions", table.conditions), places)
-    yield from _unknown_units(table) if table.simulation.fmu is None else ()
+    bare = table.simulation.fmu is None and _keyed("simulation", places)
+    yield from _unknown_units(table) if bare else ()
     yield from _other_quantities(table)
     joints = [joint.name for joint in table.joints]
-    for i, group in enumerate(table.groups):
+    for i, group in enumerate(() if _keyed("joints", places) else table.groups):
         for name in group.joints:
             if name and name not in joints:
                 yield ("groups", i, "joints"), f"there is no joint {name!r}{those(name, joints, 'joints are')}"
@@ -254,9 +255,16 @@ def _misfits(table: StudyTable, places: Places, folder: Path) -> Found:
         yield from ((("adjustable", i, key), text) for key, text in _adjustable(row, i, owners))
     for i, row in enumerate(table.conditions):
         yield from ((("conditions", i, "free"), text) for text in _free(row, owners))
-    yield from _files(table, folder)
+    yield from _files(table, folder, bare)
     channels = [(row.name, row.simulation) for row in table.channels]
-    yield from study_training.misfits(table.training, channels, [row.name for row in table.conditions])
+    if not _keyed("channels", places) and not _keyed("conditions", places):
+        yield from study_training.misfits(table.training, channels, [row.name for row in table.conditions])
+
+
+def _keyed(name: str, places: Places) -> bool:
+    """Whether something stands there as a table of keys: where it is an array, or the other way round, what it says is not
+    known, and nothing follows from what it does not say."""
+    return any(len(loc) > 1 and loc[0] == name and isinstance(loc[1], str) for loc in places)
 
 
 def _records(table: StudyTable) -> list[tuple[Location, RecordsTable]]:
@@ -315,12 +323,12 @@ def _adjustable(row: AdjustableRow, index: int, owners: dict[str, int]) -> Itera
         yield "absolute_tolerance", "write either tolerance or absolute_tolerance, not both"
 
 
-def _files(table: StudyTable, folder: Path) -> Found:
-    """Files that are not there, and conditions that neither an FMU nor a record simulates."""
+def _files(table: StudyTable, folder: Path, bare: bool) -> Found:
+    """Files that are not there, and conditions that neither an FMU nor a record simulates. bare: whether no FMU is named."""
     files: list[tuple[Location, str | None]] = [(("simulation", "fmu"), table.simulation.fmu)]
     for i, row in enumerate(table.conditions):
         files += [(("conditions", i, key), getattr(row, key)) for key in ("inputs", "measurement", "simulated")]
-        if table.simulation.fmu is None and row.simulated is None:
+        if bare and row.simulated is None:
             text = "is missing: without [simulation] fmu every condition needs a simulated record"
             yield ("conditions", i, "simulated"), text
     for loc, name in files:

@@ -106,11 +106,20 @@ def _plain(what: str, rest: str) -> str:
                 return "a key is missing; a table in { } stands in one line, without a comma before }"
             return f"{rest[0]!r} begins no key; a key of other characters than A-Z, a-z, 0-9, _ and - stands in quotes"
         case "Expected newline or end of document after a statement":
-            return f"{rest!r} stands behind what is complete"
+            comma = "; a number has a decimal point and no comma" * rest.startswith(",")
+            return f"{rest!r} stands behind what is complete{comma}"
+        case "Expected '=' after a key in a key/value pair":
+            return "a key is followed by = and a value; a name with blanks stands in quotes"
+        case "Unclosed array":
+            return "an array is not closed by ], or its entries lack a comma"
+        case "Unclosed inline table":
+            return "a table in braces is not closed by } in its line, or its entries lack a comma"
+        case _ if what.startswith("Expected ']"):
+            return "a [table] is not closed by as many brackets as it began with"
         case "Illegal character '\\n'" | "Found invalid character '\\n'":
             return "a text does not end in the line where it begins"
         case "Unescaped '\\' in a string" | "Invalid hex value":
-            return "a backslash between double quotes begins an escape: write / instead, or 'single quotes'"
+            return "a backslash between double quotes begins an escape: write / in paths, or 'single quotes'"
         case _:
             return what
 

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import bundles
 import numpy as np
+import pandas as pd
 import pytest
 from click.testing import CliRunner, Result
 
@@ -167,6 +168,54 @@ def test_replay_asks_for_nothing_that_training_did_not_have(tmp_path: Path) -> N
     assert records.describe(out).topics[0].topic.metadata["speed"] == "0.0"
 
 
+def test_replay_says_which_options_nothing_comes_of(model: Path, ran: Path, tmp_path: Path) -> None:
+    """On standard error, and it goes on."""
+    road, out = bundles.make(tmp_path / "road.onnx", declared=False), tmp_path / "out.mcap"
+    source = tmp_path / "pandas.csv"
+    frame = pd.DataFrame({f"{name} [mm]": np.sin(np.arange(200) / 9.0) for name in ("FW", "FB", "RW", "RB")})
+    frame.insert(0, "time", np.arange(200) * 1e-3)
+    frame.to_csv(source, index=False)
+
+    def told(*arguments: object) -> list[str]:
+        result = call("replay", *arguments, "-o", out)
+        assert result.exit_code == 0, result.output
+        return [line for line in result.stderr.splitlines() if line.startswith("ignored: ")]
+
+    assert told(source, "--corrector", model, *CONDITION) == []
+    assert told(source, "--corrector", model, *CONDITION, "--delimiter", ",", "--decimal", ".", "--time", "time") == []
+    (speed, start) = told(source, "--corrector", road, "--speed", 300, "--start", 0)
+    assert speed.startswith("ignored: --speed 300.0: no condition of the corrector's training had it")
+    assert start.startswith("ignored: --start 0.0: ")
+    (unit,) = told(source, "--corrector", road, "--unit", "mm")
+    assert unit == "ignored: --unit mm: the log says the unit of every column that is read"
+    (rate,) = told(source, "--corrector", road, "--rate", 500)
+    assert rate == "ignored: --rate = 500: the file has a time of its own"
+    assert len(told(ran, "--corrector", model, "--delimiter", ";", "--encoding", "cp1250", "--time", "clock")) == 3
+    bare = log(tmp_path / "bare.csv", unit="1")
+    assert told(bare, "--corrector", road, "--unit", "mm") == []
+
+
+def test_run_says_which_options_nothing_comes_of(model: Path, ran: Path, tmp_path: Path) -> None:
+    """A simulated record, as another tool wrote it, is taken whole."""
+    frame = pd.DataFrame({f"{name} [mm]": np.sin(np.arange(200) / 9.0) for name in ("FW", "FB", "RW", "RB")})
+    frame.insert(0, "time", np.arange(200) * 1e-3)
+    frame.to_csv(tmp_path / "run.csv", index=False)
+    channels = "".join(
+        f'[[channels]]\nname = "{name}"\nsimulation = "{name}"\nmeasurement = "{name}"\nquantity = "displacement"\n'
+        'unit = "mm"\n'
+        for name in ("FW", "FB", "RW", "RB")
+    )
+    run = '[[conditions]]\nname = "a"\nrole = "development"\nmeasurement = "run.csv"\nsimulated = "run.csv"\n'
+    study = tmp_path / "study.toml"
+    study.write_text(f"format = 1\n[simulation]\nstep_size = 0.001\n{channels}{run}")
+    arguments = ["run", study, "--condition", "a", "--corrector", model, "-o", tmp_path / "out.mcap"]
+    assert call(*arguments).stderr == ""
+    result = call(*arguments, "--duration", 0.05, "--step-timeout", 5)
+    assert result.exit_code == 0, result.output
+    why = "a simulated record is taken whole, and no solver runs"
+    assert result.stderr.splitlines() == [f"ignored: --duration 0.05: {why}", f"ignored: --step-timeout 5.0: {why}"]
+
+
 @pytest.mark.parametrize(
     ("option", "value"), [("--speed", "nan"), ("--speed", "-385"), ("--amplitude", "inf"), ("--start", "nan")]
 )
@@ -264,6 +313,51 @@ def test_inspect_says_what_does_not_fit(model: Path, tmp_path: Path) -> None:
     assert "'340'" not in text
 
 
+def test_inspect_says_once_that_a_file_is_no_fmu(tmp_path: Path) -> None:
+    """Nor does anything follow from what it may have; the same of a log that several conditions name."""
+    log(tmp_path / "run.csv", rows=200)
+    (tmp_path / "log.onnx").write_text("no log")
+    study = tmp_path / "study.toml"
+
+    def misfits(fmu: str, measurement: str) -> list[str]:
+        channel = (
+            '[[channels]]\nname = "FW"\nsimulation = "x"\nmeasurement = "FW"\nquantity = "displacement"\nunit = "mm"\n'
+        )
+        runs = "".join(
+            f'[[conditions]]\nname = "{name}"\nrole = "development"\nmeasurement = "{measurement}"\n'
+            for name in "abcde"
+        )
+        study.write_text(f'format = 1\n[simulation]\nfmu = "{fmu}"\nstep_size = 0.001\n{channel}{runs}')
+        code, found = inspected(study)
+        assert code == 2
+        return found["misfits"]
+
+    (problem,) = misfits("run.csv", "run.csv")
+    assert "line 3, [simulation], key fmu: " in problem
+    assert "run.csv: this is not a zip file, expected an FMU" in problem
+    oscillator = (ROOT / "fmus" / "oscillator" / "oscillator.fmu").as_posix()
+    assert sum("log.onnx: " in problem for problem in misfits(oscillator, "log.onnx")) == 1
+
+
+@pytest.mark.parametrize("step", ["0x10", "0o20", "16", "16.0"])
+def test_a_step_that_is_not_in_s_is_told_as_one(step: str, tmp_path: Path) -> None:
+    """16 s, in whatever form, leave one sample: it is the step that is wrong, and not the record."""
+    log(tmp_path / "run.csv", rows=200)
+    channel = (
+        '[[channels]]\nname = "x"\nsimulation = "FW"\nmeasurement = "FW"\nquantity = "displacement"\nunit = "mm"\n'
+    )
+    run = '[[conditions]]\nname = "a"\nrole = "development"\nmeasurement = "run.csv"\nsimulated = "run.csv"\n'
+    (tmp_path / "study.toml").write_text(f"format = 1\n[simulation]\nstep_size = {step}\n{channel}{run}")
+    code, found = inspected(tmp_path / "study.toml")
+    assert code == 2
+    (problem,) = found["misfits"]
+    assert (
+        "line 3, [simulation], key step_size: at a step of 16 s 1 of the 200 samples of condition 'a' are left"
+        in problem
+    )
+    assert "step_size = 0.001, which is the record's own" in problem
+
+
 def test_inspect_as_text_and_into_a_file(model: Path, tmp_path: Path) -> None:
     text = call("inspect", STUDY, model).output
     assert "channels (4): FW [mm], FB [mm], RW [mm], RB [mm]" in text
@@ -274,6 +368,13 @@ def test_inspect_as_text_and_into_a_file(model: Path, tmp_path: Path) -> None:
     assert written == said
     assert once.split(", ")[0] == again.split(", ")[0]  # the runs; how long one takes is measured anew
     assert "runs of the FMU" in once
+
+
+@pytest.mark.parametrize("name", ["roller_rig", "roller_rig_B", "roller_rig_C"])
+def test_a_corrector_is_described_without_forms_of_python(name: str) -> None:
+    told = call("inspect", ROOT / "exported_models" / name / "corrector.onnx").output
+    assert "parameters (speed 8" in told
+    assert not any(form in told for form in ("{", "'", "None", "True", "False"))
 
 
 def test_a_killed_run_leaves_a_readable_file(model: Path, tmp_path: Path) -> None:

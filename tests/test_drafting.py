@@ -342,8 +342,8 @@ def test_the_command_says_what_it_left_out(car: Path, logs: list[Path], tmp_path
     assert result.exit_code == 0, result.output
     assert "train" in result.output
     assert "it needs a second run" in result.output
-    (told,) = [line for line in result.output.splitlines() if line.startswith("Left out, as its last lines say: ")]
-    assert f"column '{name}' is nan" in told
+    (told,) = [line for line in result.output.splitlines() if line.startswith("Left out: ")]
+    assert f"column '{name}' has values in 800 of 1500 rows only" in told
 
 
 def test_a_few_lost_samples_take_no_sensor_with_them(car: Path, logs: list[Path], tmp_path: Path):
@@ -352,7 +352,7 @@ def test_a_few_lost_samples_take_no_sensor_with_them(car: Path, logs: list[Path]
     out = tmp_path / "s.toml"
     result = CliRunner().invoke(cli.main, ["new", str(car), str(tmp_path / "lost.csv"), "-o", str(out)])
     assert result.exit_code == 0, result.output
-    (told,) = [line for line in result.output.splitlines() if line.startswith("Filled in, as `repair` says: ")]
-    assert f"{name} has no value at some rows: interpolate filled 4 of" in told
+    (told,) = [line for line in result.output.splitlines() if line.startswith("Mended, as `repair` says: ")]
+    assert f"some rows of {name} cannot be used: interpolate filled 4 of" in told
     assert f'measurement = "{name}"' in out.read_text()
     assert 'repair = "interpolate"  # guess: ' in out.read_text()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -135,6 +136,21 @@ def test_what_a_record_lost_stands_among_the_warnings_once_it_is_allowed(tmp_pat
     (warning,) = screen(replace(study, allow_damaged=True)).warnings
     assert (warning.kind, warning.where) == ("damaged record", "condition 'held'")
     assert "meas_held.csv" in warning.seen
+
+
+@pytest.mark.parametrize(("quiet", "fits"), [("[0.0, 59.99]", True), ("[70, 80]", False), ("[1.0, 600.0]", False)])
+def test_a_quiet_interval_that_was_not_measured(tmp_path: Path, quiet: str, fits: bool) -> None:
+    """Each condition's at its line; nothing else is said of it."""
+    study = make(tmp_path, more=f"quiet = {quiet}\n")
+    if fits:
+        assert screen(study).warnings == ()
+        return
+    with pytest.raises(StudyError) as caught:
+        screen(study)
+    assert len(caught.value.problems) == 3
+    assert "key quiet: quiet interval that was not measured: it is " in caught.value.problems[0]
+    assert re.match(r'line \d+, \[\[conditions\]\] 1 "one", key quiet: ', caught.value.problems[0])
+    assert " to 59.9" in caught.value.problems[0]
 
 
 @pytest.mark.parametrize("line", ['units = { "s22" = "mm" }', 'columns = { "wheel" = "S2 rad" }', 'time = "tmie"'])

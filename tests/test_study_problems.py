@@ -187,6 +187,53 @@ def test_all_problems_at_once(folder: Path) -> None:
         load_study(folder / "study.toml")
 
 
+SLIPS = [
+    ("name = 'a'\nname = 'b'", 2, "name stands there twice, first in line 1"),
+    ("[simulation]\n[simulation]", 2, "simulation stands there twice, first in line 1"),
+    ("[[channels]]\n[channels]", 2, "adds to a value, table or array that is complete above"),
+    ("a = { b = 1, b = 2 }", 1, "b stands there twice, first in line 1"),
+    ("step_size = 0,002", 1, "a number has a decimal point and no comma"),
+    ("step_size = -0x10", 1, "stands behind what is complete"),
+    ("step size = 1", 1, "a name with blanks stands in quotes"),
+    ("name = Car", 1, "a text stands in quotes"),
+    ("flag = True", 1, "write true"),
+    ('fmu = "C:\\data\\car.fmu"', 1, "write / in paths"),
+    ('fmu = "C:\\Users\\car.fmu"', 1, "write / in paths"),
+    ('name = "car\nb = 1', 1, "a text does not end in the line where it begins"),
+    ("name = 'car\nb = 1", 1, "a text that begins here has no end"),
+    ("format = 1\nx = [1, 2", 2, "an array is not closed by ]"),
+    ("[simulation\nb = 1", 1, "not closed by as many brackets"),
+]
+
+
+@pytest.mark.parametrize(("text", "line", "words"), SLIPS)
+def test_slips_of_the_pen_are_told_in_words(folder: Path, text: str, line: int, words: str) -> None:
+    """With the line itself, and no word of the parser's."""
+    (problem,) = problems(folder, text)
+    assert problem.startswith(f"line {line}: is not TOML: ")
+    assert words in problem
+    assert problem.endswith(f", in: {text.split(chr(10))[line - 1]}")
+    assert not any(word in problem for word in ("namespace", "Cannot", "('", "statement", "datetime"))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("[simulation]", "[[simulation]]", "[[simulation]]: must be a table"),
+        ("[[joints]]", "[joints]", "[joints]: must be an array of tables"),
+        ("[[channels]]", "[channels]", "[channels]: must be an array of tables"),
+    ],
+)
+def test_nothing_follows_from_a_table_of_the_wrong_form(folder: Path, old: str, new: str, expected: str) -> None:
+    """Of an FMU that is not read nobody knows whether it is there, and of joints not which."""
+    text = edited(("simulated =", "# "))
+    if old == "[[joints]]":  # one is left, as a table
+        at = text.index(old, text.index(old) + 1)
+        text = text[:at] + text[text.index("\n\n", at) :]
+    (problem,) = [problem for problem in problems(folder, text.replace(old, new)) if "is missing" not in problem[:40]]
+    assert expected in problem
+
+
 def test_not_toml(folder: Path) -> None:
     (problem,) = problems(folder, edited(("noise = 0.02", "noise = ")))
     assert problem.startswith(f"line {line_of(EXAMPLE, 'noise')}: is not TOML: a value is missing, in: noise = ")

@@ -51,8 +51,8 @@ KEYS = ".".join("a" * 3000)
         ('x = 1\ny = "abc\nz = 1', "line 2: is not TOML: a text does not end in the line where it begins"),
         ("x = 1\ny = 'abc\nz = 'd'", "line 2: is not TOML: a text does not end in the line where it begins"),
         ('x = 1\ny = """abc\nz = 1', "line 2: is not TOML: a text that begins here has no end"),
-        ('x = "C:\\data"', "write / instead, or 'single quotes'"),
-        ('x = "C:\\Users"', "write / instead, or 'single quotes'"),
+        ('x = "C:\\data"', "write / in paths, or 'single quotes'"),
+        ('x = "C:\\Users"', "write / in paths, or 'single quotes'"),
         ("ä = 1", "line 1: is not TOML: 'ä' begins no key"),
         ("x = { a = 1,\nb = 2 }", "line 1: is not TOML: a key is missing; a table in { } stands in one line"),
         # what no value here can be

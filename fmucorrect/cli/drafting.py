@@ -8,6 +8,9 @@ import click
 
 from fmucorrect.cli.group import OVERWRITE, PATH, UserError, progress_bar, reading_of, reading_options, say
 
+TOLD = 5
+"""Columns left out that the terminal names: a log may have a hundred of text."""
+
 
 @click.command()
 @click.argument("model", type=PATH)
@@ -51,11 +54,17 @@ def new(
     say(
         f"\n{out} is written, with {text.count('# guess:')} guesses: search it for '# guess:', and mend what is not so."
     )
-    if found.filled:
-        say(f"Filled in, as `repair` says: {found.filled}")
-    for first in found.left_out[:1]:
-        more = f"; and {len(found.left_out) - 1} more" * (len(found.left_out) > 1)
-        say(f"Left out, as its last lines say: {first}{more}")
+    for text in found.filled:
+        say(f"Mended, as `repair` says: {text}")
+    for text in found.left_out[:TOLD]:
+        say(f"Left out: {text}")
+    if len(found.left_out) > TOLD:
+        say(f"Left out, as its last lines say: {len(found.left_out) - TOLD} more")
+    for text in found.stand_ins:
+        say(f"Look at {text}.")
+    for run in found.runs:
+        if run.missing:
+            say(f"{run.path.name} lacks {'; '.join(run.missing)}. Leave this log out, or what it lacks.")
     if inspected.misfits:
         raise UserError(f"{len(inspected.misfits)} of what was drafted does not fit yet, see above")
     train = f"or fmucorrect train {out} -o trained"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Callable, Collection, Generator
+from collections.abc import Callable, Collection, Generator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
@@ -138,6 +138,11 @@ def run(
     the_study = open_study(study, allow_damaged).with_step_timeout(step_timeout)
     chosen = the_study.condition(condition)
     model = bundle.load(corrector) if corrector is not None else None
+    if chosen.simulated is not None or the_study.fmu is None:
+        _ignored(
+            {"duration": duration, "step-timeout": step_timeout},
+            "a simulated record is taken whole, and no solver runs",
+        )
     rows = sources.expected_rows(the_study, chosen, duration)
     with _watching(live, listen, out) as view, progress_bar(rows, "sample", condition) as advance:
         summary = runs.run_study(
@@ -193,11 +198,17 @@ def replay(
 
     Example: fmucorrect replay run.csv --corrector corrector.onnx --study study.toml --condition 385 -o out.mcap
     """
-    from fmucorrect import bundle, runs, sources
+    from fmucorrect import bundle, records, runs, sources
 
     reading = reading_of(time, rate, delimiter, decimal, encoding)
     model = bundle.load(corrector)
     needed = {*model.info.features, *model.info.envelope}
+    of_no_use = {key: value for key, value in features.items() if key not in needed}
+    _ignored(of_no_use, "no condition of the corrector's training had it; it is only noted in what is written")
+    for text in records.unused(log, reading):
+        say(f"ignored: --{text}", err=True)
+    if sources.units_said(log, (*model.channels, *model.sees), topic, reading):
+        _ignored({"unit": unit}, "the log says the unit of every column that is read")
     chosen, also_read = _condition(log, topic, study, condition, features, reading, needed)
     rows = sources.logged_rows(log, topic, reading)
     with _watching(live, listen, out) as view, progress_bar(rows, "sample", log.name) as advance:
@@ -277,6 +288,13 @@ def _costs(found: Inspection) -> list[Estimate]:
         with suppress(FmucorrectError):  # discover says what it cannot take
             costs.append(estimate(load_study(path), pairs))
     return [cost for cost in costs if cost is not None]
+
+
+def _ignored(options: Mapping[str, object], why: str) -> None:
+    """Say which of these options were given although nothing comes of them."""
+    for name, value in options.items():
+        if value is not None:
+            say(f"ignored: --{name} {value}: {why}", err=True)
 
 
 def _condition(

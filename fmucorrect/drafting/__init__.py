@@ -66,8 +66,8 @@ def draft(
     if not [v for v in model.of("output") if v.number]:
         raise FmuError("it has no outputs that could be compared", where=str(fmu))
     logs = _read(runs, reading)
-    # what a log says of units holds for the others, so that the one which says most comes first
-    first = max(logs, key=lambda log: sum(unit not in UNITLESS for unit in log.columns.values()))
+    # what a log says of units holds for the others, so that the one which says most comes first; and none that lacks a column
+    first = max(logs, key=lambda log: (sum(unit not in UNITLESS for unit in log.columns.values()), len(log.columns)))
     if len(logs) > 1:
         first = beside(first, next(log for log in logs if log is not first))
     step_ns, why = step_of(model, first)
@@ -87,11 +87,12 @@ def draft(
     if not channels:
         free = [v.name for v in model.of("input") if v.number and v.name not in inputs]
         still = f", and none drives its inputs {few(free)}" if free and not inputs else ""
+        beside_them = "".join(f"; {text}" for text in (*first.unreadable.values(), *first.stand_ins))
         raise RecordError(
             f"no column shows an output of the FMU, by its name or by what it holds{still}",
             where=str(first.path),
             expected=f"measurements of {few([v.name for v in trial.outputs])}",
-            got=few(trial.columns),
+            got=f"{few(trial.columns)}{beside_them}",
             remedy="Write the study by hand (fmucorrect/README.md), or give the columns the names of the outputs.",
         )
     progress(STEPS[2])
@@ -106,7 +107,9 @@ def draft(
             Path(references[i]) if references else None,
             "evaluation" if i == held_out else "development",
             tuple(
-                f"{column}, which cannot be read: {reason}" if (reason := log.unreadable.get(column)) else column
+                f'{column} ({reason}; records = {{ repair = "drop" }} in its condition takes the rows that have it)'
+                if (reason := log.unreadable.get(column))
+                else column
                 for column in (*(g.column for g in channels), *inputs.values())
                 if column not in log.columns
             ),
@@ -139,8 +142,9 @@ def draft(
             if c not in {guess.column for guess in channels}
         ),
         left_out=first.left_out,
-        reading=next((log.reading for log in logs if log.reading != reading), reading),
-        filled=next((log.filled for log in logs if log.filled), ""),
+        reading=max((log.reading for log in logs), key=lambda known: len(known.repair)),
+        filled=tuple(f"{log.path.name}: {log.filled}" for log in logs if log.filled),
+        stand_ins=tuple(f"{log.path.name}: {text}" for log in logs for text in log.stand_ins),
         starts=find_starts(model),
     )
 

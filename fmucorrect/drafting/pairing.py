@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -14,8 +14,10 @@ from fmucorrect import records, units
 from fmucorrect.clocks import overlapping
 from fmucorrect.drafting.guess import likeness, quantity, si
 from fmucorrect.drafting.joints import SI, kind
+from fmucorrect.drafting.stand_ins import stand_ins
 from fmucorrect.errors import RecordError, few
 from fmucorrect.fmu import FmuDescription, IsolatedStepper, Variable, input_record
+from fmucorrect.records import timebase
 from fmucorrect.records.contents import TopicContents
 from fmucorrect.records.timebase import seconds_text
 from fmucorrect.registration import resample
@@ -32,7 +34,7 @@ ROWS = 200_000
 MOVES = 1e-3
 """Share of an input's swing from which it moves."""
 COVERED = 0.9
-"""Share of a log's time that a topic covers to be read with the others."""
+"""Share of a log's time that a topic, or of its rows that a column, covers to be read with the others."""
 SHORT = 0.5
 """s; in less than that no noise floor can be told."""
 SHOWS = 0.5
@@ -62,7 +64,8 @@ class Run:
     read. filled: where values were filled in, between the samples of topics or at rows without one, in words. repeated:
     columns that are the same in another run to the last digit: commands, no measurements. reading: how a study has to read
     it, beside what the file says. at_once: whether a run that nothing drives begins with its first row, whatever its stamps.
-    heard: whether columns are taken for what is linear in an output and of its size, as no correlation says what they are."""
+    heard: whether columns are taken for what is linear in an output and of its size, as no correlation says what they are.
+    stand_ins: numbers that look like lost samples, in words."""
 
     path: Path
     columns: Mapping[str, str]
@@ -74,6 +77,7 @@ class Run:
     reading: Reading = AS_IT_IS
     at_once: bool = False
     heard: bool = False
+    stand_ins: tuple[str, ...] = ()
 
     @property
     def stamps(self) -> tuple[int, int]:
@@ -125,9 +129,10 @@ class ChannelGuess:
 
 
 def read_run(path: Path, reading: Reading = AS_IT_IS) -> Run:
-    """The columns of a log; of topics with other samples than the fastest what lies at its stamps, and straight lines where a
-    column has no value at a few rows, as `repair` of a study would have it. reading: what is known of it beside what it says.
-    Raises RecordError where it cannot be read, is damaged, or has none."""
+    """The columns of a log; of topics with other samples than the fastest what lies at its stamps, straight lines where a
+    column has no value at a few rows, and without the rows of its ends where one has none there, as `repair` of a study would
+    have it. reading: what is known of it beside what it says. Raises RecordError where it cannot be read, is damaged, or has
+    none."""
     contents = records.describe(path, reading)
     if contents.damage:
         raise records.damaged(str(path), contents.damage)
@@ -136,28 +141,64 @@ def read_run(path: Path, reading: Reading = AS_IT_IS) -> Run:
         raise RecordError("there are no numeric columns with rows", where=str(path))
     kept, left_out = _beside_each_other(filled)
     names = [column.name for item in kept for column in item.topic.columns]
-    units = {
-        item.topic.full_name(column.name) if names.count(column.name) > 1 else column.name: column.unit
-        for item in kept
-        for column in item.topic.columns
-    }
-    mended = replace(reading, repair=",".join(filter(None, [reading.repair, "interpolate"])))
-    why = ""
-    try:
-        record, wrong = _readable(path, list(units), reading)
-    except RecordError:
-        if len(kept) == 1:
-            raise
-        why = f"straight lines between the samples of topics with other stamps, {_rates(kept)}"
-        reading, (record, wrong) = mended, _readable(path, list(units), mended)
-    else:
-        more, still = _readable(path, list(units), mended) if wrong else (record, wrong)
-        if len(still) < len(wrong):
-            why = f"{', '.join(sorted(wrong.keys() - still.keys()))} has no value at some rows: {more.metadata['repaired']}"
-            reading, record, wrong = mended, more, still
+    units, rows = dict[str, str](), dict[str, int]()
+    for item in kept:
+        for column in item.topic.columns:
+            name = item.topic.full_name(column.name) if names.count(column.name) > 1 else column.name
+            units[name], rows[name] = column.unit, item.extent.rows
+    record, wrong, reading, why = _mended(path, rows, reading, kept)
     columns = {channel.name: units[channel.name] for channel in record.channels}
-    told = (*contents.left_out, *left_out, *wrong.values())
-    return Run(path, columns, record, told, wrong, why, reading=reading)
+    told = (*wrong.values(), *left_out, *contents.left_out)
+    return Run(path, columns, record, told, wrong, why, reading=reading, stand_ins=tuple(stand_ins(record)))
+
+
+def _mended(
+    path: Path, rows: Mapping[str, int], reading: Reading, topics: Sequence[TopicContents]
+) -> tuple[Record, dict[str, str], Reading, str]:
+    """The columns with no more repair rules than the most of them need, as `_readable` has them; the reading with these rules,
+    and why they are there, "" without any. rows: of each column. Raises RecordError, as of a log without rules."""
+    found: list[tuple[Record, dict[str, str], Reading]] = []
+    errors: list[RecordError] = []
+    bare: Collection[str] = rows
+    for rules in ("", "interpolate", "interpolate,drop"):
+        ruled = replace(reading, repair=",".join(filter(None, [reading.repair, rules])))
+        try:
+            record, wrong = _readable(path, rows, ruled, found[-1][1] if found else rows)
+        except RecordError as error:
+            errors.append(error)
+            continue
+        bare = bare if rules else wrong
+        found.append((record, wrong, ruled))
+        if not wrong:
+            break
+    if not found:
+        raise errors[0]
+    record, wrong, ruled = min(found, key=lambda one: len(one[1]))
+    wrong = {column: _lost(path, column, reading, rows[column], error) for column, error in wrong.items()}
+    if ruled == reading:
+        return record, wrong, ruled, ""
+    repaired = record.metadata.get("repaired", "")
+    if len(bare) == len(rows) and len(topics) > 1:
+        why = f"straight lines between the samples of topics with other stamps, {_rates(topics)}"
+        return record, wrong, ruled, "; ".join(filter(None, [why, repaired]))
+    mended = ", ".join(sorted(set(bare) - wrong.keys()))
+    return record, wrong, ruled, f"some rows of {mended} cannot be used: {repaired}"
+
+
+def _lost(path: Path, column: str, reading: Reading, rows: int, error: str) -> str:
+    """Where a column that cannot be read has values, in words; the error, where that says more."""
+    try:
+        there = records.read(path, [column], repair="drop", reading=reading)
+    except RecordError:
+        return error
+    if not len(there):
+        return f"{path.name}: column {column!r} is empty"
+    if len(there) == rows:
+        return error
+    first, last = (seconds_text(int(there.t_ns[i])) for i in (0, -1))
+    return (
+        f"{path.name}: column {column!r} has values in {len(there)} of {rows} rows only, from t = {first} to {last} s"
+    )
 
 
 def _rates(topics: Sequence[TopicContents]) -> str:
@@ -186,22 +227,34 @@ def _beside_each_other(filled: Sequence[TopicContents]) -> tuple[list[TopicConte
     return kept, left_out
 
 
-def _readable(path: Path, columns: Sequence[str], reading: Reading) -> tuple[Record, dict[str, str]]:
+def _readable(
+    path: Path, rows: Mapping[str, int], reading: Reading, doubtful: Collection[str]
+) -> tuple[Record, dict[str, str]]:
     """All columns but those that have no value at some row, which the others are as good without; and what is wrong with
-    these, by name. Raises RecordError where that is every one."""
+    these, by name. rows: of each column, of which rules must leave COVERED. doubtful: those that may be wrong. Raises
+    RecordError where that is every one."""
+
+    def taken(names: Sequence[str]) -> Record:
+        record = records.read(path, names, reading=reading)
+        if "drop" in timebase.rules(reading.repair):
+            timebase.require_uniform(record, where=str(path))  # rows may go at the ends, not from between others
+            whole = max(rows[name] for name in names)
+            if len(record) < COVERED * whole:
+                raise RecordError(f"{few(names)}: values in {len(record)} of {whole} rows only", where=str(path))
+        return record
+
     try:
-        return records.read(path, columns, reading=reading), {}
+        return taken([*rows]), {}
     except RecordError as error:
         wrong: dict[str, str] = {}
-        for column in columns:
+        for column in doubtful:
             try:
-                records.read(path, [column], reading=reading)
+                taken([column])
             except RecordError as own:
                 wrong[column] = str(own)
-        if not wrong or len(wrong) == len(columns):
+        if not wrong or len(wrong) == len(rows):
             raise error
-        kept = [column for column in columns if column not in wrong]
-        return records.read(path, kept, reading=reading), wrong
+        return taken([column for column in rows if column not in wrong]), wrong
 
 
 def beside(log: Run, other: Run) -> Run:

@@ -41,8 +41,9 @@ class Draft:
     """A drafted study: `text` writes it, each guess with its reason.
 
     units: of variables that the FMU leaves without one. unpaired: columns that show no output, in words. left_out: what a log
-    holds that is no column, in words. reading: what was told of the logs. filled: why values between samples are asked for,
-    "" where they are not, or were by the user. starts: variables with start values that may be free."""
+    holds that is no column, in words. reading: what was told of the logs. filled: why `repair` is asked for, a log each, empty
+    where it is not, or was by the user. starts: variables with start values that may be free. stand_ins: numbers in logs that
+    look like lost samples, in words."""
 
     model: FmuDescription
     step_ns: int
@@ -56,8 +57,9 @@ class Draft:
     unpaired: tuple[str, ...]
     left_out: tuple[str, ...]
     reading: Reading = AS_IT_IS
-    filled: str = ""
+    filled: tuple[str, ...] = ()
     starts: tuple[str, ...] = ()
+    stand_ins: tuple[str, ...] = ()
 
     def text(self, path: Path) -> str:
         """The study file, to be written to `path`: file names are relative to it."""
@@ -90,6 +92,7 @@ class Draft:
             yield ""
             yield from (f"# used for nothing: column {one_line(text)}" for text in self.unpaired[:50])
         yield from (f"# left out: {one_line(text)}" for text in self.left_out)
+        yield from (f"# {one_line(text)}" for text in self.stand_ins)
 
     def _records(self) -> Iterator[str]:
         guesses = (*self.driving.inputs, *self.channels)
@@ -101,7 +104,8 @@ class Draft:
             yield ""
             yield "[records]"
             for key, value in told.items():
-                yield f"{key} = {toml(value)}{f'  # guess: {one_line(self.filled)}' if key == 'repair' and self.filled else ''}"
+                why = f"  # guess: {one_line('; '.join(self.filled))}" if key == "repair" and self.filled else ""
+                yield f"{key} = {toml(value)}{why}"
         if unsaid:
             yield f"units = {toml(unsaid)}  # guess: the logs say none; what makes simulated and measured of one size"
         if renamed:

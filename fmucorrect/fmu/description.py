@@ -106,7 +106,8 @@ class FmuDescription:
     nothing; tolerance: of its solver, relative, which a run asks for. defined: units that it declares itself, by name.
     capabilities: what it can, in words. log_categories: names of its log categories. wrapped: what `fmucorrect wrap` wrote
     of the solver and the corrector inside; empty for any other FMU. exchange: of one that offers model exchange only, whose
-    states this program integrates; None where it is stepped by its own solver.
+    states this program integrates; None where it is stepped by its own solver. buildable: whether it lists the sources that
+    its library is compiled from.
     """
 
     path: Path
@@ -130,6 +131,7 @@ class FmuDescription:
     defined: Mapping[str, Unit] = field(default_factory=lambda: MappingProxyType({}), repr=False)
     wrapped: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}), repr=False)
     exchange: Exchange | None = None
+    buildable: bool = False
 
     def of(self, causality: str) -> tuple[Variable, ...]:
         """All variables of one causality: input, output, parameter, ..."""
@@ -168,8 +170,16 @@ class FmuDescription:
             wanted = fmpy.platform
         if wanted not in self.platforms:
             remedy = f"Export it for {wanted}."
-            if self.has_sources:
-                remedy = f"Compile its sources with 'fmpy compile {self.path.name}', or export it for {wanted}."
+            if self.buildable:
+                remedy = (
+                    f"Compile its sources with 'fmpy compile \"{self.path}\"', which takes cmake and a C compiler and writes "
+                    f"the library into that file, or export it for {wanted}."
+                )
+            elif self.has_sources:
+                remedy += (
+                    " It has sources, but does not list them (SourceFiles in the model description, in FMI 3 "
+                    "sources/buildDescription.xml), so that no tool knows how to compile them."
+                )
             raise FmuError(
                 "there is no library for this machine in it",
                 where=str(self.path),
@@ -278,6 +288,7 @@ def _described(path: Path, now: tuple[int, ...]) -> FmuDescription:
         platforms=tuple(sorted(set(platforms))),
         libraries=tuple(sorted(libraries)),
         faults=faults,
+        buildable=any(file for build in model.buildConfigurations for file in build.sourceFileSets),
         has_sources=any(name.startswith("sources/") and name.endswith(".c") for name in names),
         capabilities=tuple(text for flag, text in _CAPABILITIES.items() if getattr(own, flag, False)),
         log_categories=tuple(category.name for category in model.logCategories),

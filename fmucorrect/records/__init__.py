@@ -59,6 +59,7 @@ __all__ = [
     "stream",
     "suffix_of",
     "topics",
+    "unused",
     "writer",
 ]
 
@@ -150,12 +151,24 @@ def describe(path: str | PathLike[str], reading: Reading = AS_IT_IS) -> Contents
     seen = _known(_contents, path, reading)
     known = with_units([item.topic for item in seen.topics], reading)
     topics = tuple(replace(item, topic=topic) for item, topic in zip(seen.topics, known, strict=True))
-    own = reading.rate and not any(counted(reading.rate) in topic.metadata.get("assumed", "") for topic in known)
-    unused = [f"rate = {reading.rate:.10g}: the file has a time of its own"] if own else []
-    if reading.time and not any(is_time(topic, reading.time) for topic in known):
-        theirs = ", ".join(dict.fromkeys(repr(topic.time) for topic in known if topic.time))
-        unused.append(f"time = {reading.time!r}: there is no such column; the time is {theirs or 'that of the log'}")
-    return replace(seen, topics=topics, left_out=(*seen.left_out, *unused))
+    return replace(seen, topics=topics, left_out=(*seen.left_out, *_unused(seen, reading)))
+
+
+def unused(path: str | PathLike[str], reading: Reading) -> tuple[str, ...]:
+    """What of `reading` the file has no use for, in words."""
+    return tuple(_unused(_known(_contents, path, reading), reading))
+
+
+def _unused(seen: Contents, reading: Reading) -> Iterator[str]:
+    topics = [item.topic for item in seen.topics]
+    if reading.rate and not any(counted(reading.rate) in topic.metadata.get("assumed", "") for topic in topics):
+        yield f"rate = {reading.rate:.10g}: the file has a time of its own"
+    if reading.time and not any(is_time(topic, reading.time) for topic in topics):
+        theirs = ", ".join(dict.fromkeys(repr(topic.time) for topic in topics if topic.time))
+        yield f"time = {reading.time!r}: there is no such column; the time is {theirs or 'that of the log'}"
+    for key, kinds in (("delimiter", ("CSV",)), ("decimal", ("CSV",)), ("encoding", ("CSV", "LabVIEW"))):
+        if (value := getattr(reading, key)) and not any(kind in seen.format for kind in kinds):
+            yield f"{key} = {value!r}: that is of text files, and this one is {seen.format}"
 
 
 Seen = TypeVar("Seen")

@@ -36,7 +36,7 @@ def whole(
     names = timebase.rules(repair or reading.repair)
     found = plan(with_units(source.topics(), reading), columns, topic, source.path, reading)
     if set(names) <= _STREAMED:
-        repairs = [Repairs() for _ in found.parts]
+        repairs = _counting(found)
         blocks = list(_checked(source, found, names, RAM_ROWS if len(found.parts) > 1 else None, repairs))
         return _record(source, found, _concatenate(blocks, len(found.names)), repairs)
     return _repaired(source, found, names)
@@ -54,13 +54,35 @@ def chunks(
     names = timebase.rules(repair or reading.repair)
     found = plan(with_units(source.topics(), reading), columns, topic, source.path, reading)
     if set(names) <= _STREAMED:
-        repairs = [Repairs() for _ in found.parts]
-        for block in _checked(source, found, names, rows, repairs):
+        repairs = _counting(found)
+        blocks = _checked(source, found, names, rows, repairs)
+        for block in _one_ahead(blocks) if names else blocks:
             yield _record(source, found, block, repairs)
     else:
         record = _repaired(source, found, names)
         for start in range(0, len(record), rows):
             yield record.rows(start, min(start + rows, len(record)))
+
+
+def _one_ahead(blocks: Iterator[Block]) -> Iterator[Block]:
+    """The same, each once the next one is read: what a rule left out behind the last row is told with the last one."""
+    held: Block | None = None
+    try:
+        for block in blocks:
+            if held is not None:
+                yield held
+            held = block
+    except RecordError:
+        if held is not None:
+            yield held
+        raise
+    if held is not None:
+        yield held
+
+
+def _counting(found: Plan) -> list[Repairs]:
+    """What repairs of each part are counted in."""
+    return [Repairs([found.names[i] for i in part.positions]) for part in found.parts]
 
 
 def _record(source: Guarded, found: Plan, block: Block, repairs: Sequence[Repairs]) -> Record:
@@ -182,7 +204,7 @@ def _ended(source: Guarded, found: Plan, counts: Sequence[int], row: int) -> Rec
 def _repaired(source: Guarded, found: Plan, names: tuple[str, ...]) -> Record:
     """Every topic in memory, mended rule by rule, then joined."""
     blocks: list[Block] = []
-    every = [Repairs() for _ in found.parts]
+    every = _counting(found)
     for part, repairs in zip(found.parts, every, strict=True):
         block = _concatenate(list(source.blocks(part.topic.name, part.columns)), len(part.columns))
         for name in names:

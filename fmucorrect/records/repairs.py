@@ -1,13 +1,14 @@
-"""What repair rules changed in a record: how many rows, and their longest stretch, in words."""
+"""What repair rules changed in a record: how many rows, their longest stretch, and which columns had no value, in words."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Bool, Int64
 
-from fmucorrect.errors import RecordError
+from fmucorrect.errors import RecordError, few
 from fmucorrect.records import seconds
 from fmucorrect.records.source import NO_TIME
 from fmucorrect.signals import NANOSECONDS
@@ -28,7 +29,8 @@ _INVENTS = ("interpolate", "resample")
 
 @dataclass
 class _Count:
-    """One rule so far. open: rows of the stretch that reaches to the end of what was seen."""
+    """One rule so far. open: rows of the stretch that reaches to the end of what was seen. cells: without a value that the
+    rule met, by the number of the column."""
 
     rows: int = 0
     seen: int = 0
@@ -36,17 +38,29 @@ class _Count:
     open_ns: int = NO_TIME
     longest: int = 0
     longest_ns: tuple[int, int] = (NO_TIME, NO_TIME)
+    cells: dict[int, int] = field(default_factory=dict[int, int])
 
 
 class Repairs:
     """Counts over one topic, block by block."""
 
-    def __init__(self) -> None:
+    def __init__(self, columns: Sequence[str] = ()) -> None:
+        """columns: their names, where they are to be told."""
         self._counts: dict[str, _Count] = {}
+        self._columns = columns
 
-    def note(self, rule: str, touched: Bool[np.ndarray, " T"], t_ns: Int64[np.ndarray, " T"]) -> None:
-        """Take in which of the next rows a rule touched, and their stamps."""
+    def note(
+        self,
+        rule: str,
+        touched: Bool[np.ndarray, " T"],
+        t_ns: Int64[np.ndarray, " T"],
+        cells: Bool[np.ndarray, "T C"] | None = None,
+    ) -> None:
+        """Take in which of the next rows a rule touched, their stamps, and the cells without a value that made it do so."""
         count = self._counts.setdefault(rule, _Count())
+        if cells is not None:
+            for column in np.flatnonzero(cells.any(axis=0)).tolist():
+                count.cells[column] = count.cells.get(column, 0) + int(cells[:, column].sum())
         count.seen += len(touched)
         edges = np.flatnonzero(np.diff(np.concatenate([[False], touched, [False]]).astype(np.int8)))
         starts, stops = edges[::2], edges[1::2]
@@ -75,7 +89,12 @@ class Repairs:
 
     def text(self) -> str:
         """All of it in words; "" where no row was touched."""
-        return "; ".join(_told(rule, count) for rule, count in self._counts.items() if count.rows)
+        return "; ".join(_told(rule, count) + self._cells(count) for rule, count in self._counts.items() if count.rows)
+
+    def _cells(self, count: _Count) -> str:
+        """How many values each column lacked; "" where that is not known."""
+        named = [f"{self._columns[i]} {cells}" for i, cells in sorted(count.cells.items()) if i < len(self._columns)]
+        return f" (cells without a value: {few(named)})" if named else ""
 
 
 def _share(count: _Count) -> str:

@@ -102,12 +102,13 @@ def sort(block: Block, repairs: Repairs | None = None) -> Block:
 def drop(block: Block, after_ns: int = NO_TIME, repairs: Repairs | None = None) -> Block:
     """Without rows that hold NaN or Inf, and then without rows not later than all before them (and `after_ns`)."""
     t_ns = block.t_ns
-    good = np.isfinite(block.values).all(axis=1)
+    empty = np.logical_not(np.isfinite(block.values))
+    good = np.logical_not(empty.any(axis=1))
     if len(t_ns):
         counted = np.where(good, t_ns, NO_TIME)
         good &= t_ns > np.maximum.accumulate(np.concatenate([np.array([after_ns], np.int64), counted[:-1]]))
     if repairs is not None:
-        repairs.note("drop", np.logical_not(good), t_ns)
+        repairs.note("drop", np.logical_not(good), t_ns, empty)
     return block if good.all() else Block(t_ns[good], block.values[good])
 
 
@@ -189,7 +190,7 @@ def interpolate(block: Block, where: str = "record", repairs: Repairs | None = N
         values[inside, c] = _linear(block.t_ns[inside], block.t_ns[known], values[known, c])
     if repairs is not None:
         filled = np.logical_and(np.logical_not(np.isfinite(block.values)), np.isfinite(values))
-        repairs.note("interpolate", np.asarray(filled.any(axis=1)), block.t_ns)
+        repairs.note("interpolate", np.asarray(filled.any(axis=1)), block.t_ns, filled)
     return Block(block.t_ns, values)
 
 

@@ -10,7 +10,9 @@ from jaxtyping import Float64
 
 from fmucorrect.pairs import Pair
 from fmucorrect.screening.finding import Finding
+from fmucorrect.signals import NANOSECONDS
 from fmucorrect.study import Study
+from fmucorrect.study_places import place
 
 THOUSAND = "1000 (mm and m, kN and N)"
 INCH = "25.4 (inch and mm)"
@@ -60,6 +62,7 @@ def of_pairs(study: Study, pairs: Sequence[Pair]) -> tuple[Finding, ...]:
     twins = {pair: where for pair in combinations(range(len(study.channels)), 2) if (where := _twins(pairs, *pair))}
     doubtful = {j for pair in twins for j in pair}
     return (
+        *_quiet(study, pairs),
         *_clocks(study, pairs),
         *_duplicated(study, pairs, twins),
         *_assigned(study, pairs, tables, doubtful),
@@ -102,6 +105,27 @@ def _where(channels: str, pairs: Sequence[Pair], having: Collection[int]) -> str
 
 def _how(pairs: Sequence[Pair], having: Collection[int]) -> str:
     return "at every condition alike" if len(having) == len(pairs) else "and not so at the other conditions"
+
+
+def _quiet(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
+    """Intervals without excitation of which nothing was measured, or that end behind the run: where a measurement ends in it is
+    known to a sample or two only."""
+    names = [condition.name for condition in study.conditions]
+    for item in pairs:
+        if item.condition.quiet is None:
+            continue
+        begins, ends = ((int(item.t_ns[i]) - int(item.simulated.t_ns[0])) / NANOSECONDS for i in (0, -1))
+        run = int(item.simulated.t_ns[-1] - item.simulated.t_ns[0]) / NANOSECONDS
+        low, high = item.condition.quiet
+        if low >= ends or high <= begins or high > run + study.simulation.step_size:
+            yield Finding(
+                "quiet interval that was not measured",
+                "error",
+                place(study.places, ("conditions", names.index(item.condition.name), "quiet")),
+                f"it is {low:g} to {high:g} s, and was measured from {begins:.6g} to {ends:.6g} s of the run",
+                "The sensors' noise would be told from another stretch, or not at all",
+                f"Write an interval that ends before {ends:.6g}, or leave quiet out.",
+            )
 
 
 def _clocks(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:

@@ -3,6 +3,11 @@
 from __future__ import annotations
 
 import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -14,10 +19,13 @@ from trouble_fmu import OSCILLATOR, description, packed
 
 from fmucorrect import unchanged
 from fmucorrect.errors import FmuError, SignalError
-from fmucorrect.fmu import FmuStepper, open_fmu
+from fmucorrect.fmu import FmuStepper, IsolatedStepper, open_fmu
 from fmucorrect.fmu.matching import input_conversion, output_scaling
-from fmucorrect.signals import Channel
+from fmucorrect.signals import Channel, Condition
+from fmucorrect.stepper import grid, run
 from fmucorrect.units import Conversion, Unit
+
+STRANGERS = Path(__file__).resolve().parent.parent / "strangers"
 
 
 def test_description(oscillator: Path):
@@ -216,12 +224,40 @@ def test_library_of_other_platforms_only(tmp_path: Path, version: str):
         FmuStepper(path, (Channel("y", simulation="real.y"),))
 
 
-def test_sources_only(tmp_path: Path, version: str):
+def test_sources_that_are_not_listed(tmp_path: Path, version: str):
     path = packed(tmp_path / "a.fmu", description(version), None, version)
     with zipfile.ZipFile(path, "a") as archive:
         archive.writestr("sources/a.c", "")
-    with pytest.raises(FmuError, match=r"got no libraries. Compile its sources"):
+    with pytest.raises(FmuError, match=r"got no libraries. Export it for .* does not list them \(SourceFiles"):
         FmuStepper(path, (Channel("y", simulation="real.y"),))
+
+
+@pytest.mark.skipif(shutil.which("cmake") is None, reason="cmake, which fmpy compiles with, is not installed")
+@pytest.mark.parametrize("which", ["corner", "oscillator_fmi3"])
+def test_the_advice_of_an_fmu_of_sources_can_be_followed(tmp_path: Path, which: str):
+    """As it stands there, word for word; one of a stranger's, and one of FMI 3."""
+    path = tmp_path / f"my {which}.fmu"
+    with zipfile.ZipFile(path, "w") as archive:
+        if which == "corner":
+            text, folded = (STRANGERS / "corner.xml").read_text(), 'canHandleVariableCommunicationStepSize="true"'
+            files = '<SourceFiles><File name="corner.c"/></SourceFiles></CoSimulation>'
+            archive.writestr("modelDescription.xml", text.replace(f"{folded}/>", f"{folded}>{files}"))
+            archive.write(STRANGERS / "corner.c", "sources/corner.c")
+        else:
+            with zipfile.ZipFile(OSCILLATOR / f"{which}.fmu") as whole:
+                for name in whole.namelist():
+                    if not name.startswith("binaries/"):
+                        archive.writestr(name, whole.read(name))
+    with pytest.raises(FmuError) as caught:
+        open_fmu(path).binaries  # noqa: B018
+    (command,) = re.findall("'(fmpy compile .*)'", str(caught.value))
+    subprocess.run([sys.executable, "-m", *shlex.split(command)], check=True, capture_output=True)
+    output = open_fmu(path).of("output")[0].name
+    channel = Channel(output, "", simulation=output)
+    with IsolatedStepper(path, (channel,)) as stepper:
+        result = run(stepper, Condition("a"), grid(0.01, 1_000_000))
+    assert result is not None
+    assert np.isfinite(result.values).all()
 
 
 def test_encodings_that_are_read(tmp_path: Path):

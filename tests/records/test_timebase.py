@@ -110,6 +110,26 @@ def test_what_a_rule_changed_is_counted(rule: str, spoil: slice, told: str, tmp_
     assert "repaired" not in records.read(clean, repair=rule).metadata
 
 
+@pytest.mark.parametrize(("rule", "told"), [("interpolate", "a 1, b 2"), ("drop", "a 1, b 3")])
+def test_which_columns_had_no_value_is_counted(rule: str, told: str, tmp_path: Path) -> None:
+    """A row may lack several; what stands beyond the last value is not filled in."""
+    lines = [f"{i},{'' if i == 30 else i},{'' if i in (30, 31, 99) else i},{i}" for i in range(100)]
+    (path := tmp_path / "log.csv").write_text("\n".join(["time,a,b,c", *lines, ""]), encoding="utf-8")
+    asked = f"{rule},drop" if rule == "interpolate" else rule
+    for rows in (7, 100):
+        mended = list(records.stream(path, repair=asked, rows=rows))[-1].metadata["repaired"]
+        assert mended.split("; ")[0].endswith(f"(cells without a value: {told})")
+
+
+def test_rows_left_out_behind_the_last_chunk_are_counted(tmp_path: Path) -> None:
+    """A logger that ran on without its sensor, for longer than a file is read at once."""
+    lines = [f"{i},{i % 7}" if i < 4000 else f"{i}," for i in range(400_000)]
+    (path := tmp_path / "log.csv").write_text("\n".join(["time,a", *lines, ""]), encoding="utf-8")
+    chunks = list(records.stream(path, repair="drop", rows=4000))
+    assert [len(chunk) for chunk in chunks] == [4000]
+    assert "drop left out 396000 of 400000 rows" in chunks[-1].metadata["repaired"]
+
+
 @pytest.mark.parametrize("rule", ["interpolate", "drop,resample"])
 def test_a_rule_does_not_make_up_more_than_a_tenth(rule: str, tmp_path: Path) -> None:
     values = np.arange(100.0)
