@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from jaxtyping import Float64
+from scipy.signal import oaconvolve
 
 from fmucorrect.pairs import Pair
 from fmucorrect.signals import NANOSECONDS
@@ -57,25 +58,27 @@ def _filtered(rows: int, known: Sequence[Samples], unseen: Sequence[Samples], st
     folds = by_speed(known) if len(known) > 1 else []
     speeds = len({item.speed for item in known}) > 2
 
-    def taps(item: Samples, every: int) -> tuple[Float64[np.ndarray, "M F"], slice]:
-        """Of every so-many-th row whose history is complete, and which of the measured rows these are."""
+    def taps(item: Samples) -> tuple[Float64[np.ndarray, "M F"], slice]:
+        """Of every `stride`-th row whose history is complete, and which of the measured rows these are."""
         whole = item.whole / basis.response
         first = max(rows - 1 - len(whole) + len(item.simulated), 0)
-        kept = slice(-(-first // every) * every, None, every)
+        kept = slice(-(-first // stride) * stride, None, stride)
         ends = np.arange(len(item.simulated))[kept] + len(whole) - len(item.simulated)
         windows = np.lib.stride_tricks.sliding_window_view(whole, rows, axis=0)[ends - rows + 1]
         return windows.reshape(len(ends), -1), kept
 
     each: list[ridge.Normal] = []
     for item in known:
-        x, kept = taps(item, stride)
+        x, kept = taps(item)
         each.append(ridge.normal(x, item, kept, basis))
     weights, sloped = ridge.fit(each, folds, (False, True)[: 1 + speeds], PENALTIES).solved
     said: list[Response] = []
     for item in unseen:
         one = weights + (item.speed - basis.speed[0]) / basis.speed[1] * sloped
-        response = item.simulated.copy()
-        x, kept = taps(item, 1)
-        response[kept] += (one[0] + x @ one[1:]) * basis.response
+        response, whole = item.simulated.copy(), item.whole / basis.response
+        weights_of = one[1:].reshape(whole.shape[1], rows, -1)[:, ::-1]
+        # every row's taps at once would take gigabytes of a record of a million
+        added = sum(oaconvolve(q[:, None], w, mode="valid", axes=0) for q, w in zip(whole.T, weights_of, strict=True))
+        response[-len(added) :] += (one[0] + added[-len(response) :]) * basis.response
         said.append(response)
     return said
