@@ -149,10 +149,14 @@ def _all_errors(found: Mapping[Family, Mapping[int, Sequence[LeftOut]]]) -> dict
 
 def _goes_on(family: Family, last: int, found: Mapping[Family, Mapping[int, Sequence[LeftOut]]]) -> bool:
     """Whether a longer training is tried: the last one was tried and the best, harmed nothing and is not hopelessly behind
-    the best of all (successive halving; Jamieson and Talwalkar, AISTATS 2016): long trainings take most of the time."""
+    the best of all (successive halving; Jamieson and Talwalkar, AISTATS 2016): long trainings take most of the time. With
+    feedback, which takes twice as long, it has to be as good as without after as many steps, too."""
     errors = _all_errors(found)
     own, best = errors[family], min(min(values.values()) for values in errors.values() if values)
-    return own.get(last, np.inf) <= min(*own.values(), *errors["nothing"].values(), BEHIND * best)
+    bounds = [*own.values(), *errors["nothing"].values(), BEHIND * best]
+    if family == "feedback" and (without := errors.get("recurrent", {}).get(last)) is not None:
+        bounds.append(without)
+    return own.get(last, np.inf) <= min(bounds)
 
 
 def simplest(tried: Mapping[Family, Mapping[str, float]]) -> Family:

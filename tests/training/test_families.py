@@ -15,11 +15,14 @@ from fmucorrect.pairs import pair
 from fmucorrect.sealing import evaluate
 from fmucorrect.stepper import CorrectedStepper, ReplayStepper, Status, run
 from fmucorrect.study import Study, load_study
-from fmucorrect.study_training import Family
-from fmucorrect.training.data import samples
+from fmucorrect.study_training import Corrector, Family, Recurrent, Training
+from fmucorrect.training import selection
+from fmucorrect.training.band import LeftOut, left_out
+from fmucorrect.training.data import Samples, samples
 from fmucorrect.training.protocol import Trained, train
 from fmucorrect.training.results import save
 from fmucorrect.training.selection import simplest
+from fmucorrect.training.tasks import Workshop
 from fmucorrect.training.verdict import verdict
 from fmucorrect.wrapping.package import wrap
 
@@ -172,6 +175,30 @@ def taken(**tried: tuple[float, float, float]) -> Family:
 def test_the_simplest_within_a_standard_error_is_taken() -> None:
     assert taken(linear=(4.0, 4.1, 4.2), recurrent=(4.3, 3.9, 4.0)) == "linear"
     assert taken(linear=(4.0, 4.1, 4.2), recurrent=(3.0, 3.2, 3.1)) == "recurrent"
+
+
+@pytest.mark.parametrize(("at_first", "longer"), [(0.4, True), (0.6, False)])
+def test_feedback_is_trained_longer_only_where_it_is_as_good_as_without(
+    friction: Case, monkeypatch: pytest.MonkeyPatch, at_first: float, longer: bool
+) -> None:
+    """It takes twice as long. Errors as shares of what the simulation lacks, by family and length."""
+    study, _ = friction
+    development = [samples(pair(study, condition), road.QUICK.window) for condition in study.development]
+    families: tuple[Family, ...] = ("recurrent", "feedback")
+    settings = replace(road.QUICK, corrector=Corrector(families=families), recurrent=Recurrent(steps=(30, 60)))
+    short, long = selection.candidates("feedback", development, settings)
+    shares = {"nothing": {0: 1.0}, "recurrent": {short: 0.5, long: 0.3}, "feedback": {short: at_first, long: 0.2}}
+    asked: list[tuple[Family, int]] = []
+
+    def leave_out(family: Family, items: list[Samples], _: Training, __: Workshop, epochs: int) -> list[LeftOut]:
+        asked.append((family, epochs))
+        share = shares[family][epochs]
+        return [left_out((item.measured - share * (item.measured - item.simulated))[None], item) for item in items]
+
+    monkeypatch.setattr(selection, "leave_out", leave_out)
+    found = selection.select(development, settings, Workshop())
+    assert (("feedback", long) in asked) == longer
+    assert found.family == ("feedback" if longer else "recurrent")
 
 
 def test_what_helps_in_one_condition_and_harms_in_others_is_not_taken() -> None:
