@@ -26,11 +26,11 @@ from fmucorrect.wrapping.network import NetworkSources
 
 TOLERANCE = GOLDEN_TOLERANCE
 """mm, or the channel's unit where that is no length; times the largest response of the envelope, if that is more than 1: as
-alike as ONNX Runtime has to be on another machine. What the last digit of its inputs does to ONNX Runtime's own answer, times
-ROUNDED, comes on top: a filter whose weights are large and of both signs loses digits wherever it is computed."""
-ROUNDED = 8.0
-"""Times the largest of the changes that were seen (`_NUDGES` of them): another order of the same sums rounds as often as they
-have members, not once."""
+alike as ONNX Runtime has to be on another machine. What the last digit of its inputs does to ONNX Runtime's own answer (the
+largest of `_NUDGES` changes) comes on top, once for each product of matrices that follows on another: each rounds anew, in
+another order of its sums, and a filter whose weights are large and of both signs loses digits wherever it is computed."""
+
+_PRODUCTS = ("MatMul", "Gemm", "Conv", "RNN", "GRU", "LSTM")
 
 WAYS = ("baseline", "avx2")
 _BATCHES, _BATCH = 50, 20
@@ -92,6 +92,7 @@ def prove(bundle: Bundle, sources: NetworkSources, work: Path, defined: Mapping[
     carried = TOLERANCE * np.maximum(1.0, np.abs(asked.right.next_state.astype(float)).max(0))
     scales = (scale, scale, np.ones(1), np.ones(len(carried)))
     allowed = (limits, limits, np.full(1, TOLERANCE), carried)
+    products = _products_in_a_row(bundle)
     errors: dict[str, float] = {}
     largest = 0.0
     with _loaded(library) as probe:
@@ -101,12 +102,24 @@ def prove(bundle: Bundle, sources: NetworkSources, work: Path, defined: Mapping[
                 continue
             for i, what in enumerate(Answers._fields):
                 error = np.abs(answers[i] - asked.right[i]) * scales[i]
-                bound = allowed[i] + ROUNDED * asked.rounding[i] * scales[i]
+                bound = allowed[i] + products * asked.rounding[i] * scales[i]
                 _judge(what, error, bound, name, where)
                 errors[name] = max(errors.get(name, 0.0), float((error / bound).max(initial=0.0)))
                 if what != "next_state":  # which has no unit
                     largest = max(largest, float(error.max()))
     return Proof(len(asked.windows), int((asked.right.inside > 0).sum()), errors, largest)
+
+
+def _products_in_a_row(bundle: Bundle) -> int:
+    """Of the longest way through the graph, those with weights."""
+    import onnx
+
+    graph = onnx.load_model_from_string(bundle.path.read_bytes()).graph
+    count = {item.name: 0 for item in (*graph.input, *graph.initializer)}
+    for node in graph.node:
+        most = max((count.get(name, 0) for name in node.input), default=0)
+        count |= dict.fromkeys(node.output, most + (node.op_type in _PRODUCTS))
+    return max(count.values())
 
 
 def _judge(
