@@ -133,7 +133,7 @@ def _effect(page: Page, effect: Effect, verdict: str) -> None:
     if known(share := effect.class_probability):
         facts.append(("of its class", f"{percent(share)} that it, or what cannot be told from it, is right"))
     if acts := effect.acting:
-        rms, most = (quantity(size, None, acts.unit) for size in (acts.rms, acts.peak))
+        rms, most = (quantity(size, unit=acts.unit) for size in (acts.rms, acts.peak))
         facts.append(("acted", f"with {rms} rms, {most} at most, on the records that the search saw"))
     rivals = [item.at for item in effect.indistinguishable_from]
     facts += [("cannot be told from", listed(rivals, "or"))] if rivals else []
@@ -145,7 +145,7 @@ def _effect(page: Page, effect: Effect, verdict: str) -> None:
 
 def _differs(item: Uneven) -> str:
     pieces, over = list(zip(item.factors, item.places, strict=True)), plain(item.over)
-    ends = [(f"{factor:.2g}", quantity(place, None, item.unit)) for factor, place in (min(pieces), max(pieces))]
+    ends = [(f"{factor:.2g}", quantity(place, unit=item.unit)) for factor, place in (min(pieces), max(pieces))]
     sizes = " and ".join(f"{factor} times what the law gives at a {over} of {place}" for factor, place in ends)
     return (
         f"Its force would have to differ by {percent(item.share)} with the {over} (standard deviation): to be about {sizes}."
@@ -172,7 +172,7 @@ def _parameter(name: str, item: Parameter, symbols: bool) -> Row:
     elif value:
         cells.append(percent(abs(std / value)))
     else:
-        cells.append(quantity(std, None, item.unit))
+        cells.append(quantity(std, unit=item.unit))
     return Row([plain(name), *cells])
 
 

@@ -29,14 +29,14 @@ def learned_section(page: Page, report: Discovery) -> None:
     facts = [
         ("held-out gap closed", percent(found.closed) if known(found.closed) else "none was held out"),
         ("in development", percent(found.closed_in_development)),
-        ("the force that acted", f"{quantity(found.rms, None, unit)} rms, {quantity(found.peak, None, unit)} peak"),
+        ("the force that acted", f"{quantity(found.rms, unit=unit)} rms, {quantity(found.peak, unit=unit)} peak"),
         (
             "learned from",
-            f"{quantity(low, None, length)} to {quantity(high, None, length)}, up to {quantity(rate, None, speed)}",
+            f"{quantity(low, unit=length)} to {quantity(high, unit=length)}, up to {quantity(rate, unit=speed)}",
         ),
     ]
     if known(found.remembers):
-        facts.append(("remembers", f"the last {quantity(found.remembers, None, length)} of the motion"))
+        facts.append(("remembers", f"the last {quantity(found.remembers, unit=length)} of the motion"))
     carries = "effects.toml" in report.files
     written = "effects.toml and augmented.fmu have it" if carries else "not written: it does not carry over"
     page.facts([*facts, ("in the FMU", written)])

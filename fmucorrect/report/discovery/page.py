@@ -139,7 +139,7 @@ def _tiles(page: Page, report: Discovery) -> None:
         for name, item in list(effect.parameters.items())[:1]:
             text, detail = quantity(item.value, item.std, item.unit), effect.at
             if len(text) > TILE:
-                text, detail = quantity(item.value, None, item.unit), f"{text}, {detail}"
+                text, detail = quantity(item.value, unit=item.unit), f"{text}, {detail}"
             tiles.append((titled(plain(name)), "", text, detail))
     if report.verdict == "unexplained":
         joints = {name: share for name, share in report.where.joints.items() if known(share)}
