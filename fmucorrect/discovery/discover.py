@@ -44,6 +44,7 @@ from fmucorrect.discovery.where import Residual, where
 from fmucorrect.discovery.wording import rest, sentence
 from fmucorrect.errors import FmuError, StudyError
 from fmucorrect.inspection import study_problems
+from fmucorrect.report.discovery.content import Discovery
 from fmucorrect.screening import screen
 from fmucorrect.study import Study, load_study
 from fmucorrect.units import parse
@@ -172,7 +173,7 @@ def write(folder: Path, report: dict[str, Any]) -> None:
     from fmucorrect.report.discovery.page import build
 
     outputs.write(folder / "report.json", json.dumps(report, indent=1, allow_nan=False) + "\n")
-    build(report).write(folder / "report.html")
+    build(Discovery.read(report)).write(folder / "report.html")
 
 
 def _plain(value: Any) -> Any:
@@ -252,7 +253,7 @@ def _report(
         "adjusted_from": {moved.name: moved.before for moved in adjusted},
         "adjusted_by": {moved.name: moved.tolerances for moved in adjusted},
         "sensors": sensed,
-        "cautions": [*wrong_signs(problem), *cautions(problem, best, wider, rows, sensed)],
+        "cautions": [*wrong_signs(problem), *cautions(problem, best, wider, sensed)],
         "candidates": output.candidate_rows(problem, naming, decision),
         "learned": row,
         "where": shares_of | where(residuals, study.rotations, study.channels),
@@ -272,7 +273,7 @@ def _report(
         found = found_of(problem, terms, best.model.base, rows if named else ())
     elif law is not None and row is not None and writable(row):
         found = found_of(problem, (law.term,), law.model.base, (file_row(law),))
-    report["sentence"] = sentence(report, checked)
+    report["sentence"] = sentence(Discovery.read(_plain(report)), checked)
     return report, found
 
 

@@ -28,16 +28,10 @@ WIDER = 2.0
 """By how many times a number is known less well, if joints may be off that the study does not list, for that to be told."""
 
 
-def cautions(
-    problem: Problem,
-    best: Fitted,
-    wider: Fitted,
-    rows: Sequence[Mapping[str, Any]],
-    sensors: Sequence[Mapping[str, Any]],
-) -> list[str]:
+def cautions(problem: Problem, best: Fitted, wider: Fitted, sensors: Sequence[Mapping[str, Any]]) -> list[str]:
     """What the verdict hangs on, a phrase each. wider: the same fit with its covariance as errorbars.with_unlisted has it.
-    rows, sensors: of the report."""
-    return [*_parameters(problem, best), *_sensors(sensors), *_numbers(best, wider, rows)]
+    sensors: of the report."""
+    return [*_parameters(problem, best), *_sensors(sensors), *_numbers(best, wider)]
 
 
 def _parameters(problem: Problem, best: Fitted) -> Iterator[str]:
@@ -70,12 +64,12 @@ def _sensors(sensors: Sequence[Mapping[str, Any]]) -> Iterator[str]:
             yield f"the {of} of sensors ({listed} of what is expected of it)"
 
 
-def _numbers(best: Fitted, wider: Fitted, rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    for term, row, one, other in zip(best.model.terms, rows, best.std(), wider.std(), strict=True):
+def _numbers(best: Fitted, wider: Fitted) -> Iterator[str]:
+    for term, one, other in zip(best.model.terms, best.std(), wider.std(), strict=True):
         if term.main in one and other[term.main] > WIDER * one[term.main]:
             yield (
                 f"joints that the study takes for right: if their forces are off by {100.0 * JOINT_ERROR:g} %, the "
-                f"{plain(term.main)} of {at(row)} is known {short(other[term.main] / one[term.main], 2)} times less well"
+                f"{plain(term.main)} of {at(*term.key)} is known {short(other[term.main] / one[term.main], 2)} times less well"
             )
 
 

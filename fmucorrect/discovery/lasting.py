@@ -15,7 +15,6 @@ from fmucorrect.discovery.ending import ended
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.fitted import Fitted
 from fmucorrect.discovery.naming import Naming
-from fmucorrect.discovery.output import called
 from fmucorrect.discovery.paring import without
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.sets import LONG
@@ -56,7 +55,7 @@ def lasting(problem: Problem, naming: Naming, decision: Decision) -> tuple[Decis
     if second.verdict not in ("named", "ambiguous") or not all(size.lasts for size in found):
         return decision, sizes, []
     told = [
-        f"{at(called(term))} was left out again: {_why(size)}."
+        f"{at(*term.key)} was left out again: {_why(size)}."
         for term, size in zip(terms, sizes, strict=True)
         if not size.lasts
     ]

@@ -23,7 +23,6 @@ from fmucorrect.discovery.form import LONGEST, stepped
 from fmucorrect.discovery.kept import remembered
 from fmucorrect.discovery.model import Model, simulate
 from fmucorrect.discovery.nuisances import PERTURBED, sensors
-from fmucorrect.discovery.output import called
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.repeats import Repeat, Repeated, repeats
 from fmucorrect.errors import FmuError
@@ -222,13 +221,13 @@ def _report(
     row = {"like": trial.condition.name, "scale": chosen.repeat.scale}
     report["conditions"] = [row if chosen.repeat.speed is None else row | {"speed": chosen.repeat.speed}]
     decided = [fitted for fitted, done in zip(others, split, strict=True) if done]
-    apart = [row for f in decided for row in _own(best, f)] + [row for f in decided for row in _own(f, best)]
-    report["separates"] = [row for i, row in enumerate(apart) if row not in apart[:i]]
+    apart = [key for f in decided for key in _own(best, f)] + [key for f in decided for key in _own(f, best)]
+    report["separates"] = [{"effect": effect, "joint": joint} for effect, joint in dict.fromkeys(apart)]
     report["confidence"] = f"-2 log p is expected to differ by {chosen.worth[1]:.3g}"
     return report
 
 
-def _own(fitted: Fitted, other: Fitted) -> list[dict[str, str]]:
+def _own(fitted: Fitted, other: Fitted) -> list[tuple[str, str]]:
     """What only one of two models has."""
     have = {x.key for x in other.model.terms}
-    return [called(term) for term in fitted.model.terms if term.key not in have]
+    return [term.key for term in fitted.model.terms if term.key not in have]

@@ -15,6 +15,7 @@ from fmucorrect.discovery.lasting import Size
 from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.terms import ForceTerm
 from fmucorrect.discovery.wording import sentence
+from fmucorrect.report.discovery.content import Discovery
 
 CONDITIONS, ROWS = 4, 1000
 (LAW,) = CATALOGUE["cubic_stiffness"]
@@ -82,6 +83,6 @@ def test_and_the_sentence_says_so(share, said):
     }
     other = {"effect": "added_mass", "joint": "frame", "varies": None, "uneven": None}
     report = {"verdict": "unexplained", "effects": [], "suspects": [other, close], "unexplained": 0.05}
-    text = sentence(report, [])
+    text = sentence(Discovery.read(report), [])
     assert said in text
     assert ("Coulomb friction at damper" in text) == (share > TOO_MUCH)

@@ -11,6 +11,7 @@ from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.naming import Naming
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm
 from fmucorrect.discovery.wording import sentence
+from fmucorrect.report.discovery.content import Discovery
 from fmucorrect.study import Adjustable
 
 ROWS = 50
@@ -52,5 +53,5 @@ def test_a_full_set_that_moves_the_models_own_parameters_as_well_is_another_mode
 
 def test_a_set_that_moves_the_models_own_parameters_is_told_as_what_came_near():
     rows = [{"effect": term.effect, "uneven": None, "varies": None} for term in decided(3, 4, 0.02).best.model.terms]
-    text = sentence({"verdict": "unexplained", "suspects": rows, "unexplained": 1e-3}, [])
+    text = sentence(Discovery.read({"verdict": "unexplained", "suspects": rows, "unexplained": 1e-3}), [])
     assert "nearest come 7 effects at once, 4 of them parameters that are off" in text

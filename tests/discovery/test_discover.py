@@ -3,6 +3,7 @@
 import json
 import re
 import zipfile
+from dataclasses import fields
 from functools import cache
 from pathlib import Path
 
@@ -26,6 +27,7 @@ from fmucorrect.discovery.output import sensor_rows
 from fmucorrect.discovery.problem import load
 from fmucorrect.errors import StudyError
 from fmucorrect.pairs import simulate
+from fmucorrect.report.discovery import content
 from fmucorrect.signals import Channel, Record
 from fmucorrect.study import load_study
 
@@ -137,6 +139,23 @@ def test_a_cubic_spring_is_named_with_its_value_and_proved(found):
     assert report == json.loads((folder / "out" / "report.json").read_text())
     assert "cubic stiffness" in (folder / "out" / "report.html").read_text()
     assert f"<td>{effect['equation']}</td>" in report._repr_html_()
+
+
+def test_what_the_page_takes_is_what_is_written(found):
+    """A key that only one of the two knows would be missing on the page without a word."""
+    report = found[1]
+    rows = [(content.Discovery, report), (content.Effect, report["effects"][0]), (content.Where, report["where"])]
+    rows += [
+        (content.Candidate, report["candidates"][0]),
+        (content.Gap, report["gap"][0]),
+        (content.Cost, report["cost"]),
+    ]
+    rows += [(content.Study, report["study"]), (content.Sensor, report["sensors"][0])]
+    unwritten = {
+        f"{kind.__name__}.{field.name}" for kind, row in rows for field in fields(kind) if field.name not in row
+    }
+    ended = {"Discovery.time_limit", "Discovery.not_looked_at"}  # by a time limit
+    assert unwritten == ended | {"Effect.class_probability", "Where.pictures"}  # of what is not beyond doubt
 
 
 def test_the_rivals_stand_behind_what_was_found(found):

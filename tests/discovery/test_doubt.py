@@ -18,6 +18,7 @@ from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.motion import acting
 from fmucorrect.discovery.problem import load
 from fmucorrect.discovery.wording import sentence
+from fmucorrect.report.discovery.content import Discovery
 from fmucorrect.study import load_study
 
 RIGHT = [{"channel": name, "gain_by": by, "lag_by": 0.1} for name, by in (("a", 1.9), ("b", -1.2), ("c", 0.4))]
@@ -30,13 +31,13 @@ def test_a_parameter_far_from_its_tolerance_is_told(library, tmp_path, stiffer, 
     text = HEAD + adjustable("k1") + adjustable("m1")
     problem, found = decided(tmp_path, library, text, x, **{"mass1.f [N]": sweep(0.5)})
     assert found.verdict == "none"
-    said = cautions(problem, found.best, found.best, [], RIGHT)
+    said = cautions(problem, found.best, found.best, RIGHT)
     assert len(said) == len(told)
     assert all(phrase in one for phrase, one in zip(told, said, strict=True))
     report = {"verdict": "none", "adjusted_by": {}, "sensors": [], "cautions": said}
-    assert ("hangs on k1" in sentence(report, [])) == bool(told)
+    assert ("hangs on k1" in sentence(Discovery.read(report), [])) == bool(told)
     at_bound = replace(found.best, model=replace(found.best.model, base=(6.0, 0.0)))
-    assert "would have gone on" in cautions(problem, at_bound, at_bound, [], [])[0]
+    assert "would have gone on" in cautions(problem, at_bound, at_bound, [])[0]
 
 
 def test_sensors_that_moved_alike_are_told_and_those_that_scatter_are_not(library, tmp_path):
@@ -44,11 +45,11 @@ def test_sensors_that_moved_alike_are_told_and_those_that_scatter_are_not(librar
         _, base = begun(problem)
         base = replace(base, model=problem.nominal)
         alike = [row | {"gain_by": by} for row, by in zip(RIGHT, (1.9, 2.2, 1.8), strict=True)]
-        (said,) = cautions(problem, base, base, [], alike)
+        (said,) = cautions(problem, base, base, alike)
         assert "moved alike (by 1.80 to 2.20" in said
-        assert cautions(problem, base, base, [], RIGHT) == []
+        assert cautions(problem, base, base, RIGHT) == []
         late = [RIGHT[0], RIGHT[1] | {"lag_by": -3.4}]
-        assert "lag of sensors (b by −3.40" in cautions(problem, base, base, [], late)[0]
+        assert "lag of sensors (b by −3.40" in cautions(problem, base, base, late)[0]
 
 
 def test_an_error_bar_holds_what_joints_that_nobody_listed_may_do_to_a_number(library, tmp_path):

@@ -9,6 +9,7 @@ from fmucorrect.discovery.fitted import begin, stands_out
 from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.problem import load
 from fmucorrect.discovery.wording import sentence
+from fmucorrect.report.discovery.content import Discovery
 from fmucorrect.study import load_study
 
 WHERE = "joint 1"
@@ -70,5 +71,5 @@ def test_and_the_sentence_says_so():
     report = {"verdict": "unexplained", "effects": [], "suspects": [other, close], "unexplained": 0.05}
     assert (
         "Stribeck friction at slide, whose force would have to differ by 32 % with the displacement there"
-        in sentence(report, [])
+        in sentence(Discovery.read(report), [])
     )

@@ -24,6 +24,7 @@ from fmucorrect.discovery.learned_report import file_row, learned_row, writable
 from fmucorrect.discovery.located import located
 from fmucorrect.discovery.problem import Problem, load
 from fmucorrect.pairs import pair
+from fmucorrect.report.discovery.content import Discovery
 from fmucorrect.report.discovery.page import build
 from fmucorrect.study import load_study
 
@@ -115,7 +116,7 @@ def test_a_force_that_no_catalogue_holds(tmp_path, library):
     item = pair(study, study.condition("between"))
     np.testing.assert_allclose(item.response, judged, atol=1e-3 * np.ptp(judged))
     report = {"verdict": "unexplained", "learned": row, "files": written}
-    text = build(report).text()
+    text = build(Discovery.read(report)).text()
     assert "A force learned at joint 1" in text
     assert "effects.toml and augmented.fmu have it" in text
 

@@ -15,6 +15,8 @@ from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.output import changes, effect_row
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, SignalTerm
 from fmucorrect.discovery.wording import sized
+from fmucorrect.report.base.json_table import read
+from fmucorrect.report.discovery.content import Effect
 from fmucorrect.study import Adjustable, Joint
 
 JOINT = Joint("joint 1", "joint1.f", "joint1.d", "joint1.v", "joint1.F", "mass1.a")
@@ -39,7 +41,7 @@ def test_an_effect_is_told_with_its_main_number_first(problem, term):
     row = effect_row(problem, term, {}, 1.0, ())
     assert {*row["parameters"]} == {*term.values}
     assert next(iter(row["parameters"]), "") == term.main
-    assert ("(" in sized(row)) is bool(term.values)
+    assert ("(" in sized(read(Effect, row, "row"))) is bool(term.values)
 
 
 def test_a_parameter_is_told_before_and_after_all_that_moves_it(problem):

@@ -12,6 +12,7 @@ from fmucorrect.discovery.fitted import Fitted, Setting
 from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.terms import OF_FACTOR
 from fmucorrect.discovery.wording import rest, sentence
+from fmucorrect.report.discovery.content import Discovery
 from fmucorrect.signals import Condition
 
 ROWS = 5000
@@ -66,12 +67,12 @@ def test_what_is_named_is_told_with_its_size():
     weak = told("parameter_offset", "scale_left and scale_right", value=(-0.605, "1", OF_FACTOR))
     soft = told("parameter_offset", "bush_kx", value=(-4.23e6, "N/m", "added to the start value"))
     gap = Gap(Condition("385"), np.zeros(0), *[np.zeros((0, 1))] * 3, np.ones(1), 19.1, 0.42, 0.41, 0.1, 0.9)
-    text = sentence({"verdict": "named", "effects": [play, weak, soft], "unexplained": 1e-4}, [gap])
+    text = sentence(Discovery.read({"verdict": "named", "effects": [play, weak, soft], "unexplained": 1e-4}), [gap])
     assert "backlash at mount (gap 0.120 mm)" in text
     assert "parameter offset of scale_left and scale_right (−60.5 %)" in text
     assert "parameter offset of bush_kx (−4.23 MN/m)" in text
     soft["changes"] = {"bush_kx": {"before": 13.72e6, "after": 9.49e6}}
-    text = sentence({"verdict": "named", "effects": [soft], "unexplained": 1e-4}, [gap])
+    text = sentence(Discovery.read({"verdict": "named", "effects": [soft], "unexplained": 1e-4}), [gap])
     assert "parameter offset of bush_kx (13.7 MN/m → 9.49 MN/m)" in text
 
 
@@ -80,9 +81,11 @@ def test_what_cannot_be_told_apart_stands_with_the_effect_that_it_may_be():
     left_one = told("backlash", "mount, left", gap=(1e-4, "m", "free travel")) | {"indistinguishable_from": [right]}
     offset = told("sensor_offset", "RB", offset=(1.5e-5, "m", "added"))
     gap = Gap(Condition("385"), np.zeros(0), *[np.zeros((0, 1))] * 3, np.ones(1), 14.1, 0.23, 0.22, 0.1, 0.9)
-    text = sentence({"verdict": "ambiguous", "effects": [left_one, offset], "unexplained": 1e-4}, [gap])
+    text = sentence(Discovery.read({"verdict": "ambiguous", "effects": [left_one, offset], "unexplained": 1e-4}), [gap])
     assert "(0.100 mm), or backlash at “mount, right”, which these data cannot tell apart; sensor offset of RB" in text
-    assert "tell apart" not in sentence({"verdict": "named", "effects": [offset], "unexplained": 1e-4}, [gap])
+    assert "tell apart" not in sentence(
+        Discovery.read({"verdict": "named", "effects": [offset], "unexplained": 1e-4}), [gap]
+    )
 
 
 @pytest.mark.parametrize(
@@ -96,7 +99,7 @@ def test_what_cannot_be_told_apart_stands_with_the_effect_that_it_may_be():
 def test_much_that_a_name_leaves_is_told_with_it(unexplained, after, said):
     spring = told("cubic_stiffness", "joint 1", cubic_stiffness=(3.4e7, "N/m3", "of the cube"))
     gap = Gap(Condition("other"), np.zeros(0), *[np.zeros((0, 1))] * 3, np.ones(1), 1.67, after, 0.17, 0.9, 0.99)
-    text = sentence({"verdict": "named", "effects": [spring], "unexplained": unexplained}, [gap])
+    text = sentence(Discovery.read({"verdict": "named", "effects": [spring], "unexplained": unexplained}), [gap])
     assert text.endswith("33 % of the disagreement's amplitude stays unexplained.") == said
 
 
@@ -106,6 +109,6 @@ def test_much_that_a_name_leaves_is_told_with_it(unexplained, after, said):
 def test_agreement_by_a_sensor_that_is_far_off_is_said(lag_by, said):
     sensors = [{"channel": "x1", "gain_by": 0.4, "lag_by": lag_by}, {"channel": "x2", "gain_by": 0.1, "lag_by": 0.0}]
     report = {"verdict": "none", "adjusted_by": {"k1": 0.3, "m1": -2.4}, "sensors": sensors}
-    text = sentence(report, [])
+    text = sentence(Discovery.read(report), [])
     assert said in text
     assert "2.4 of their tolerances (m1)" in text

@@ -19,6 +19,7 @@ from fmucorrect.cli import main
 from fmucorrect.discovery import budget, discover, naming, stepwise
 from fmucorrect.discovery.decide import decide
 from fmucorrect.discovery.stepwise import AHEAD
+from fmucorrect.report.discovery.content import Discovery
 from fmucorrect.report.discovery.page import lead
 
 MB = 1e6
@@ -62,7 +63,7 @@ def test_a_verdict_in_the_midst_is_marked_and_the_search_goes_on_to_the_same_end
     assert some["sentence"].startswith("Verdict so far")
     assert "so far" in some.lines()[0]
     assert "--time-limit" in some.lines()[-1]
-    assert lead(some)[0].startswith("So far")
+    assert lead(Discovery.read(some))[0].startswith("So far")
     assert "Not looked at yet" in (out / "report.html").read_text()
     assert (out / "augmented.fmu").exists()
     kept = sum(path.stat().st_size for path in (out / ".progress").iterdir())

@@ -30,7 +30,7 @@ def recorded() -> dict[str, Any]:
         "at 385 km/h, held out, falls from 14.1 % to 1.3 %, where noise makes 1.1 %.",
         "study": {"name": "Roller rig, recorded runs", "fmu": None, "step_size": 0.001},
         "effects": [
-            _effect("sensor_gain", "RB", {"gain": (0.952, 0.0021, "1")}, "y = g y_0", 0.99, severity=0.61),
+            _effect("sensor_gain", "RB", {"gain": (0.952, 0.0021, "1")}, "y = g y_0", 0.99),
             _effect("excitation_lag", "excitation", {"lag": (0.0052, 0.00011, "s")}, "u(t) = u_0(t - tau)", 0.94),
             _effect("parameter_offset", "equivalent_conicity", {"value": (0.021, math.nan, "1")}, "p = p_0 + x", 0.9)
             | {"changes": {"equivalent_conicity": {"before": 0.15, "after": 0.171}}},
@@ -146,7 +146,6 @@ def _named(found: dict[str, Any]) -> dict[str, Any]:
         "F = F_c tanh(v / v_s)",
         0.97,
         description="Dry friction: a force of one size that always opposes the motion.",
-        severity=0.93,
         picture=_picture(lambda d, v: 512.3 * np.tanh(v / 1e-3)),
     )
     cubic = _effect(
@@ -156,7 +155,6 @@ def _named(found: dict[str, Any]) -> dict[str, Any]:
         "F = k_3 d^3",
         0.91,
         description="A spring that stiffens with the cube of its deflection.",
-        severity=0.04,
         picture=_picture(lambda d, v: 1.234e12 * d**3),
     )
     sentence = (
@@ -178,7 +176,6 @@ def _ambiguous(found: dict[str, Any]) -> dict[str, Any]:
         "F = -k (d - deadzone(d, g))",
         0.58,
         description="Free play: inside the gap the spring carries nothing.",
-        severity=0.95,
         picture=_picture(lambda d, v: -8.82e6 * np.clip(d, -1.03e-4, 1.03e-4)),
     )
     rivals = [
@@ -198,10 +195,10 @@ def _ambiguous(found: dict[str, Any]) -> dict[str, Any]:
         "cannot tell which. With any of the three the error at 385 km/h falls from 14.1 % to 1.3 %.",
         "effects": [play],
         "next_test": {
-            "text": "Run 300 km/h at 0.01, 0.03 and 0.06 deg: play fades with amplitude, friction by its inverse.",
-            "conditions": [{"speed": 300.0, "amplitude": 0.01, "frequency": 2.0}, {"speed": 300.0, "amplitude": 0.06}],
+            "text": "Repeat 300 with 4 times the excitation: all fitted anew, the response still differs.",
+            "conditions": [{"like": "300", "scale": 4.0}, {"like": "360", "scale": 1.0, "speed": 414.0}],
             "separates": [{"effect": "backlash", "joint": YAW}, rivals[1]],
-            "confidence": 0.96,
+            "confidence": "-2 log p is expected to differ by 41",
         },
         "notes": [*found["notes"], "Left and right dampers move alike in yaw: no test on this rig tells them apart."],
     }

@@ -25,6 +25,7 @@ from fmucorrect.report.assessment import page as assess_page
 from fmucorrect.report.base.still import POINTS, still
 from fmucorrect.report.correction import page as comparison_page
 from fmucorrect.report.discovery import page as discovery_page
+from fmucorrect.report.discovery.content import Discovery
 from fmucorrect.report.training import compare_page, diagnosis_page
 from fmucorrect.report.training.table import Table
 
@@ -41,7 +42,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     data = test_compare_page.result()
     compare_page.build(Table.read(data), test_compare_page.histories(data)).write(found["compare"])
     diagnosis_page.build("A study", test_diagnosis_page.diagnosis()).write(found["diagnose"])
-    discovery_page.build(json.loads(json.dumps(discovery_example.report("named")))).write(found["discover"])
+    discovery_page.build(Discovery.read(discovery_example.report("named"))).write(found["discover"])
     assess_page.build(assess_example.findings()).write(found["assess"])
     return found
 

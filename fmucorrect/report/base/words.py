@@ -1,11 +1,10 @@
-"""Numbers in words: rounded, with units as engineers write them, gaps tolerated."""
+"""Numbers in words: rounded, with units as engineers write them; nan for what is not known."""
 
 from __future__ import annotations
 
 import math
 import re
 from collections.abc import Sequence
-from typing import Any
 
 MISSING = "–"
 NARROW = "\u00a0"
@@ -16,16 +15,9 @@ PREFIXED = ("N", "Nm", "Ns", "m", "s", "rad", "Hz", "Pa", "V", "W", "J")
 _DIGITS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-def number(value: Any) -> float:
-    """A float; nan for whatever is none."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return math.nan
-    return float(value)
-
-
-def known(value: Any) -> bool:
-    """Whether it is a finite number."""
-    return math.isfinite(number(value))
+def known(value: float) -> bool:
+    """Whether it is finite."""
+    return math.isfinite(value)
 
 
 def duration(seconds: float) -> str:
@@ -34,19 +26,18 @@ def duration(seconds: float) -> str:
     return f"{short(seconds / size)} {unit}"
 
 
-def short(value: Any, digits: int = 3) -> str:
+def short(value: float, digits: int = 3) -> str:
     """Three significant digits, without an exponent as far as that can be read; – where there is no number."""
-    x = number(value)
-    if not math.isfinite(x):
+    if not known(value):
         return MISSING
-    if x == 0.0:
+    if value == 0.0:
         return "0"
-    exponent = math.floor(math.log10(abs(float(f"{x:.{digits - 1}e}"))))
+    exponent = math.floor(math.log10(abs(float(f"{value:.{digits - 1}e}"))))
     if not -4 < exponent < 6:
         power = 3 * (exponent // 3)
-        mantissa = f"{x / 10.0**power:.{max(digits - 1 - exponent + power, 0)}f}"
+        mantissa = f"{value / 10.0**power:.{max(digits - 1 - exponent + power, 0)}f}"
         return signed(f"{mantissa}·10{_superscript(power)}")
-    return signed(f"{x:.{max(digits - 1 - exponent, 0)}f}")
+    return signed(f"{value:.{max(digits - 1 - exponent, 0)}f}")
 
 
 def signed(text: str) -> str:
@@ -54,14 +45,14 @@ def signed(text: str) -> str:
     return text.replace("-", "−")
 
 
-def moved_by(value: Any) -> str:
+def moved_by(value: float) -> str:
     """A difference, two significant digits, with its sign."""
-    return ("+" if number(value) > 0.0 else "") + short(value, 2)
+    return ("+" if value > 0.0 else "") + short(value, 2)
 
 
-def percent(share: Any) -> str:
+def percent(share: float) -> str:
     """A share of 1 in per cent, two digits; small ones as "< 0.1 %"."""
-    x = 100.0 * number(share)
+    x = 100.0 * share
     if not math.isfinite(x):
         return MISSING
     if 0.0 < x < 0.1:
@@ -71,16 +62,16 @@ def percent(share: Any) -> str:
     return signed(f"{x:.{0 if abs(x) >= 9.95 or x == 0.0 else 1}f}{NARROW}%")
 
 
-def error(nrmse: Any) -> str:
+def error(nrmse: float) -> str:
     """An NRMSE, given in per cent."""
     return f"{short(nrmse)}{NARROW}%" if known(nrmse) else MISSING
 
 
-def quantity(value: Any, std: Any = None, unit: str = "") -> str:
+def quantity(value: float, std: float = math.nan, unit: str = "") -> str:
     """Value ± standard deviation with its unit, with a prefix that makes the number short: 14.5 MN/m, 103 ± 2 µm."""
-    x, deviation = number(value), number(std)
-    if not math.isfinite(x):
+    if not known(value):
         return MISSING
+    x, deviation = value, std
     scale, prefixed = scaled(max(abs(x), deviation if x == 0.0 and deviation > 0 else 0.0), unit)
     x, deviation = x / scale, deviation / scale
     if not deviation > 0.0 or not math.isfinite(deviation):

@@ -7,19 +7,17 @@ from html import escape
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 from plotly import graph_objects as go
 
 from fmucorrect.report.base.figures import CORRECTED, MEASURED, SIMULATED, colours, line, panels, style
-from fmucorrect.report.base.words import known, number, percent, pretty
-from fmucorrect.report.discovery.text import mapping
+from fmucorrect.report.base.words import known, percent, pretty
+from fmucorrect.report.discovery.content import Course, Discovery, Harmonics, Stretch
 
 PANELS = 6
 """Most channels that are drawn."""
 BARS = 14
 """Most bars of shares that are drawn."""
-HARMONICS = {"fundamental": MEASURED, "odd": CORRECTED, "even": SIMULATED, "offset": "#c79a00"}
-GOOD = "#1b7f4b"
+OFFSET = "#c79a00"
 GRID = "#e3e7ec"
 _BUTTONS = ("zoom2d", "pan2d", "select2d", "lasso2d", "zoomIn2d", "zoomOut2d", "autoScale2d", "resetScale2d", "toImage")
 _SHARE = "sendChartToCloud"
@@ -54,28 +52,32 @@ def shares(values: Mapping[str, float], colour: str, title: str, ordered: bool =
     return figure
 
 
-def harmonics(values: Mapping[str, Mapping[str, Any]]) -> go.Figure:
+def harmonics(values: Mapping[str, Harmonics]) -> go.Figure:
     """The residual's energy by harmonics of the excitation, a bar a condition; what is at none of them stays blank."""
-    names = [str(name) for name in values]
     figure = go.Figure()
-    for key, colour in HARMONICS.items():
-        x = [100.0 * number(mapping(values[name]).get(key)) for name in names]
+    for name, colour, parts in (
+        ("fundamental", MEASURED, [item.fundamental for item in values.values()]),
+        ("odd", CORRECTED, [item.odd for item in values.values()]),
+        ("even", SIMULATED, [item.even for item in values.values()]),
+        ("offset", OFFSET, [item.offset for item in values.values()]),
+    ):
+        x = [100.0 * share for share in parts]
         if any(np.isfinite(x)):
-            hover = f"{key}: %{{x:.3g}} %<extra></extra>"
-            y = list(range(len(names)))
-            figure.add_bar(x=x, y=y, name=key, orientation="h", marker_color=colour, hovertemplate=hover)
-    plain_style(figure, 32 * len(names) + 118)
+            hover = f"{name}: %{{x:.3g}} %<extra></extra>"
+            y = list(range(len(x)))
+            figure.add_bar(x=x, y=y, name=name, orientation="h", marker_color=colour, hovertemplate=hover)
+    plain_style(figure, 32 * len(values) + 118)
     figure.update_layout(barmode="stack", margin={"t": 48, "b": 44}, bargap=0.32, dragmode=False)
     figure.update_layout(legend={"y": 1.0})
-    categories(figure, [label_of(name) for name in names])
+    categories(figure, [label_of(name) for name in values])
     figure.update_xaxes(title_text="% of the residual's energy", range=[0, 100], fixedrange=True)
     return figure
 
 
-def dependence(values: Sequence[Mapping[str, Any]], key: str, title: str, proportional: bool) -> go.Figure:
-    """The residual against amplitude or speed, a dot a condition. proportional: with the line of a linear effect."""
-    found = [item for item in values if known(item.get(key)) and known(item.get("residual"))]
-    x, y = np.array([[number(item[key]), number(item["residual"])] for item in found]).reshape(-1, 2).T
+def dependence(values: Mapping[str, tuple[float, float]], title: str, proportional: bool) -> go.Figure:
+    """The residual against amplitude or speed. values: of each condition, which has a dot, both. proportional: with the line of
+    a linear effect."""
+    x, y = np.array([(size, residual) for size, residual in values.values()]).reshape(-1, 2).T
     figure = go.Figure()
     if proportional and (x > 0).any():
         slope = float(np.median(y[x > 0] / x[x > 0]))
@@ -89,7 +91,7 @@ def dependence(values: Sequence[Mapping[str, Any]], key: str, title: str, propor
         y=y,
         mode="markers",
         marker={"color": CORRECTED, "size": 9},
-        text=[escape(str(item.get("condition", ""))) for item in found],
+        text=[escape(name) for name in values],
         hovertemplate=f"%{{text}}: residual %{{y:.3g}} at %{{x:.3g}} {title.partition(', ')[2]}<extra></extra>",
         showlegend=False,
     )
@@ -102,17 +104,16 @@ def dependence(values: Sequence[Mapping[str, Any]], key: str, title: str, propor
     return figure
 
 
-def over_time(values: Mapping[str, Mapping[str, Any]]) -> go.Figure:
+def over_time(values: Mapping[str, Course]) -> go.Figure:
     """The residual's rms over time, a curve a condition."""
-    palette = colours([str(name) for name in values])
+    palette = colours([*values])
     figure = go.Figure()
     for name, item in values.items():
-        t, rms = numbers(item.get("t")), numbers(item.get("rms"))
-        look = {"color": palette[str(name)], "width": 1.5}
-        count = min(len(t), len(rms))
+        look = {"color": palette[name], "width": 1.5}
+        count = min(len(item.t), len(item.rms))
         step = max(1, -(-count // 1000))
         common: dict[str, Any] = {"mode": "lines", "line": look, "hovertemplate": "residual %{y:.3g} rms"}
-        figure.add_scatter(x=t[:count:step], y=rms[:count:step], name=escape(str(name)), **common)
+        figure.add_scatter(x=item.t[:count:step], y=item.rms[:count:step], name=escape(name), **common)
     plain_style(figure, max(250, 32 * len(values) + 118))
     figure.update_layout(margin={"t": 56, "b": 46}, hovermode="x unified", legend={"y": 1.0})
     figure.update_yaxes(title_text="residual, rms", rangemode="tozero")
@@ -120,52 +121,45 @@ def over_time(values: Mapping[str, Mapping[str, Any]]) -> go.Figure:
     return figure
 
 
-def series(item: Mapping[str, Any], chosen: Sequence[str], points: int) -> go.Figure | None:
+def series(item: Stretch, chosen: Sequence[str], points: int) -> go.Figure | None:
     """Measured, before and after over time, a panel a channel. points: most of a curve that are drawn. None: none."""
-    t, channels = numbers(item.get("t")), mapping(item.get("channels"))
-    names = [name for name in chosen if name in channels] if len(t) > 1 else []
+    t = item.t
+    names = [name for name in chosen if name in item.channels] if len(t) > 1 else []
     if not names:
         return None
     figure = panels([f"<b>{escape(name)}</b>" for name in names], 165 if len(names) > 1 else 260)
     step, seen = max(1, -(-len(t) // points)), set[str]()
-    looks = {"measured": (MEASURED, 4.5), "before": (SIMULATED, 1.3), "after": (CORRECTED, 1.5)}
-    changed = any(np.isfinite(numbers(mapping(channels[name]).get("after"))).any() for name in names)
+    changed = any(np.isfinite(item.channels[name].after).any() for name in names)
     for row, name in enumerate(names, start=1):
-        channel = mapping(channels[name])
-        unit = escape(pretty(str(channel.get("unit") or "")))
-        for key, (colour, width) in looks.items():
-            y = numbers(channel.get(key))
+        channel = item.channels[name]
+        unit = escape(pretty(channel.unit))
+        for label, y, colour, width in (
+            ("measured", channel.measured, MEASURED, 4.5),
+            ("before" if changed else "simulated", channel.before, SIMULATED, 1.3),
+            ("after", channel.after, CORRECTED, 1.5),
+        ):
             count = min(len(y), len(t))
             if count and np.isfinite(y[:count]).any():
                 data: dict[str, Any] = {"x": t[:count:step].astype(np.float32), "y": y[:count:step].astype(np.float32)}
                 look = {"color": colour, "width": width}
-                label = key if changed or key != "before" else "simulated"
-                line(figure, row, label, look, key not in seen, hovertemplate=f"%{{y:.3g}} {unit}", **data)
-                seen.add(key)
+                line(figure, row, label, look, label not in seen, hovertemplate=f"%{{y:.3g}} {unit}", **data)
+                seen.add(label)
         figure.update_yaxes(title_text=unit, row=row, col=1)
     figure.update_xaxes(title_text="time, s", row=len(names), col=1)
     figure.update_layout(hovermode="x unified", modebar={"remove": [_SHARE]})
     return figure
 
 
-def numbers(values: Any) -> Float[np.ndarray, " N"]:
-    """An array; nan for what is no number, empty for what is no list."""
-    if isinstance(values, str) or not isinstance(values, Sequence | np.ndarray):
-        return np.zeros(0)
-    return np.array([number(value) for value in values], np.float64)
-
-
-def sortable(value: Any) -> float:
+def sortable(value: float) -> float:
     """A number, -1 for what is none."""
-    return number(value) if known(value) else -1.0
+    return value if known(value) else -1.0
 
 
-def drawn_channels(report: Mapping[str, Any]) -> tuple[list[str], int]:
+def drawn_channels(report: Discovery) -> tuple[list[str], int]:
     """The channels whose histories are drawn, those with the largest share of the residual, and how many there are."""
-    found = mapping(report.get("series")).values()
-    names = list(dict.fromkeys(str(name) for item in found for name in mapping(mapping(item).get("channels"))))
-    share = mapping(mapping(report.get("where")).get("channels"))
-    ranked = sorted(names, key=lambda name: -sortable(mapping(share.get(name)).get("share")))
+    names = list(dict.fromkeys(name for item in report.series.values() for name in item.channels))
+    share = {name: sortable(part.share) for name, part in report.where.channels.items()}
+    ranked = sorted(names, key=lambda name: -share.get(name, -1.0))
     kept = set(ranked[:PANELS])
     return [name for name in names if name in kept], len(names)
 

@@ -3,50 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from plotly import graph_objects as go
 
 from fmucorrect.report.base.figures import CORRECTED, INK, SIMULATED
 from fmucorrect.report.base.html import Page, Row
-from fmucorrect.report.base.words import MISSING, known, listed, number, short, titled
+from fmucorrect.report.base.words import MISSING, known, listed, short, titled
+from fmucorrect.report.discovery.content import Gap
 from fmucorrect.report.discovery.figures import GRID, categories, label_of, plain_style
-from fmucorrect.report.discovery.text import rows
 
 ROLES = {
     "evaluation": "Evaluation: held out, not looked at until the verdict stood",
     "development": "Development: the search and the fit saw these",
 }
-
-
-@dataclass(frozen=True)
-class Gap:
-    """Of one condition: NRMSE (%) and R2 before and after the change, floor: the NRMSE that noise alone makes; nan where it is
-    not known."""
-
-    condition: str
-    role: str
-    before: float
-    after: float
-    floor: float
-    r2_before: float
-    r2_after: float
-
-    @property
-    def held_out(self) -> bool:
-        """Whether nothing was fitted to it."""
-        return self.role == "evaluation"
-
-
-def gaps(value: Any) -> list[Gap]:
-    """Rows of a report: gap, or that of learned."""
-    keys = ("nrmse_before", "nrmse_after", "noise_floor", "r2_before", "r2_after")
-    return [
-        Gap(str(row.get("condition", MISSING)), str(row.get("role")), *(number(row.get(key)) for key in keys))
-        for row in rows(value)
-    ]
 
 
 def judged(items: Sequence[Gap]) -> tuple[Sequence[Gap], bool]:
@@ -65,7 +35,7 @@ def gap_section(page: Page, items: Sequence[Gap], recorded: bool) -> None:
     """Nothing where there are no conditions. recorded: whether there is no FMU to simulate again."""
     if not items:
         return
-    changed = any(known(item.after) for item in items)
+    changed = any(known(item.nrmse_after) for item in items)
     again = (
         "what was found, applied to the recorded simulation" if recorded else "the FMU re-simulated with what was found"
     )
@@ -74,7 +44,7 @@ def gap_section(page: Page, items: Sequence[Gap], recorded: bool) -> None:
         "Error: NRMSE in % of the measured range, mean of the channels. Noise floor: what a perfect model would leave."
         + (f" After: {again}. Bold: held out." if changed else ""),
     )
-    worse = [item.condition for item in items if item.after > item.before]
+    worse = [item.condition for item in items if item.nrmse_after > item.nrmse_before]
     if worse:
         page.caution(f"At {listed(worse)} the error is larger after the change than before it.")
     if changed and not any(item.held_out for item in items):
@@ -94,9 +64,10 @@ def gap_section(page: Page, items: Sequence[Gap], recorded: bool) -> None:
 
 
 def _row(item: Gap, changed: bool) -> Row:
-    ratio = short((item.after if changed else item.before) / item.floor, 2) if item.floor > 0 else short(None)
-    after = ([short(item.after)], [r2(item.r2_after)]) if changed else ([], [])
-    cells = [item.condition, short(item.before), *after[0], short(item.floor), ratio, r2(item.r2_before), *after[1]]
+    before, after, floor = item.nrmse_before, item.nrmse_after, item.noise_floor
+    ratio = short((after if changed else before) / floor, 2) if floor > 0 else MISSING
+    more = ([short(after)], [r2(item.r2_after)]) if changed else ([], [])
+    cells = [item.condition, short(before), *more[0], short(floor), ratio, r2(item.r2_before), *more[1]]
     return Row(cells, "strong" if item.held_out else "")
 
 
@@ -110,7 +81,8 @@ def r2(value: float) -> str:
 def chart(items: Sequence[Gap]) -> go.Figure:
     """NRMSE before and after of each condition, joined by a line, with the noise floor; bold where it was held out."""
     names = [label_of(item.condition, item.held_out) for item in items]
-    before, after, floor = np.array([(item.before, item.after, item.floor) for item in items]).reshape(-1, 3).T
+    values = [(item.nrmse_before, item.nrmse_after, item.noise_floor) for item in items]
+    before, after, floor = np.array(values).reshape(-1, 3).T
     seen = np.concatenate([before, after, floor])
     seen = seen[np.isfinite(seen) & (seen > 0)]
     wide = len(seen) > 0 and seen.max() > 25 * seen.min()

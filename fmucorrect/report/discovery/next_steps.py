@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 from fmucorrect.report.base.figures import CORRECTED, SIMULATED
 from fmucorrect.report.base.html import Page
-from fmucorrect.report.base.words import duration, known, listed, number, percent, short, signed
-from fmucorrect.report.discovery.text import at, mapping, plain, rows, texts
+from fmucorrect.report.base.words import duration, known, listed, percent, short, signed
+from fmucorrect.report.discovery.content import Discovery, NextTest, Repetition
+from fmucorrect.report.discovery.text import plain
 
 FILES = {
     "augmented.fmu": "the model with what was found built in, for any co-simulation host",
@@ -19,12 +19,12 @@ FILES = {
 }
 
 
-def left_section(page: Page, report: Mapping[str, Any]) -> None:
+def left_section(page: Page, report: Discovery) -> None:
     """How much of the disagreement is explained and how much is left; nothing where the report does not say."""
-    if not known(report.get("unexplained")):
+    if not known(report.unexplained):
         return
-    left = min(max(number(report["unexplained"]), 0.0), 1.0)
-    what = "what was found" if rows(report.get("effects")) else "the best that was tried"
+    left = min(max(report.unexplained, 0.0), 1.0)
+    what = "what was found" if report.effects else "the best that was tried"
     page.section("What is left", "Of the energy of the disagreement, noise apart.")
     page.strip(
         [(1.0 - left, CORRECTED, f"explained: {percent(1.0 - left)}"), (left, SIMULATED, f"left: {percent(left)}")],
@@ -34,25 +34,20 @@ def left_section(page: Page, report: Mapping[str, Any]) -> None:
     page.end()
 
 
-def next_section(page: Page, report: Mapping[str, Any]) -> None:
+def next_section(page: Page, report: Discovery) -> None:
     """The next test, notes, files and the commands that use them."""
-    verdict, effects = str(report.get("verdict") or ""), rows(report.get("effects"))
-    test, notes = mapping(report.get("next_test")), texts(report.get("notes"))
     page.section("What to do next")
-    if test:
-        page.facts(_test(test))
-    elif verdict == "ambiguous":
+    if report.next_test is not None:
+        page.facts(_test(report.next_test))
+    elif report.verdict == "ambiguous":
         page.text_block("No test that would split the class was found among the conditions that could be simulated.")
     else:
-        page.text_block(_advice(verdict, bool(mapping(report.get("study")).get("fmu"))))
-    if notes:
+        page.text_block(_advice(report.verdict, bool(report.fmu)))
+    if report.notes:
         page.heading("Notes")
-        page.items(notes)
-    usable = bool(effects) and verdict in ("named", "ambiguous")
-    fmu = str(mapping(report.get("study")).get("fmu") or "")
-    files = texts(report.get("files")) or (
-        list(FILES) if usable and fmu else ["effects.toml"] * usable + ["report.json"]
-    )
+        page.items(report.notes)
+    usable, fmu = report.found, report.fmu
+    files = report.files or (list(FILES) if usable and fmu else ["effects.toml"] * usable + ["report.json"])
     page.heading("Files in this folder")
     page.facts([(name, FILES.get(name, "")) for name in files])
     lines = _commands(files, fmu)
@@ -62,40 +57,32 @@ def next_section(page: Page, report: Mapping[str, Any]) -> None:
     page.end()
 
 
-def run_section(page: Page, report: Mapping[str, Any]) -> None:
+def run_section(page: Page, report: Discovery) -> None:
     """Study, model and time spent."""
-    study = mapping(report.get("study"))
-    facts = [(term, str(study[key])) for term, key in (("study", "name"), ("FMU", "fmu")) if study.get(key)]
-    if study and not study.get("fmu"):
-        facts.append(("FMU", "none: recorded simulations alone, nothing could be re-simulated"))
-    if known(study.get("step_size")):
-        facts.append(("step", f"{1e3 * number(study['step_size']):g} ms"))
-    stages = {str(name): number(value) for name, value in mapping(report.get("stages")).items() if known(value)}
+    facts: list[tuple[str, str]] = []
+    if study := report.study:
+        facts += [("study", study.name)] if study.name else []
+        facts.append(("FMU", study.fmu or "none: recorded simulations alone, nothing could be re-simulated"))
+        facts += [("step", f"{1e3 * study.step_size:g} ms")] if known(study.step_size) else []
+    stages = {name: value for name, value in report.stages.items() if known(value)}
     if stages:
         each = ", ".join(f"{plain(name)} {short(value, 2)} s" for name, value in stages.items())
         facts.append(("took", f"{short(sum(stages.values()))} s ({each})"))
-    cost = mapping(report.get("cost"))
-    if known(cost.get("runs")) and known(cost.get("seconds")) and cost["runs"]:
-        runs = f"{number(cost['runs']):,.0f}".replace(",", " ")
-        facts.append(("cost", f"{runs} runs of the FMU, {duration(number(cost['seconds']))} simulated"))
+    cost = report.cost
+    if known(cost.runs) and known(cost.seconds) and cost.runs:
+        runs = f"{cost.runs:,.0f}".replace(",", " ")
+        facts.append(("cost", f"{runs} runs of the FMU, {duration(cost.seconds)} simulated"))
     if facts:
         page.section("Study")
         page.facts(facts)
         page.end()
 
 
-def _test(test: Mapping[str, Any]) -> list[tuple[str, str]]:
-    facts = [("measure", str(test["text"]))] if test.get("text") else []
-    conditions = [text for item in _list(test.get("conditions")) if (text := _said(item))]
-    facts += [("conditions", "; ".join(conditions))] if conditions else []
-    apart = [_said(item) for item in _list(test.get("separates"))]
-    facts += [("would separate", listed(apart))] if apart else []
-    sure = test.get("confidence")
-    if known(sure):
-        facts.append(("sure of that", f"{percent(sure)}, by simulating the test" if number(sure) <= 1 else short(sure)))
-    elif sure and isinstance(sure, str):
-        facts.append(("sure of that", signed(sure)))
-    return facts
+def _test(test: NextTest) -> list[tuple[str, str]]:
+    facts = [("measure", test.text)] if test.text else []
+    facts += [("conditions", "; ".join(map(_said, test.conditions)))] if test.conditions else []
+    facts += [("would separate", listed([item.at for item in test.separates]))] if test.separates else []
+    return [*facts, *([("sure of that", signed(test.confidence))] if test.confidence else [])]
 
 
 def _advice(verdict: str, fmu: bool) -> str:
@@ -137,24 +124,6 @@ def _commands(files: Sequence[str], fmu: str) -> list[str]:
     return ["# OUT: this folder", *lines] if lines else []
 
 
-def _list(value: Any) -> list[Any]:
-    if isinstance(value, Mapping):
-        return [value]
-    return list(value) if isinstance(value, Sequence) and not isinstance(value, str) else texts(value)
-
-
-def _said(item: Any) -> str:
-    """A condition or a rival, in words."""
-    if not isinstance(item, Mapping):
-        return " and ".join(map(str, item)) if isinstance(item, Sequence) and not isinstance(item, str) else str(item)
-    if "effect" in item:
-        return at(mapping(item))
-    if "like" in item:
-        how = (
-            f"at {short(item['speed'])} km/h"
-            if "speed" in item
-            else f"excited {short(item.get('scale'))} times as much"
-        )
-        return f"as {item['like']}, {how}"
-    given = {plain(key): value for key, value in mapping(item).items() if known(value) or isinstance(value, str)}
-    return ", ".join(f"{key} {short(value) if known(value) else value}" for key, value in given.items())
+def _said(item: Repetition) -> str:
+    how = f"at {short(item.speed)} km/h" if known(item.speed) else f"excited {short(item.scale)} times as much"
+    return f"as {item.like}, {how}"

@@ -6,19 +6,19 @@ All of it comes from report.json; what that leaves out, the page leaves out or s
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 from typing import Any, cast
 
 from fmucorrect.report.base.figures import POINTS
 from fmucorrect.report.base.html import Page
-from fmucorrect.report.base.words import NARROW, error, known, listed, number, percent, quantity, titled
+from fmucorrect.report.base.words import NARROW, error, known, listed, percent, quantity, titled
 from fmucorrect.report.discovery import figures as drawn
+from fmucorrect.report.discovery.content import Discovery
 from fmucorrect.report.discovery.effects import effects_section, laws_section, source_section
-from fmucorrect.report.discovery.gap import gap_section, gaps, judged, mean, r2
+from fmucorrect.report.discovery.gap import gap_section, judged, mean, r2
 from fmucorrect.report.discovery.learned import learned_section
 from fmucorrect.report.discovery.next_steps import left_section, next_section, run_section
 from fmucorrect.report.discovery.rivals import rivals_section
-from fmucorrect.report.discovery.text import at, mapping, plain, rows, texts
+from fmucorrect.report.discovery.text import plain
 from fmucorrect.report.discovery.where import where
 
 NAMED = 3
@@ -43,24 +43,23 @@ LIMITS = (
 )
 
 
-def build(report: Mapping[str, Any]) -> Page:
-    """The page, ready to be written. report: report.json."""
-    study = str(mapping(report.get("study")).get("name") or "")
+def build(report: Discovery) -> Page:
+    """The page, ready to be written."""
+    study = report.study.name if report.study else ""
     page = Page(*lead(report), kicker=" · ".join(["fmucorrect discover", *([study] if study else [])]))
-    page.warnings(report.get("warnings", ()))
-    if report.get("complete") is False:
-        ahead = "; ".join(texts(report.get("not_looked_at")))
+    page.warnings(report.warnings)
+    if not report.complete:
+        ahead = "; ".join(report.not_looked_at)
         page.caution(
             f"The search was ended by its time limit, and this is its verdict so far. Not looked at yet: {ahead}. The same "
             "command without --time-limit goes on where it was; what the evaluation conditions show here has no part in that."
         )
-    for doubt in texts(report.get("cautions")):
-        page.caution(f"{'Look at' if report.get('verdict') == 'unexplained' else 'The verdict hangs on'} {doubt}.")
+    for doubt in report.cautions:
+        page.caution(f"{'Look at' if report.verdict == 'unexplained' else 'The verdict hangs on'} {doubt}.")
     _tiles(page, report)
     where(page, report)
     effects_section(page, report)
-    recorded = "study" in report and not mapping(report["study"]).get("fmu")
-    gap_section(page, gaps(report.get("gap")), recorded)
+    gap_section(page, report.gap, recorded=report.study is not None and not report.fmu)
     _series_section(page, report)
     learned_section(page, report)
     laws_section(page, report)
@@ -69,18 +68,17 @@ def build(report: Mapping[str, Any]) -> Page:
     next_section(page, report)
     source_section(page, report)
     page.section("What this does not prove")
-    page.caution(f"{PROOF.get(str(report.get('verdict')), '')} {LIMITS}".strip())
+    page.caution(f"{PROOF.get(report.verdict, '')} {LIMITS}".strip())
     page.end()
     run_section(page, report)
     return page
 
 
-def lead(report: Mapping[str, Any]) -> tuple[str, str]:
+def lead(report: Discovery) -> tuple[str, str]:
     """Title and sentence: the verdict in a few words, and as the report puts it."""
-    verdict, effects = str(report.get("verdict") or ""), rows(report.get("effects"))
-    names = [at(effect) for effect in effects]
+    verdict, names = report.verdict, [effect.at for effect in report.effects]
     found = f"Found: {listed(names) if len(names) <= NAMED else f'{len(names)} effects'}"
-    rivals = [at(item) for effect in effects for item in rows(effect.get("indistinguishable_from"))]
+    rivals = [item.at for effect in report.effects for item in effect.indistinguishable_from]
     if verdict == "named" and names:
         title = found
     elif verdict == "ambiguous" and names:
@@ -97,30 +95,27 @@ def lead(report: Mapping[str, Any]) -> tuple[str, str]:
         title = "Something is missing that no effect of the catalogue explains"
     else:
         title = titled(f"verdict: {plain(verdict)}" if verdict else "No verdict")
-    if report.get("complete") is False:
+    if not report.complete:
         title = f"So far, of a search that is not complete: {title[:1].lower()}{title[1:]}"
-    text = str(report.get("sentence") or "") or _sentence(report)
-    return title, re.sub(r"(?<=\d) (?=[%\w])", NARROW, text)
+    return title, re.sub(r"(?<=\d) (?=[%\w])", NARROW, report.sentence or _sentence(report))
 
 
-def _sentence(report: Mapping[str, Any]) -> str:
+def _sentence(report: Discovery) -> str:
     """Where the report has none: what its figures say."""
-    items, held = judged(gaps(report.get("gap")))
-    before, after = mean([item.before for item in items]), mean([item.after for item in items])
+    items, held = judged(report.gap)
+    before, after = mean([item.nrmse_before for item in items]), mean([item.nrmse_after for item in items])
     if not known(before):
         return "The report holds no comparison of simulation and measurement."
     text = f"The error{' where it was held out' * held} is {error(before)}"
     text += f" before and {error(after)} after the change" if known(after) else ""
-    floor = mean([item.floor for item in items])
+    floor = mean([item.noise_floor for item in items])
     return text + (f"; noise alone makes {error(floor)}." if known(floor) else ".")
 
 
-def _tiles(page: Page, report: Mapping[str, Any]) -> None:
-    items, held = judged(gaps(report.get("gap")))
-    effects = rows(report.get("effects"))
-    verdict = report.get("verdict")
-    before, after = mean([item.before for item in items]), mean([item.after for item in items])
-    floor = mean([item.floor for item in items])
+def _tiles(page: Page, report: Discovery) -> None:
+    items, held = judged(report.gap)
+    before, after = mean([item.nrmse_before for item in items]), mean([item.nrmse_after for item in items])
+    floor = mean([item.noise_floor for item in items])
     tiles: list[tuple[str, str, str, str]] = []
     if known(before) or known(after):
         first, last = (error(before) if known(before) else "", error(after)) if known(after) else ("", error(before))
@@ -129,39 +124,35 @@ def _tiles(page: Page, report: Mapping[str, Any]) -> None:
         tiles.append(
             ("Held-out error, NRMSE" if held else "Error, NRMSE, none held out", first, last, f"{of}; {noise}")
         )
-    if verdict == "none" and known(floor):
+    if report.verdict == "none" and known(floor):
         tiles.append(("Noise floor", "", error(floor), "what a perfect model would leave"))
         score = mean([item.r2_after if known(after) else item.r2_before for item in items])
         tiles += [("Variance explained, R²", "", r2(score), "1 is perfect")] * known(score)
-    sure = [effect for effect in effects if known(effect.get("probability"))]
-    if sure and verdict in ("named", "ambiguous"):
-        least = min(sure, key=lambda effect: number(effect["probability"]))
-        what = at(least) if len(effects) == 1 else f"the least sure: {at(least)}"
-        if known(least.get("class_probability")):
-            what += f"; {percent(least['class_probability'])} with what cannot be told from it"
-        tiles.append(("Probability", "", percent(least["probability"]), what))
-    if effects and verdict in ("named", "ambiguous"):
-        found = mapping(effects[0].get("parameters"))
-        for name, value in list(found.items())[:1]:
-            item = mapping(value)
-            unit = str(item.get("unit") or "")
-            text, detail = quantity(item.get("value"), item.get("std"), unit), at(effects[0])
+    found = report.effects if report.found else ()
+    if sure := [effect for effect in found if known(effect.probability)]:
+        least = min(sure, key=lambda effect: effect.probability)
+        what = least.at if len(found) == 1 else f"the least sure: {least.at}"
+        if known(least.class_probability):
+            what += f"; {percent(least.class_probability)} with what cannot be told from it"
+        tiles.append(("Probability", "", percent(least.probability), what))
+    for effect in found[:1]:
+        for name, item in list(effect.parameters.items())[:1]:
+            text, detail = quantity(item.value, item.std, item.unit), effect.at
             if len(text) > TILE:
-                text, detail = quantity(item.get("value"), None, unit), f"{text}, {detail}"
+                text, detail = quantity(item.value, unit=item.unit), f"{text}, {detail}"
             tiles.append((titled(plain(name)), "", text, detail))
-    if verdict == "unexplained":
-        joints = {str(k): number(v) for k, v in mapping(mapping(report.get("where")).get("joints")).items() if known(v)}
+    if report.verdict == "unexplained":
+        joints = {name: share for name, share in report.where.joints.items() if known(share)}
         for name in sorted(joints, key=lambda name: -joints[name])[:1]:
             tiles.append(("Explained by a free force", "", percent(joints[name]), f"at {name}"))
-    if known(report.get("unexplained")):
-        tiles.append(("Left unexplained", "", percent(report["unexplained"]), "of the disagreement's energy"))
+    if known(report.unexplained):
+        tiles.append(("Left unexplained", "", percent(report.unexplained), "of the disagreement's energy"))
     if tiles:
         page.tiles(tiles)
 
 
-def _series_section(page: Page, report: Mapping[str, Any]) -> None:
-    found = {str(name): mapping(item) for name, item in mapping(report.get("series")).items()}
-    unseen = {item.condition for item in gaps(report.get("gap")) if item.held_out}
+def _series_section(page: Page, report: Discovery) -> None:
+    found, unseen = report.series, {item.condition for item in report.gap if item.held_out}
     order = sorted(found, key=lambda name: name not in unseen)
     channels, count = drawn.drawn_channels(report)
     points = max(200, POINTS // max(2 * 3 * len(channels) * len(order), 1))

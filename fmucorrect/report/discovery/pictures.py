@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from html import escape
 from typing import Any
 
@@ -11,31 +10,29 @@ from plotly import graph_objects as go
 
 from fmucorrect.report.base.figures import CORRECTED, MEASURED
 from fmucorrect.report.base.words import scaled
-from fmucorrect.report.discovery.figures import numbers, plain_style
-from fmucorrect.report.discovery.text import texts
+from fmucorrect.report.discovery.content import Picture
+from fmucorrect.report.discovery.figures import plain_style
 
 
-def pictures(picture: Mapping[str, Any]) -> list[go.Figure]:
+def pictures(picture: Picture) -> list[go.Figure]:
     """Force against displacement, against velocity and, where `t` is given, time: the data's as points, the law's drawn
     through. Empty where nothing can be drawn."""
-    units = [*texts(picture.get("units")), "", "", ""][:3]
-    force, law = numbers(picture.get("force")), numbers(picture.get("law"))
-    finite = np.abs(np.concatenate([force, law]))
+    units = [*picture.units, "", "", ""][:3]
+    finite = np.abs(np.concatenate([picture.force, picture.law]))
     finite = finite[np.isfinite(finite)]
     if not len(finite):
         return []
     scale, unit = scaled(float(finite.max()), units[2])
     figures: list[go.Figure] = []
-    for key, name, given in (
-        ("displacement", "displacement", units[0]),
-        ("velocity", "velocity", units[1]),
-        ("t", "time", "s"),
+    for name, x, given in (
+        ("displacement", picture.displacement, units[0]),
+        ("velocity", picture.velocity, units[1]),
+        ("time", picture.t, "s"),
     ):
-        x = numbers(picture.get(key))
         if np.isfinite(x).any():
-            each, label = scaled(float(np.nanmax(np.abs(x))), given) if key != "t" else (1.0, "s")
-            title = f"{name}, {escape(label)}" if label else name
-            figures.append(_picture(x / each, force / scale, law / scale, title, f"force, {escape(unit)}".rstrip(", ")))
+            each, label = scaled(float(np.nanmax(np.abs(x))), given) if name != "time" else (1.0, "s")
+            title, vertical = f"{name}, {escape(label)}" if label else name, f"force, {escape(unit)}".rstrip(", ")
+            figures.append(_picture(x / each, picture.force / scale, picture.law / scale, title, vertical))
     return figures
 
 

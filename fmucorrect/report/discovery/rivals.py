@@ -2,29 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Sequence
 
 from fmucorrect.report.base.html import Page, Row
-from fmucorrect.report.base.words import known, listed, number, percent, short, titled
-from fmucorrect.report.discovery import figures as drawn
-from fmucorrect.report.discovery.text import at, beside, key, rows
+from fmucorrect.report.base.words import MISSING, known, listed, percent, short, titled
+from fmucorrect.report.discovery.content import Candidate, Discovery, Effect, Named
+from fmucorrect.report.discovery.text import beside
 
 MOST = 12
 """Most sets in the table that are behind what was found."""
-Item = Mapping[str, Any]
 
 
-def rivals_section(page: Page, report: Mapping[str, Any]) -> None:
+def rivals_section(page: Page, report: Discovery) -> None:
     """The candidates in a table, each by what makes it different from what was found."""
-    effects, candidates = rows(report.get("effects")), rows(report.get("candidates"))
-    classes = {key(effect): rows(effect.get("indistinguishable_from")) for effect in effects}
-    if not candidates and not any(classes.values()):
+    effects, candidates = report.effects, report.candidates
+    if not candidates and not any(effect.indistinguishable_from for effect in effects):
         return
-    found = [item for item in candidates if {*map(key, members(item))} == {*classes}]
+    found = [item for item in candidates if _keys(members(item)) == _keys(effects)]
     twins = [item for item in candidates if item not in found and _is_twin(item, effects)]
-    seen = {key(member) for item in twins for member in members(item)}
-    alike = [(effect, other) for effect in effects for other in classes[key(effect)] if key(other) not in seen]
+    seen = _keys([member for item in twins for member in members(item)])
+    alike = [(effect, other) for effect in effects for other in effect.indistinguishable_from if other.key not in seen]
     behind = sorted((item for item in candidates if item not in [*found, *twins]), key=_order)
     page.section(
         "Rivals",
@@ -33,21 +30,22 @@ def rivals_section(page: Page, report: Mapping[str, Any]) -> None:
         "conditions that were looked at first.",
     )
     told = [
-        f"{at(e)} from {listed([at(other) for other in classes[key(e)]], 'or')}" for e in effects if classes[key(e)]
+        f"{effect.at} from {listed([other.at for other in effect.indistinguishable_from], 'or')}"
+        for effect in effects
+        if effect.indistinguishable_from
     ]
     if told:
         page.caution(f"These data cannot tell {listed(told, 'nor')}.")
-    elif found and behind and number(behind[0].get("behind")) > 0:
-        page.text_block(f"The next is {called(behind[0], effects)}, {short(behind[0]['behind'])} behind.")
-    verdict = str(report.get("verdict") or "")
-    title = "Found" if verdict in ("named", "ambiguous") else "Closest, not taken"
+    elif found and behind and behind[0].behind > 0:
+        page.text_block(f"The next is {called(behind[0], effects)}, {short(behind[0].behind)} behind.")
+    title = "Found" if report.verdict in ("named", "ambiguous") else "Closest, not taken"
     table: list[Row] = []
     for text, cells in (
         (title, [_cells(_name(effects), item, "strong") for item in found]),
         (
             "Cannot be told from it",
             [_cells(called(item, effects), item) for item in twins]
-            + [_cells(_phrase([other], [effect], effects), {}) for effect, other in alike],
+            + [Row([titled(_phrase([other], [effect], effects)), *[MISSING] * 4]) for effect, other in alike],
         ),
         ("Behind" if effects else "Tried", [_cells(called(item, effects), item) for item in behind[:MOST]]),
     ):
@@ -58,51 +56,53 @@ def rivals_section(page: Page, report: Mapping[str, Any]) -> None:
     page.end()
 
 
-def members(item: Item) -> list[Item]:
+def members(item: Candidate) -> Sequence[Named]:
     """The effects of a candidate; itself where it does not list them."""
-    return rows(item.get("members")) or [item]
+    return item.members or [item]
 
 
-def called(item: Item, effects: list[Item]) -> str:
+def called(item: Candidate, effects: Sequence[Effect]) -> str:
     """A candidate in words: by what makes it different from what was found, or, where they have nothing in common, by its
     effects."""
     mine = members(item)
-    have, found = {*map(key, mine)}, {*map(key, effects)}
+    have, found = _keys(mine), _keys(effects)
     if not have & found:
         return _name(mine)
-    return _phrase([m for m in mine if key(m) not in found], [e for e in effects if key(e) not in have], effects)
+    return _phrase([m for m in mine if m.key not in found], [e for e in effects if e.key not in have], effects)
 
 
-def _phrase(added: list[Item], without: list[Item], effects: list[Item]) -> str:
+def _phrase(added: Sequence[Named], without: Sequence[Effect], effects: Sequence[Effect]) -> str:
     """A set in words: what it has more and what it has not, beside what was found."""
-    kept = [effect for effect in effects if effect not in without]
+    kept = [effect for effect in effects if effect.key not in _keys(without)]
     if not kept:
         return _name(added)
     if not added and len(kept) < len(without):
         return f"{_name(kept)} alone"
-    return beside(added, without)
+    return beside([item.key for item in added], [item.key for item in without])
 
 
-def _name(items: list[Item]) -> str:
-    return listed([at(item) for item in items])
+def _name(items: Sequence[Named]) -> str:
+    return listed([item.at for item in items])
 
 
-def _is_twin(item: Item, effects: list[Item]) -> bool:
+def _keys(items: Sequence[Named]) -> set[tuple[str, str]]:
+    return {item.key for item in items}
+
+
+def _is_twin(item: Candidate, effects: Sequence[Effect]) -> bool:
     """Whether it is what was found, but for one effect that cannot be told from another one."""
-    mine = {*map(key, members(item))}
-    out = [effect for effect in effects if key(effect) not in mine]
+    mine = _keys(members(item))
+    out = [effect for effect in effects if effect.key not in mine]
     if len(out) != 1 or len(mine) != len(effects):
         return False
-    (new,) = mine - {*map(key, effects)}
-    return new in {key(other) for other in rows(out[0].get("indistinguishable_from"))}
+    (new,) = mine - _keys(effects)
+    return new in _keys(out[0].indistinguishable_from)
 
 
-def _cells(name: str, item: Item, kind: str = "") -> Row:
-    numbers = [short(item.get("held_out_error")), short(item.get("error"))]
-    numbers += [percent(item.get("probability")), short(item.get("behind"))]
+def _cells(name: str, item: Candidate, kind: str = "") -> Row:
+    numbers = [short(item.held_out_error), short(item.error), percent(item.probability), short(item.behind)]
     return Row([titled(name), *numbers], kind)
 
 
-def _order(item: Item) -> tuple[float, float]:
-    held = number(item["held_out_error"]) if known(item.get("held_out_error")) else 1e300
-    return (drawn.sortable(item.get("behind")) if known(item.get("behind")) else 1e300, held)
+def _order(item: Candidate) -> tuple[float, float]:
+    return (item.behind if known(item.behind) else 1e300, item.held_out_error if known(item.held_out_error) else 1e300)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 from fmucorrect.report.base.figures import CORRECTED, MEASURED
 from fmucorrect.report.base.html import Page, Row
-from fmucorrect.report.base.words import error, known, listed, number, percent, titled
+from fmucorrect.report.base.words import error, known, listed, percent, titled
 from fmucorrect.report.discovery import figures as drawn
-from fmucorrect.report.discovery.text import mapping, rows
+from fmucorrect.report.discovery.content import Discovery, Part, Where
 
 BLIND = "not known: without an FMU that has joints no place inside the model can be told from another"
 AS_WELL = 0.02
@@ -18,13 +17,12 @@ SPEAKS = 0.02
 """Share from which orders of a rotation are worth a picture."""
 
 
-def where(page: Page, report: Mapping[str, Any]) -> None:
+def where(page: Page, report: Discovery) -> None:
     """The section in words, then its figures; nothing where the report says nothing."""
-    found = mapping(report.get("where"))
-    facts = _facts(found, mapping(report.get("study")))
+    found, facts = report.where, _facts(report)
     if not facts:
         return
-    none = report.get("verdict") == "none"
+    none = report.verdict == "none"
     subject = "what is left, which is noise" if none else "the disagreement, before anything was changed"
     page.section("Where", f"Shares are of the energy of {subject}.")
     page.facts(facts)
@@ -33,9 +31,9 @@ def where(page: Page, report: Mapping[str, Any]) -> None:
     _dependence(page, found)
 
 
-def _facts(found: Mapping[str, Any], study: Mapping[str, Any]) -> list[tuple[str, str]]:
-    facts: list[tuple[str, str]] = []
-    joints = _shares(found.get("joints"))
+def _facts(report: Discovery) -> list[tuple[str, str]]:
+    found, facts = report.where, list[tuple[str, str]]()
+    joints = _known(found.joints)
     if joints:
         (first, share), *others = _sorted(joints)
         alike = sum(share - other <= AS_WELL for _, other in others)
@@ -46,20 +44,17 @@ def _facts(found: Mapping[str, Any], study: Mapping[str, Any]) -> list[tuple[str
         elif others:
             text += f"; next {others[0][0]} ({percent(others[0][1])})"
         facts.append(("at which joint", text))
-    elif found and study and not study.get("fmu"):
+    elif found.channels and report.study and not report.fmu:
         facts.append(("at which joint", BLIND))
-    channels = {name: number(mapping(item).get("share")) for name, item in mapping(found.get("channels")).items()}
-    facts += _largest("in which channels", channels)
-    facts += _largest("at which frequencies", _shares(found.get("bands")))
-    orders = _shares(found.get("orders"))
+    facts += _largest("in which channels", {name: part.share for name, part in found.channels.items()})
+    facts += _largest("at which frequencies", found.bands)
+    orders = _known(found.orders)
     if orders and max(orders.values()) < SPEAKS:
         facts.append(("at which orders", f"none of what turns, at most {percent(max(orders.values()))}"))
     else:
         facts += _largest("at which orders", orders)
-    facts += _conditions(found)
-    even = {str(name): number(mapping(item).get("even")) for name, item in mapping(found.get("harmonics")).items()}
-    even = {name: value for name, value in even.items() if known(value)}
-    if even:
+    facts += _conditions(found.conditions)
+    if even := _known({name: item.even for name, item in found.harmonics.items()}):
         name, value = _sorted(even)[0]
         facts.append(
             ("even harmonics", f"at most {percent(value)} ({name}); a law alike in both directions makes none")
@@ -67,24 +62,21 @@ def _facts(found: Mapping[str, Any], study: Mapping[str, Any]) -> list[tuple[str
     return facts
 
 
-def _conditions(found: Mapping[str, Any]) -> list[tuple[str, str]]:
-    errors = {str(name): mapping(item) for name, item in mapping(found.get("conditions")).items()}
-    errors = {name: item for name, item in errors.items() if known(item.get("nrmse"))}
+def _conditions(found: Mapping[str, Part]) -> list[tuple[str, str]]:
+    errors = _known({name: item.nrmse for name, item in found.items()})
     if not errors:
         return []
-    worst = max(errors, key=lambda name: number(errors[name]["nrmse"]))
-    best = min(errors, key=lambda name: number(errors[name]["nrmse"]))
-    text = f"most at {worst}, {error(errors[worst]['nrmse'])}"
-    if known(errors[worst].get("noise_floor")):
-        text += f" where noise makes {error(errors[worst]['noise_floor'])}"
-    text += f"; least at {best}, {error(errors[best]['nrmse'])}" if best != worst else ""
+    worst, best = max(errors, key=lambda name: errors[name]), min(errors, key=lambda name: errors[name])
+    text = f"most at {worst}, {error(errors[worst])}"
+    if known(found[worst].noise_floor):
+        text += f" where noise makes {error(found[worst].noise_floor)}"
+    text += f"; least at {best}, {error(errors[best])}" if best != worst else ""
     return [("at which conditions", text)]
 
 
-def _places(page: Page, found: Mapping[str, Any]) -> None:
-    joints, bands, orders = (_shares(found.get(key)) for key in ("joints", "bands", "orders"))
+def _places(page: Page, found: Where) -> None:
+    joints, bands, orders, channels = _known(found.joints), _known(found.bands), _known(found.orders), found.channels
     orders = {name: share for name, share in orders.items() if max(orders.values()) >= SPEAKS}
-    channels = {str(name): mapping(item) for name, item in mapping(found.get("channels")).items()}
     both = bool(joints and (channels or bands or orders))
     if both:
         page.open_pair()
@@ -101,8 +93,8 @@ def _places(page: Page, found: Mapping[str, Any]) -> None:
         names = {"Channels": channels, "frequencies": bands, "orders": orders}
         page.section(titled(listed([name for name, shares in names.items() if shares])))
         if channels:
-            order = sorted(channels, key=lambda name: -drawn.sortable(channels[name].get("share")))
-            cells = [Row([n, error(channels[n].get("nrmse")), percent(channels[n].get("share"))]) for n in order]
+            order = sorted(channels, key=lambda name: -drawn.sortable(channels[name].share))
+            cells = [Row([name, error(channels[name].nrmse), percent(channels[name].share)]) for name in order]
             page.table(["channel", "error, NRMSE", "share"], cells)
         if bands:
             page.figure(drawn.shares(bands, MEASURED, "share of the energy, %", ordered=True))
@@ -115,10 +107,8 @@ def _places(page: Page, found: Mapping[str, Any]) -> None:
         page.close_pair()
 
 
-def _dependence(page: Page, found: Mapping[str, Any]) -> None:
-    harmonics = {str(name): mapping(item) for name, item in mapping(found.get("harmonics")).items() if mapping(item)}
-    time = {str(name): mapping(item) for name, item in mapping(found.get("time")).items()}
-    time = {name: item for name, item in time.items() if len(drawn.numbers(item.get("t"))) > 1}
+def _dependence(page: Page, found: Where) -> None:
+    harmonics, time = found.harmonics, {name: item for name, item in found.time.items() if len(item.t) > 1}
     if harmonics and time:
         page.open_pair()
     if harmonics:
@@ -135,14 +125,13 @@ def _dependence(page: Page, found: Mapping[str, Any]) -> None:
         page.end()
     if harmonics and time:
         page.close_pair()
-    figures = [
-        drawn.dependence(items, key, title, key == "amplitude")
-        for key, title in (("amplitude", "amplitude of the excitation"), ("speed", "speed, km/h"))
-        if (items := _varied(found, key))
-    ]
+    amplitudes = _varied({item.condition: (item.amplitude, item.residual) for item in found.amplitude})
+    speeds = _varied({item.condition: (item.speed, item.residual) for item in found.speed})
+    figures = [drawn.dependence(amplitudes, "amplitude of the excitation", proportional=True)] if amplitudes else []
+    figures += [drawn.dependence(speeds, "speed, km/h", proportional=False)] if speeds else []
     if figures:
         note = "A dot a condition."
-        if _varied(found, "amplitude"):
+        if amplitudes:
             note += (
                 " Dotted: proportional to the amplitude, as whatever is linear would be; play and friction grow more "
                 "slowly, hardening faster. Where speed changes with amplitude, both have a part."
@@ -152,9 +141,10 @@ def _dependence(page: Page, found: Mapping[str, Any]) -> None:
         page.end()
 
 
-def _varied(found: Mapping[str, Any], key: str) -> list[Mapping[str, Any]]:
-    items = [item for item in rows(found.get(key)) if known(item.get(key)) and known(item.get("residual"))]
-    return items if len({item[key] for item in items}) > 1 else []
+def _varied(values: Mapping[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
+    """Those of size and residual that are known; empty where the size is the same in all."""
+    found = {name: pair for name, pair in values.items() if all(map(known, pair))}
+    return found if len({size for size, _ in found.values()}) > 1 else {}
 
 
 def _rest(page: Page, shares: Mapping[str, float]) -> None:
@@ -167,7 +157,7 @@ def _largest(term: str, shares: Mapping[str, float]) -> list[tuple[str, str]]:
     """The largest shares, up to four fifths of the whole or three names."""
     said: list[str] = []
     total = 0.0
-    for name, share in _sorted({name: share for name, share in shares.items() if known(share)})[:3]:
+    for name, share in _sorted(_known(shares))[:3]:
         said.append(f"{name} ({percent(share)})")
         total += share
         if total >= 0.8:
@@ -179,5 +169,5 @@ def _sorted(shares: Mapping[str, float]) -> list[tuple[str, float]]:
     return sorted(shares.items(), key=lambda item: -item[1])
 
 
-def _shares(values: Any) -> dict[str, float]:
-    return {str(name): number(value) for name, value in mapping(values).items() if known(value)}
+def _known(values: Mapping[str, float]) -> dict[str, float]:
+    return {name: value for name, value in values.items() if known(value)}
