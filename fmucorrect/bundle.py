@@ -69,14 +69,31 @@ def sealed(graph: bytes, text: str) -> bytes:
 def completed(graph: bytes, info: Info, inputs: Mapping[str, np.ndarray], where: str) -> bytes:
     """seal() with the golden pair that ONNX Runtime makes of `inputs` here. Raises BundleError where the graph does not keep
     the contract, or says what is not finite."""
-    bundle_graph.metadata(graph, where)
-    session = _session(graph, where)
-    _check_contract(session, info, where)
+    session = _kept(graph, info, where)
     said = dict(zip(info.outputs, _run(session, list(info.outputs), inputs, where), strict=True))
     wrong = [name for name, values in said.items() if not np.isfinite(values).all()]
     if wrong:
         raise BundleError(f"output {wrong[0]!r} is not finite for inputs from the study", where=where)
     return seal(graph, info, {**inputs, **said})
+
+
+def states(graph: bytes, info: Info, inputs: Mapping[str, np.ndarray], where: str) -> Float32[np.ndarray, "N S"]:
+    """What the graph has come to before each row of `inputs` (without a state), from zeros on. Raises BundleError as
+    `completed`."""
+    session = _kept(graph, info, where)
+    found = np.zeros((len(inputs["window"]), info.state), np.float32)
+    for i in range(len(found) - 1):
+        row = {name: values[i : i + 1] for name, values in inputs.items()}
+        found[i + 1 : i + 2] = _run(session, ["next_state"], {**row, "state": found[i : i + 1]}, where)[0]
+    return found
+
+
+def _kept(graph: bytes, info: Info, where: str) -> onnxruntime.InferenceSession:
+    """Of a graph without metadata. Raises BundleError where it does not keep the contract."""
+    bundle_graph.metadata(graph, where)
+    session = _session(graph, where)
+    _check_contract(session, info, where)
+    return session
 
 
 @final

@@ -60,10 +60,11 @@ def seal(model: str | Path | onnx.ModelProto, study: Study, path: str | Path) ->
     info = replace(about(study, pairs), rows=network.rows, state=network.state)
     if not network.says("in_envelope"):
         info = replace(info, envelope=corners(study.channels, pairs))
-    inputs = _golden(pairs[0], info)
+    graph = network.filled(info, np.zeros(len(study.channels)))
+    inputs = _golden(pairs[0], info, graph, where)
     with WorkFolder() as folder:
         trial = folder.path / "trial.onnx"
-        trial.write_bytes(bundle.completed(network.filled(info, np.zeros(len(study.channels))), info, inputs, where))
+        trial.write_bytes(bundle.completed(graph, info, inputs, where))
         judged = [evaluate(item, bundle.load(trial)) for item in pairs]
     left = np.concatenate([(item.measured - item.corrected)[item.scored] for item in judged])
     figures = {item.condition.name: round(item.after.mean_nrmse, 4) for item in judged}
@@ -247,20 +248,20 @@ def _declare(graph: onnx.GraphProto, info: Info) -> None:
             field.append(helper.make_tensor_value_info(name, kind, ["N", *row]))
 
 
-def _golden(item: Pair, info: Info) -> dict[str, np.ndarray]:
-    """Inputs of the golden pair: real ones, and states of the order of 1."""
+def _golden(item: Pair, info: Info, graph: bytes, where: str) -> dict[str, np.ndarray]:
+    """Inputs of the golden pair: real ones, and states to which the graph comes there. Others need not be possible ones."""
     simulated = item.simulated.select([channel.name for channel in info.seen])
     windows = Window(info.rows, len(info.seen)).extend(simulated.values)
-    picked = np.linspace(0, len(windows) - 1, _GOLDEN).astype(int)
-    t_ns = item.simulated.t_ns[info.rows - 1 :][picked]
+    t_ns = item.simulated.t_ns[info.rows - 1 :]
     inputs = {
-        "window": windows[picked],
-        "condition": np.tile(np.array(item.condition.features, np.float32), (_GOLDEN, 1)),
+        "window": windows,
+        "condition": np.tile(np.array(item.condition.features, np.float32), (len(windows), 1)),
         "time": (t_ns[:, None] - item.condition.start_ns) / NANOSECONDS,
     }
     if info.state:
-        inputs["state"] = np.random.default_rng(0).normal(size=(_GOLDEN, info.state)).astype(np.float32)
-    return inputs
+        inputs["state"] = bundle.states(graph, info, inputs, where)
+    picked = np.linspace(0, len(windows) - 1, _GOLDEN).astype(int)
+    return {name: values[picked] for name, values in inputs.items()}
 
 
 def _simulated(item: Pair) -> Float64[np.ndarray, "N J"]:

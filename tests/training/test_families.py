@@ -12,7 +12,7 @@ from closed_form import SMALL
 
 from fmucorrect import bundle
 from fmucorrect.pairs import pair
-from fmucorrect.sealing import evaluate
+from fmucorrect.sealing import evaluate, seal
 from fmucorrect.stepper import CorrectedStepper, ReplayStepper, Status, run
 from fmucorrect.study import Study, load_study
 from fmucorrect.study_training import Corrector, Family, Recurrent, Training
@@ -224,3 +224,12 @@ def test_a_filter_of_tones_keeps_its_digits(study: Study, tmp_path: Path) -> Non
     assert known.mean() > 0.5
     error = np.abs(said.corrected[inside] - made.fitted.predict(data))[known]
     assert error.max() < 2e-5 * np.abs(data.simulated).max()
+
+
+def test_what_was_exported_can_be_sealed_again(friction: Case, tmp_path: Path) -> None:
+    """As anyone's network with a state of which not every number is possible: the guard's are never below zero."""
+    study, made = friction
+    model = bundle.load(save(made, tmp_path))
+    again = seal(model.path, study, tmp_path / "again.onnx")
+    item = pair(study, study.evaluation[0])
+    assert np.array_equal(evaluate(item, again).corrected, evaluate(item, model).corrected)
