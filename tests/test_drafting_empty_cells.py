@@ -229,3 +229,19 @@ def test_a_number_in_place_of_the_road(mount: Path, tmp_path: Path) -> None:
 )
 def test_what_is_no_such_number(values: np.ndarray) -> None:
     assert [*of_series(values)] == []
+
+
+def test_a_sensor_with_the_name_of_an_output_is_its_sensor(mount: Path, tmp_path: Path) -> None:
+    """However far off the model is; a correlation that is none says nothing of its sign, and that is told."""
+    logs: list[Path] = []
+    for seed in (1, 2):
+        frame = measured(seed)
+        other = 0.002 * np.sin(2.0 * np.pi * (0.3 + 0.1 * seed) * frame["time"])
+        frame = frame.assign(deflection=other - 0.05 * frame["deflection"], acceleration=0.0)
+        logs.append(saved(frame, tmp_path / f"{seed}.csv"))
+    code, said, study = new(mount, *logs)
+    assert code == 0
+    assert "Look at 'deflection': by its name alone it is taken for 'deflection'" in said
+    assert "column acceleration, which never moves" in study.read_text(encoding="utf-8")
+    (channel,) = load_study(study).channels
+    assert (channel.measurement, channel.measurement_sign) == ("deflection", 1)

@@ -60,6 +60,9 @@ def new(
         say(f"Left out: {text}")
     if len(found.left_out) > TOLD:
         say(f"Left out, as its last lines say: {len(found.left_out) - TOLD} more")
+    for guess in found.channels:
+        if guess.by_name:
+            say(f"Look at {guess.column!r}: by its name alone it is taken for {guess.output!r} ({guess.why}).")
     for text in found.stand_ins:
         say(f"Look at {text}.")
     for run in found.runs:

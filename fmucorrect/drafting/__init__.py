@@ -23,6 +23,7 @@ from fmucorrect.drafting.pairing import (
     UNITLESS,
     ChannelGuess,
     Run,
+    Trial,
     beside,
     find_channels,
     input_units,
@@ -92,7 +93,7 @@ def draft(
             f"no column shows an output of the FMU, by its name or by what it holds{still}",
             where=str(first.path),
             expected=f"measurements of {few([v.name for v in trial.outputs])}",
-            got=f"{few(trial.columns)}{beside_them}",
+            got=f"{few([*_described(first, trial).values()])}{beside_them}",
             remedy="Write the study by hand (fmucorrect/README.md), or give the columns the names of the outputs.",
         )
     progress(STEPS[2])
@@ -137,9 +138,9 @@ def draft(
         runs=tuple(drafted),
         units=units,
         unpaired=tuple(
-            f"{c}{', the same in two runs to the last digit: a command' if c in first.repeated else ''}"
-            for c in trial.columns
-            if c not in {guess.column for guess in channels}
+            text
+            for column, text in _described(first, trial).items()
+            if column not in {guess.column for guess in channels}
         ),
         left_out=first.left_out,
         reading=max((log.reading for log in logs), key=lambda known: len(known.repair)),
@@ -147,6 +148,15 @@ def draft(
         stand_ins=tuple(f"{log.path.name}: {text}" for log in logs for text in log.stand_ins),
         starts=find_starts(model),
     )
+
+
+def _described(log: Run, trial: Trial) -> dict[str, str]:
+    """Columns in words, by name: why one shows no output, where that is known."""
+    told: dict[str, str] = {}
+    for column, values in zip(trial.columns, trial.measured.T, strict=True):
+        command = ", the same in two runs to the last digit: a command" if column in log.repeated else ""
+        told[column] = column + (command or ", which never moves" * bool((values == values[:1]).all()))
+    return told
 
 
 def _read(runs: Sequence[str | PathLike[str]], reading: Reading) -> list[Run]:

@@ -40,7 +40,8 @@ SHORT = 0.5
 SHOWS = 0.5
 """Correlation from which a column shows an output, whatever it is called."""
 HINTS = 0.2
-"""Correlation that a column needs whose name says it already: a model that lacks something may be far off."""
+"""Correlation that a column needs whose name says it already, but not word for word: a model that lacks something may be far
+off. With less nothing is known of a sensor's sign."""
 HEARD = 0.5
 """Share of a column's power that is linear in an output, from which it is of it, where no correlation says so: a model whose
 resonance is elsewhere than the machine's answers a random excitation with quite another series."""
@@ -125,7 +126,12 @@ class ChannelGuess:
         """What tells that the column shows the output."""
         if self.heard:
             return f"of its size and linear in it ({abs(self.shown):.2f} of 1), though no correlation tells"
-        return f"correlation {self.shown:+.2f}"
+        return f"correlation {self.shown:+.2f}{', which says little' * self.by_name}"
+
+    @property
+    def by_name(self) -> bool:
+        """Whether nothing but its name tells."""
+        return not self.heard and abs(self.shown) < HINTS
 
 
 def read_run(path: Path, reading: Reading = AS_IT_IS) -> Run:
@@ -373,7 +379,7 @@ def find_channels(fmu: FmuDescription, log: Run, trial: Trial) -> tuple[ChannelG
     """The best assignment of columns to outputs, each used once."""
     from scipy.optimize import linear_sum_assignment
 
-    shown = correlations(trial.measured, trial.simulated)
+    shown = correlation = correlations(trial.measured, trial.simulated)
     if trial.heard:
         shown = _heard(fmu, log, trial, shown)
     alike = np.array([[likeness(c, o.name) for o in trial.outputs] for c in trial.columns]).reshape(shown.shape)
@@ -382,7 +388,10 @@ def find_channels(fmu: FmuDescription, log: Run, trial: Trial) -> tuple[ChannelG
         for c in trial.columns
     ]
     score = np.where(np.reshape(fits, shown.shape), np.abs(shown) + alike, -1.0)
-    sure = (score >= 0.0) & ((np.abs(shown) >= SHOWS) | ((alike >= NAMED) & (np.abs(shown) >= HINTS)))
+    # word for word its name is enough, of what moves, in a log without numbers that look like lost samples
+    by_name = (alike == 1.0) & (correlation != 0.0) & (not log.stand_ins)
+    said = by_name | ((alike >= NAMED) & (np.abs(shown) >= HINTS))
+    sure = (score >= 0.0) & ((np.abs(shown) >= SHOWS) | said)
     pairs = [(c, o) for c, o in zip(*linear_sum_assignment(-score), strict=True) if sure[c, o]]
     free = sorted(set(range(len(trial.columns))) - {c for c, _ in pairs})
     found: list[ChannelGuess] = []
@@ -399,7 +408,7 @@ def find_channels(fmu: FmuDescription, log: Run, trial: Trial) -> tuple[ChannelG
                     variable.name,
                     unit,
                     what,
-                    -1 if r < 0.0 else 1,
+                    -1 if correlation[c, o] <= -HINTS else 1,
                     r,
                     name,
                     variable_unit,

@@ -75,7 +75,7 @@ class Wrapped:
         if self.proof is not None:
             lines.insert(
                 1,
-                f"network in C against ONNX Runtime: {self.proof.largest:.1e} mm at most, "
+                f"network in C against ONNX Runtime: {max(self.proof.errors.values()):.0%} of what rounding allows at most, "
                 f"in {self.proof.windows} windows, by each of {', '.join(self.proof.errors)}",
             )
         return "\n".join([*lines, *(f"note: {note}" for note in self.notes)])
