@@ -65,10 +65,10 @@ def train(
 ) -> None:
     """Train a corrector on the development conditions of a STUDY, then score it on all.
 
-    Tried are nothing at all, an amplitude factor, a linear filter, a network on a window, and a recurrent one without and with feedback; leaving one
-    speed out at a time chooses the simplest of the best, and calibrates its band. The evaluation conditions are opened when
-    the corrector is finished. Settings: the study's [training] table. Killed, the same command goes on from OUT/work. Needs
-    fmucorrect[train].
+    Tried are nothing at all, an amplitude factor, a linear filter, a network on a window, and a recurrent one without and with
+    feedback; leaving one speed out at a time chooses the simplest of the best, and calibrates its band. The evaluation
+    conditions are opened when the corrector is finished. Settings: the study's [training] table. Killed, the same command goes
+    on from OUT/work. Needs fmucorrect[train].
 
     Example: fmucorrect train study.toml -o model
     """
