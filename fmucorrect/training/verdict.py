@@ -61,8 +61,8 @@ def verdict(selection: Selection, evaluations: Sequence[Comparison] = (), guard:
     if guard is not None and guard.misses > _UNNOTICED:
         text += (
             f" Under another excitation it may not notice that it is elsewhere: {100 * guard.misses:.0f} % of the rows of "
-            f"motions made of these ({_MADE}) pass as known. Its error and its band were measured under these excitations "
-            "alone."
+            f"motions made of these ({'; '.join(guard.strange)}) pass as known. Its error and its band were measured under "
+            "these excitations alone."
         )
     return text
 
@@ -90,7 +90,6 @@ def _places(evaluations: Sequence[Comparison]) -> str:
     return "speeds" if len(speeds) > 1 else "conditions"
 
 
-_MADE = "half the size, slower, faster, random, of one frequency"
 _NARROW = 0.8
 """Share of the measured samples in motion below which a band that is stated as 90 % is told to be too narrow."""
 _UNNOTICED = 0.5
@@ -165,6 +164,6 @@ def guard_words(guard: Guard, fallback: Fallback | None, linear: bool) -> str:
         f"{each}), {then}. "
         f"False alarms: {100 * guard.false_alarms:.1f} % of the rows in motion of conditions that were left out. "
         f"Misses: {100 * guard.misses:.0f} % of the rows in motion of motions made of those of development "
-        f"({_MADE}). Where it flags few of these, they were no news to it: who has driven over random roads has seen small and "
-        "slow motions, too."
+        f"({'; '.join(guard.strange)}). Where it flags few of these, they were no news to it: who has driven over random roads "
+        "has seen small and slow motions, too."
     )
