@@ -326,7 +326,8 @@ class RecurrentHead(nn.Module):
         bank, made = see.bank.numbers, [_member(member, see, inputs) for member in members]
         answers = sum(len(part["B"]) for part in made)
         signals = sum(part["F"].shape[0] for part in made)
-        self.parts = (bank, *(1 + ("Ir" in made[0])) * [answers + signals])
+        feedback = members[0].fed_back is not None
+        self.parts = (bank, *[answers + signals] * (1 + feedback))
         self.state = sum(self.parts)
         tensors = {
             **see.bank.weights(inputs),
@@ -339,7 +340,7 @@ class RecurrentHead(nn.Module):
             "B": torch.cat([torch.block_diag(*(part[name] for part in made)) for name in ("B", "F")]),
             "F": torch.block_diag(*(part["F"] for part in made)),
         }
-        if len(self.parts) > 2:
+        if feedback:
             tensors["I"] = torch.cat([torch.block_diag(*(part[name] for part in made)) for name in ("Ir", "Iu")])
         beside = spread(len(members), channels)
         last = torch.zeros(inputs, channels, dtype=torch.float64)
@@ -395,9 +396,7 @@ def _member(member: Oscillators, see: View, inputs: int) -> dict[str, Tensor]:
     gain = torch.kron(0.5 * (1.0 - modulus)[None], torch.eye(signals, dtype=torch.float64))
     out = weight(member.out) * lacking
     size_r = len(answer)
-    fed_back = {}
-    if member.fed_back is not None:
-        fed_back = {"Ir": weight(member.fed_back)[:size_r], "Iu": weight(member.fed_back)[size_r:]}
+    seen_again = None if member.fed_back is None else weight(member.fed_back)
     direct, through, shift = on_x(out[size_r + signals :])
     return {
         "H": torch.cat([seen, past]),
@@ -408,7 +407,7 @@ def _member(member: Oscillators, see: View, inputs: int) -> dict[str, Tensor]:
         "o": bias(member.missing) - begun,
         "B": answer,
         "F": torch.cat([gain, torch.zeros_like(gain)], 1),
-        **fed_back,
+        **({} if seen_again is None else {"Ir": seen_again[:size_r], "Iu": seen_again[size_r:]}),
         "Or": out[:size_r],
         "Ou": out[size_r : size_r + signals],
         "Op": through,
