@@ -324,7 +324,7 @@ def test_without_a_corrector_a_mapping_gives_start_values_alone(tmp_path):
         "line 6, [parameters], key f",
     ):
         assert said in str(refusal.value)
-    oscillator = HERE.parents[2] / "fmus" / "oscillator" / "oscillator.fmu"
+    oscillator = Path(__file__).resolve().parents[2] / "fmus" / "oscillator" / "oscillator.fmu"
     path.write_text("[parameters]\nk1 = 1234.5\n")
     (tmp_path / "effects.toml").write_text(
         "format = 1\n[[effects]]\neffect = 'parameter_offset'\njoint = 'c1'\nparameters = { value = 1.0 }\n"
