@@ -172,7 +172,7 @@ def study_problems(study: Study) -> list[str]:
             fmu = open_fmu(study.simulation.fmu)
         except FmucorrectError as error:
             problems.append(f"{place(study.places, ('simulation', 'fmu'))}: {error}")
-    columns: dict[Path, Mapping[str, str]] = {}
+    columns: dict[Path, dict[str, str]] = {}
     broken: set[Path] = set()
     for condition in study.conditions:
         for path in condition.files:
@@ -192,6 +192,9 @@ def study_problems(study: Study) -> list[str]:
                     sources.expected_rows(study, condition)
                 except FmucorrectError as error:
                     problems.append(str(error))
+    for condition in study.conditions:
+        if condition.simulated in columns:
+            columns[condition.simulated] |= _responses(study, condition.simulated, condition.reading)
     problems += [
         f"joint {joint.name!r}: kinds names {kind!r}, expected any of {', '.join(FAMILIES)}{nearest(kind, FAMILIES)}"
         for joint in study.joints
@@ -199,6 +202,18 @@ def study_problems(study: Study) -> list[str]:
         if kind not in FAMILIES
     ]
     return [*problems, *_against_model(study, fmu, columns)]
+
+
+def _responses(study: Study, simulated: Path, reading: Reading) -> dict[str, str]:
+    """Unit by the name that the study has for it of what is taken from a simulated record, as a run finds it there."""
+    wanted, topic = sources.responses(study, sources.seen_beside(study)), sources.default_topic(simulated, reading)
+    topics = [one for one in records.topics(simulated, reading) if topic in (None, one.name)]
+    named = zip(sources.columns(simulated, wanted, topic, reading), wanted, strict=True)
+    return {
+        channel.simulation: records.find(topics, name, str(simulated), reading)[1].unit
+        for name, channel in named
+        if records.has(topics, name, reading)
+    }
 
 
 def _against_model(study: Study, fmu: FmuDescription | None, columns: Mapping[Path, Mapping[str, str]]) -> list[str]:

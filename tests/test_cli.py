@@ -339,6 +339,29 @@ def test_inspect_says_once_that_a_file_is_no_fmu(tmp_path: Path) -> None:
     assert sum("log.onnx: " in problem for problem in misfits(oscillator, "log.onnx")) == 1
 
 
+def test_inspect_finds_the_columns_of_a_simulated_record_as_a_run_does(tmp_path: Path) -> None:
+    """By the channel's name where none has that of the FMU's variable, as in what `run` writes; in /simulation, where several
+    topics have it."""
+    channel = (
+        '[[channels]]\nname = "FW"\nsimulation = "axle.y"\nmeasurement = "m.FW"\nquantity = "displacement"\nunit = "mm"\n'
+    )
+    run = '[[conditions]]\nname = "a"\nrole = "development"\nmeasurement = "run.mcap"\nsimulated = "run.mcap"\n'
+    study = tmp_path / "study.toml"
+    study.write_text(f"format = 1\n[simulation]\nstep_size = 0.001\n{channel}{run}")
+    source = records.read(log(tmp_path / "log.csv"))
+    with records.writer(tmp_path / "run.mcap") as file:
+        file.write("/simulation", source)
+        file.write("/m", source)
+    assert call("run", study, "--condition", "a", "-o", tmp_path / "out.mcap").exit_code == 0
+    code, found = inspected(study)
+    assert (code, found["misfits"]) == (0, [])
+    study.write_text(study.read_text().replace('name = "FW"', 'name = "y"'))
+    assert call("run", study, "--condition", "a", "-o", tmp_path / "out.mcap").exit_code == 2
+    code, found = inspected(study)
+    assert code == 2
+    assert "key simulation: there is no column 'axle.y' in run.mcap" in found["misfits"][0]
+
+
 @pytest.mark.parametrize("step", ["0x10", "0o20", "16", "16.0"])
 def test_a_step_that_is_not_in_s_is_told_as_one(step: str, tmp_path: Path) -> None:
     """16 s, in whatever form, leave one sample: it is the step that is wrong, and not the record."""
