@@ -342,9 +342,7 @@ def test_inspect_says_once_that_a_file_is_no_fmu(tmp_path: Path) -> None:
 def test_inspect_finds_the_columns_of_a_simulated_record_as_a_run_does(tmp_path: Path) -> None:
     """By the channel's name where none has that of the FMU's variable, as in what `run` writes; in /simulation, where several
     topics have it."""
-    channel = (
-        '[[channels]]\nname = "FW"\nsimulation = "axle.y"\nmeasurement = "m.FW"\nquantity = "displacement"\nunit = "mm"\n'
-    )
+    channel = '[[channels]]\nname = "FW"\nsimulation = "axle.y"\nmeasurement = "m.FW"\nquantity = "displacement"\nunit = "mm"\n'
     run = '[[conditions]]\nname = "a"\nrole = "development"\nmeasurement = "run.mcap"\nsimulated = "run.mcap"\n'
     study = tmp_path / "study.toml"
     study.write_text(f"format = 1\n[simulation]\nstep_size = 0.001\n{channel}{run}")

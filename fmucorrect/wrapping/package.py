@@ -14,7 +14,7 @@ import fmucorrect
 from fmucorrect import bundle, effects, outputs
 from fmucorrect.bundle import Bundle
 from fmucorrect.effects import Effects
-from fmucorrect.errors import FmuError, WrapError
+from fmucorrect.errors import FmuError, WrapError, few
 from fmucorrect.fmu import FmuDescription, open_fmu, state_check
 from fmucorrect.fmu.startvalues import start_values
 from fmucorrect.fmu.state_check import StateCheck
@@ -143,7 +143,7 @@ def wrap(
         progress("generate")
         net = network.sources(parts.model.path) if parts.model else None
         sources, outer, first, untried = _generate(parts, net.files if net else {})
-        notes = [*first.left_out, *_step_notes(parts), *untried]
+        notes = [*first.left_out, *_step_notes(parts), *_input_notes(parts), *untried]
         notes += solver.left_out(parts.inner) if parts.inner else []
         if "darwin64" in parts.platforms and sys.platform != "darwin":
             notes.append(
@@ -308,6 +308,18 @@ def _step_notes(parts: _Parts) -> list[str]:
         return []
     return [
         f"the sample time {sample:g} s is no multiple of the solver's internal step {internal:g} s: it may refuse steps"
+    ]
+
+
+def _input_notes(parts: _Parts) -> list[str]:
+    """What the order of a host's calls makes of inputs of the solver that the corrector sees."""
+    seen = [source.variable.name for source in parts.wiring.seen if source.variable.causality == "input"]
+    if parts.inner is None or not seen:
+        return []
+    return [
+        f"the corrector sees what the host sets: {few(seen)}. A host that reads the corrected channels before it sets the "
+        "inputs of that time, as fmpy does, reads them with the value of one step before as the newest; one that sets "
+        "first and then reads has them as in training"
     ]
 
 

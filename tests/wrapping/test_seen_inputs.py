@@ -12,6 +12,7 @@ pytest.importorskip("ziglang")
 pytest.importorskip("emx_onnx_cgen")
 
 import bundles
+import fmpy
 from odd import CHANNELS, COMBINATIONS, MS, ROWS, folder, plain, solver, walk
 
 from fmucorrect import bundle
@@ -30,16 +31,16 @@ NAMES = ("x_corrected", "y_corrected")
 ANSWERS = tuple(Channel(name, unit, simulation=name) for name, unit in ((NAMES[0], "mm"), (NAMES[1], "mm")))
 
 
-def seeing(unit: str) -> Path:
+def seeing(unit: str, rows: int = ROWS) -> Path:
     """Of x and y, with u and z. unit: of u, as the solver says it."""
-    path = folder() / "seeing.onnx"
-    return bundles.make_seeing(path, WEIGHTS, (X, Y), (replace(U, unit=unit), Z), ROWS, MS)
+    path = folder() / f"seeing{rows}.onnx"
+    return bundles.make_seeing(path, WEIGHTS, (X, Y), (replace(U, unit=unit), Z), rows, MS)
 
 
-def live(fmi: int, u: np.ndarray) -> tuple[Path, np.ndarray]:
+def live(fmi: int, u: np.ndarray, rows: int = ROWS) -> tuple[Path, np.ndarray]:
     """The bundle, and what the stepper says of the bare solver: (T, 2)."""
     plant = FmuStepper(solver(fmi), (X, Y, U, Z), inputs=("u",))
-    path = seeing(plant.channels[2].unit)
+    path = seeing(plant.channels[2].unit, rows)
     corrected = CorrectedStepper(plant, bundle.load(path))
     corrected.reset(Condition("odd", speed=300.0))
     try:
@@ -60,6 +61,27 @@ def test_it_says_what_corrected_stepper_says(inner: int, outer: int, tmp_path: P
     np.testing.assert_allclose(got, expected, rtol=0.0, atol=1e-5)
     without = live(inner, 0.5 * u)[1]
     assert np.abs(without - expected)[ROWS:].max() > 0.1  # what it sees of the input matters
+
+
+def test_a_host_that_reads_before_it_sets_has_the_input_of_a_step_before_and_wrap_says_so(tmp_path: Path) -> None:
+    """A window of one sample looks at the newest alone."""
+    u = np.random.default_rng(2).normal(size=COUNT)
+    path, at_once = live(2, u, rows=1)
+    _, late = live(2, np.r_[u[:1], u[:-1]], rows=1)
+    made = wrap(solver(2), path, tmp_path / "wrapped.fmu", platforms=["linux64"])
+    (said,) = (note for note in made.notes if "sees" in note)
+    assert "sees what the host sets: u." in said
+    given = np.array([*zip(np.arange(COUNT) * 1e-3, u, strict=True)], dtype=[("time", float), ("u", float)])
+    stop = (COUNT - 1) * 1e-3
+    got = fmpy.simulate_fmu(
+        str(made.path), stop_time=stop, step_size=1e-3, output_interval=1e-3, input=given, output=NAMES[:1]
+    )
+    np.testing.assert_allclose(got[NAMES[0]], late[:, 0], rtol=0.0, atol=1e-5)
+    with plain(made.path, ANSWERS, inputs=["u"]) as stepper:
+        np.testing.assert_allclose(walk(stepper, range(0, COUNT * MS, MS), u[:, None].tolist()), at_once, atol=1e-5)
+    assert np.abs(late - at_once).max() > 0.1
+    outputs_alone = bundles.make_seeing(tmp_path / "z.onnx", WEIGHTS[1:], (X, Y), (Z,), 1, MS)
+    assert not any("sees" in note for note in wrap(solver(2), outputs_alone, tmp_path / "z.fmu").notes)
 
 
 def test_as_c_it_is_the_same(tmp_path: Path) -> None:
