@@ -84,11 +84,14 @@ def train(
         shop = tasks.Workshop(out / "work", tasks.CORES, scheduler, device, advance, note)
         done = results.train_into(out, the_study, chosen, f"fmucorrect train {study.name} --seed {chosen.seed}", shop)
     page, selection, guard = out / "train.html", done.trained.selection, done.trained.guard
+    by_epochs = (
+        selection.family == "window"
+    )  # the folds' curves are that family's; a verdict on another is none on them
     said = verdicts.verdict(selection, done.evaluations, done.trained.guard)
     training_page.build(
         f"{the_study.name}: {verdicts.headline(selection)}",
         done.evaluations,
-        [Curve.read(row) for row in results.curves(done.trained)],
+        [Curve.read(row) for row in results.curves(done.trained) if row["fold"] == "refit" or by_epochs],
         results.facts(done.trained),
         warnings=[finding.to_json() for finding in done.trained.warnings],
         tried=training_page.Tried(

@@ -14,6 +14,7 @@ from test_compare_page import opened
 from test_page import BROWSER, MOST, comparison, figures_of
 
 from fmucorrect.comparison import Comparison
+from fmucorrect.report.base.still import still
 from fmucorrect.report.training import ablation, envelope, losses
 from fmucorrect.report.training import page as training_page
 from fmucorrect.report.training.losses import Curve
@@ -146,6 +147,9 @@ def test_where_it_ends_is_a_map() -> None:
         "more than 50 %": [500.0],
     }
     assert "&lt;b&gt;, held out of everything: 100.0 % flagged" in figure.data[2].text[0]
+    drawn = still(figure, "map", "where it ends")  # what the page shows where its scripts do not run
+    assert (drawn.count("<circle"), drawn.count("<polygon")) == (1, 1)  # a diamond is held out, says the page
+    assert set(re.findall(r">([^<>]*)</text>", drawn)).isdisjoint({"0", "1", "−1"})  # an axis without a meaning
     assert envelope.envelope_map({"response FW": (-1.0, 0.0, 1.0, 2.0)}, places) is None
     rows = [("300, left out", 0.01, 0.9), ("development, random", 0.98, None)]
     bars = envelope.flagged(rows).data

@@ -52,6 +52,20 @@ def test_the_command_refuses_a_study_with_nothing_to_hold_out(tmp_path: Path) ->
     assert not (tmp_path / "model").exists()
 
 
+@pytest.mark.parametrize(("families", "taken"), [('"window"', "window"), ('"linear", "window"', "linear")])
+def test_the_page_shows_by_epochs_what_was_taken_and_nothing_else(families: str, taken: str, tmp_path: Path) -> None:
+    path, out = make_study(tmp_path), tmp_path / "model"
+    path.write_text(
+        f"{path.read_text()}\n[training]\nwindow = 8\n[training.corrector]\nfamilies = [{families}]\nbaseline_width = 6\n"
+        "baseline_epochs = 8\nhistory = 4\nwidths = [16, 16]\nmembers = 2\nepochs = [12, 18]\nbatch = 2048\nstride = 4\n"
+    )
+    result = CliRunner().invoke(cli.main, ["train", str(path), "-o", str(out)])
+    assert result.exit_code == 0, result.output
+    assert json.loads((out / "evaluation.json").read_text())["family"] == taken
+    page = (out / "train.html").read_text(encoding="utf-8")
+    assert ("Error at held-out conditions" in page) == (taken == "window")
+
+
 def test_without_torch_the_pip_command_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in [name for name in sys.modules if name.startswith("fmucorrect.training")]:
         monkeypatch.delitem(sys.modules, name)

@@ -1,7 +1,7 @@
 """A still picture of a plotly figure, as SVG: what a page shows where its scripts do not run.
 
 It draws what pages here are made of: lines, points, bars, bands and rules on linear, logarithmic and named axes. It is no
-second plotly: dashes, symbols and free-standing remarks are left out.
+second plotly: dashes, free-standing remarks and symbols other than circles and diamonds are left out.
 """
 
 from __future__ import annotations
@@ -76,7 +76,9 @@ class _Axis:
         return low + (np.asarray(places) - first) / ((last - first) or 1.0) * (high - low)
 
     def ticks(self) -> list[tuple[float, str]]:
-        """Places, and what stands there."""
+        """Places, and what stands there; none of an axis that is not shown."""
+        if self.given.visible is False or self.given.showticklabels is False:
+            return []
         low, high = sorted(self.ends)
         if self.given.tickvals is not None:
             labels = self.given.ticktext if self.given.ticktext is not None else self.given.tickvals
@@ -185,11 +187,11 @@ class _Still:
         across, along = self._axes[x], self._axes[y]
         left, right = sorted(across.pixels(across.ends).tolist())
         top, bottom = sorted(along.pixels(along.ends).tolist())
-        for place, label in across.ticks() if across.given.showticklabels is not False else ():
+        for place, label in across.ticks():
             at = float(across.pixels(place))
             self._line([(at, top), (at, bottom)], _GRID, 1.0)
             self._word(at, bottom + 17, label, "middle")
-        for place, label in along.ticks() if along.given.showticklabels is not False else ():
+        for place, label in along.ticks():
             at = float(along.pixels(place))
             if not along.names and along.given.showgrid is not False:
                 self._line([(left, at), (right, at)], _GRID, 1.0)
@@ -233,12 +235,12 @@ class _Still:
         if "markers" in mode:
             colours = trace.marker.color if isinstance(trace.marker.color, list | tuple) else [colour] * len(places)
             size = trace.marker.size if isinstance(trace.marker.size, int | float) else 6
+            symbol = trace.marker.symbol
+            symbols = symbol if isinstance(symbol, list | tuple) else [symbol] * len(places)
             every = max(1, -(-len(places) // POINTS))
-            for (u, v), each in list(zip(places, colours, strict=True))[::every]:
+            for (u, v), each, kind in list(zip(places, colours, symbols, strict=True))[::every]:
                 if np.isfinite((u, v)).all():
-                    self._parts.append(
-                        f'<circle cx="{u:.1f}" cy="{v:.1f}" r="{size / 2:.1f}" fill="{escape(str(each))}"/>'
-                    )
+                    self._parts.append(_mark(kind, u, v, size / 2, f'fill="{escape(str(each))}"'))
         return good
 
     def _bars(self, trace: Any, index: int, count: int, stacked: dict[float, float]) -> None:
@@ -323,6 +325,12 @@ class _Still:
         if more:
             more = re.sub(r"rotate\(-90 \S+ \S+\)", f"rotate(-90 {x:.0f} {y:.0f})", more)
         self._parts.append(f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}" {more}>{escape(_plain(text))}</text>')
+
+
+def _mark(kind: object, x: float, y: float, r: float, look: str) -> str:
+    if kind == "diamond":
+        return f'<polygon points="{_path([(x, y - r), (x + r, y), (x, y + r), (x - r, y)])}" {look}/>'
+    return f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{r:.1f}" {look}/>'
 
 
 def _named(values: Any) -> bool:
