@@ -144,6 +144,31 @@ def test_a_sensor_that_is_lost_for_half_of_one_log(mount: Path, tmp_path: Path, 
     assert inspect([out]).misfits == ()
 
 
+def test_nothing_is_mended_for_a_column_that_is_used_for_nothing(mount: Path, tmp_path: Path) -> None:
+    frame = measured(1)
+    frame["spare"] = np.arange(ROWS) % 7.0
+    frame.loc[[3, 700, ROWS - 1], "spare"] = np.nan
+    code, said, out = new(mount, saved(frame, tmp_path / "spare.csv"))
+    assert code == 0, said
+    assert "Mended" not in said
+    assert "repair" not in out.read_text()
+    assert "# used for nothing: column spare" in out.read_text()
+    frame.loc[800, "floor"] = np.nan
+    _, said, out = new(mount, saved(frame, tmp_path / "road.csv"))
+    assert "Mended, as `repair` says: road.csv: some rows of floor cannot be used: interpolate filled 1 of" in said
+    assert load_study(out).conditions[0].reading.repair == "interpolate"
+
+
+def test_a_sensor_that_says_nothing_in_one_log_is_called_empty(mount: Path, tmp_path: Path) -> None:
+    frame = measured(2)
+    frame["acceleration"] = np.nan
+    code, said, out = new(mount, saved(measured(1), tmp_path / "a.csv"), saved(frame, tmp_path / "b.csv"))
+    assert code == 2
+    told = "b.csv: column 'acceleration' is empty: it has no value in any row"
+    assert f"b.csv lacks acceleration ({told}). Leave this log out" in said
+    assert f"# it lacks acceleration ({told})" in out.read_text()
+
+
 def test_an_empty_column_and_one_of_words_cost_nothing(mount: Path, tmp_path: Path) -> None:
     """They are told, and the others keep their rows."""
     frame = measured(1)

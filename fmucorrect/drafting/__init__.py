@@ -11,7 +11,7 @@ stiffness, damping and inertia, `written` is the text.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
@@ -101,6 +101,8 @@ def draft(
     joints = find_joints(model, tuple(inputs)) or find_joints(model, ())
     units = joint_units(model, joints) | input_units(model, first, inputs)
     units |= {guess.output: guess.variable_unit for guess in channels if guess.variable_unit}
+    used = {*(guess.column for guess in channels), *inputs.values()}
+    logs = [_needed(log, reading, used) for log in logs]
     held_out = len(logs) - 1 if len(logs) > 1 else None
     drafted = [
         DraftedRun(
@@ -108,9 +110,7 @@ def draft(
             Path(references[i]) if references else None,
             "evaluation" if i == held_out else "development",
             tuple(
-                f'{column} ({reason}; records = {{ repair = "drop" }} in its condition takes the rows that have it)'
-                if (reason := log.unreadable.get(column))
-                else column
+                f"{column} ({reason})" if (reason := log.unreadable.get(column)) else column
                 for column in (*(g.column for g in channels), *inputs.values())
                 if column not in log.columns
             ),
@@ -169,6 +169,16 @@ def _read(runs: Sequence[str | PathLike[str]], reading: Reading) -> list[Run]:
             )
         logs[run.resolve()] = read_run(run, reading)
     return list(logs.values())
+
+
+def _needed(log: Run, reading: Reading, used: Collection[str]) -> Run:
+    """The log, mended no further than what is used of it needs."""
+    if not log.filled:
+        return log
+    found = read_run(log.path, reading, used)
+    return replace(
+        log, **{key: getattr(found, key) for key in ("columns", "record", "unreadable", "filled", "reading")}
+    )
 
 
 def _shown(channels: Sequence[ChannelGuess]) -> float:

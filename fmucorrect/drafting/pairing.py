@@ -134,11 +134,11 @@ class ChannelGuess:
         return not self.heard and abs(self.shown) < HINTS
 
 
-def read_run(path: Path, reading: Reading = AS_IT_IS) -> Run:
+def read_run(path: Path, reading: Reading = AS_IT_IS, used: Collection[str] | None = None) -> Run:
     """The columns of a log; of topics with other samples than the fastest what lies at its stamps, straight lines where a
     column has no value at a few rows, and without the rows of its ends where one has none there, as `repair` of a study would
-    have it. reading: what is known of it beside what it says. Raises RecordError where it cannot be read, is damaged, or has
-    none."""
+    have it. reading: what is known of it beside what it says. used: none but these, where it has any of them. Raises
+    RecordError where it cannot be read, is damaged, or has none."""
     contents = records.describe(path, reading)
     if contents.damage:
         raise records.damaged(str(path), contents.damage)
@@ -147,11 +147,14 @@ def read_run(path: Path, reading: Reading = AS_IT_IS) -> Run:
         raise RecordError("there are no numeric columns with rows", where=str(path))
     kept, left_out = _beside_each_other(filled)
     names = [column.name for item in kept for column in item.topic.columns]
-    units, rows = dict[str, str](), dict[str, int]()
+    units, topics = dict[str, str](), dict[str, TopicContents]()
     for item in kept:
         for column in item.topic.columns:
             name = item.topic.full_name(column.name) if names.count(column.name) > 1 else column.name
-            units[name], rows[name] = column.unit, item.extent.rows
+            units[name], topics[name] = column.unit, item
+    topics = {name: item for name, item in topics.items() if used is None or name in used} or topics
+    kept = [item for item in kept if item in topics.values()]
+    rows = {name: item.extent.rows for name, item in topics.items()}
     record, wrong, reading, why = _mended(path, rows, reading, kept)
     columns = {channel.name: units[channel.name] for channel in record.channels}
     told = (*wrong.values(), *left_out, *contents.left_out)
@@ -198,12 +201,13 @@ def _lost(path: Path, column: str, reading: Reading, rows: int, error: str) -> s
     except RecordError:
         return error
     if not len(there):
-        return f"{path.name}: column {column!r} is empty"
+        return f"{path.name}: column {column!r} is empty: it has no value in any row"
     if len(there) == rows:
         return error
     first, last = (seconds_text(int(there.t_ns[i])) for i in (0, -1))
     return (
-        f"{path.name}: column {column!r} has values in {len(there)} of {rows} rows only, from t = {first} to {last} s"
+        f"{path.name}: column {column!r} has values in {len(there)} of {rows} rows only, from t = {first} to {last} s; "
+        'records = { repair = "drop" } in its condition takes these rows'
     )
 
 
