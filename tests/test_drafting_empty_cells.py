@@ -13,10 +13,10 @@ from exported import by_pythonfmu
 
 from fmucorrect import cli
 from fmucorrect.drafting import draft
-from fmucorrect.drafting.stand_ins import of_series
 from fmucorrect.errors import RecordError
 from fmucorrect.inspection import inspect
 from fmucorrect.pairs import pair
+from fmucorrect.screening.stand_ins import of_series
 from fmucorrect.study import load_study
 
 MODEL = """
@@ -159,6 +159,18 @@ def test_nothing_is_mended_for_a_column_that_is_used_for_nothing(mount: Path, tm
     assert load_study(out).conditions[0].reading.repair == "interpolate"
 
 
+def test_a_sensor_that_was_overloaded_in_one_log_is_told_so(mount: Path, tmp_path: Path) -> None:
+    """Whether it begins so, or comes to it."""
+    for rows, line in (([0, 1], 2), ([700], 702)):
+        frame = measured(2).astype({"acceleration": object})
+        frame.loc[rows, "acceleration"] = "OL"
+        code, said, _ = new(mount, saved(measured(1), tmp_path / "a.csv"), saved(frame, tmp_path / f"{line}.csv"))
+        assert code == 2
+        assert f"{line}.csv lacks acceleration" in said
+        assert f"line {line}, column 'acceleration' is no number, got 'OL'. There the input was beyond" in said
+        (tmp_path / "a.toml").unlink()
+
+
 def test_a_sensor_that_says_nothing_in_one_log_is_called_empty(mount: Path, tmp_path: Path) -> None:
     frame = measured(2)
     frame["acceleration"] = np.nan
@@ -213,7 +225,7 @@ def test_time_that_stands_still_is_not_mended(mount: Path, tmp_path: Path) -> No
         draft(mount, [saved(frame, tmp_path / "still.csv")])
 
 
-@pytest.mark.parametrize("code", [-9999, -999, 1e30, 32767])
+@pytest.mark.parametrize("code", [-9999, -999, 1e30, 32767, -999.25, 9.96921e36, float(np.float32(-99.99))])
 def test_a_number_in_place_of_lost_samples_is_told(mount: Path, tmp_path: Path, code: float) -> None:
     frame = measured(1)
     frame.loc[[200, 700, 701], "deflection"] = code
@@ -245,6 +257,7 @@ def test_a_number_in_place_of_the_road(mount: Path, tmp_path: Path) -> None:
     "values",
     [
         np.r_[np.zeros(50), 5.0, np.zeros(50)],  # a trigger
+        np.r_[np.zeros(50), 812.25, np.zeros(50)],
         np.r_[0.01 * np.sin(np.arange(100.0)), 812.3, 0.01 * np.sin(np.arange(100.0))],  # a blow of a hammer
         np.clip(3000.0 * np.sin(np.arange(300.0)), -999.0, 9e9),  # a sensor at its stop
         np.r_[np.arange(100.0), 120.0],

@@ -297,7 +297,7 @@ def test_rest_coarse_steps_and_friction_are_no_dead_sensor(tmp_path: Path, kept:
     assert [finding.kind for finding in found if finding.kind != "clipped channel"] == []
 
 
-@pytest.mark.parametrize(("to", "told"), [(0.0, "3 of them are 0"), (200.0, "3 single samples")])
+@pytest.mark.parametrize(("to", "told"), [(0.0, "3 of them are 0"), (200.3, "3 single samples")])
 def test_single_samples_far_from_their_neighbours(tmp_path: Path, to: float, told: str) -> None:
     def spiked(m: Table) -> np.ndarray:
         values = m["s2"] + 40.0
@@ -309,6 +309,19 @@ def test_single_samples_far_from_their_neighbours(tmp_path: Path, to: float, tol
     assert one.level == "warning"
     assert told in one.seen
     assert "at 10, 25, 40 s" in one.seen
+
+
+@pytest.mark.parametrize("rows", [[1000, 2500, 4000], range(700, 720)])
+def test_a_number_in_place_of_lost_samples(tmp_path: Path, rows: list[int]) -> None:
+    def coded(m: Table) -> np.ndarray:
+        values = m["s2"].copy()
+        values[[*rows]] = -999.25
+        return values
+
+    found = of_records(make(tmp_path, changed(s2=coded)))
+    one, _ = (finding for finding in found if finding.kind == "number in place of samples")
+    assert not any(finding.kind == "spikes" for finding in found)
+    assert f"column 's2' is -999.25 in {len(rows)} of 6000 rows ({', '.join(map(str, [*rows][:5]))}" in one.seen
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -14,13 +14,13 @@ from fmucorrect import records, units
 from fmucorrect.clocks import overlapping
 from fmucorrect.drafting.guess import likeness, quantity, si
 from fmucorrect.drafting.joints import SI, kind
-from fmucorrect.drafting.stand_ins import stand_ins
 from fmucorrect.errors import RecordError, few
 from fmucorrect.fmu import FmuDescription, IsolatedStepper, Variable, input_record
 from fmucorrect.records import timebase
 from fmucorrect.records.contents import TopicContents
 from fmucorrect.records.timebase import seconds_text
 from fmucorrect.registration import resample
+from fmucorrect.screening.stand_ins import stand_ins
 from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Channel, Condition, Reading, Record
 from fmucorrect.stepper import grid, run
 from fmucorrect.study_places import like

@@ -34,7 +34,7 @@ def whole(
 ) -> Record:
     """The record of these columns, all rows."""
     names = timebase.rules(repair or reading.repair)
-    found = plan(with_units(source.topics(), reading), columns, topic, source.path, reading)
+    found = plan(with_units(source.topics(), reading), columns, topic, source.path, reading, source.left_out)
     if set(names) <= _STREAMED:
         repairs = _counting(found)
         blocks = list(_checked(source, found, names, RAM_ROWS if len(found.parts) > 1 else None, repairs))
@@ -52,7 +52,7 @@ def chunks(
 ) -> Iterator[Record]:
     """The same record in chunks of at most `rows` rows."""
     names = timebase.rules(repair or reading.repair)
-    found = plan(with_units(source.topics(), reading), columns, topic, source.path, reading)
+    found = plan(with_units(source.topics(), reading), columns, topic, source.path, reading, source.left_out)
     if set(names) <= _STREAMED:
         repairs = _counting(found)
         blocks = _checked(source, found, names, rows, repairs)

@@ -30,16 +30,22 @@ class Plan:
 
 
 def plan(
-    topics: Sequence[Topic], names: Sequence[str] | None, topic: str | None, path: str, reading: Reading = AS_IT_IS
+    topics: Sequence[Topic],
+    names: Sequence[str] | None,
+    topic: str | None,
+    path: str,
+    reading: Reading = AS_IT_IS,
+    left_out: Sequence[str] = (),
 ) -> Plan:
-    """Find each named column (None: all columns of the only topic). Raises RecordError with near names."""
+    """Find each named column (None: all columns of the only topic). left_out: what the file holds that is none, and why. Raises
+    RecordError with near names."""
     if isinstance(names, str):
         raise RecordError("columns are given as a list of names", where=path, got=repr(names))
     if topic is not None:
         topics = [_topic(topics, topic, path)]
     if names is None:
         return _everything(topics, path)
-    found = [find(topics, name, path, reading) for name in names]
+    found = [find(topics, name, path, reading, left_out) for name in names]
     parts: list[Part] = []
     for t in dict.fromkeys(t for t, _ in found):
         mine = [(i, column.name) for i, (other, column) in enumerate(found) if other == t]
@@ -47,15 +53,24 @@ def plan(
     return Plan(tuple(names), tuple(column.unit for _, column in found), tuple(parts))
 
 
-def find(topics: Sequence[Topic], name: str, path: str, reading: Reading = AS_IT_IS) -> tuple[int, Column]:
-    """The column that a name means: the number of its topic, and itself. Raises RecordError with near names."""
+def find(
+    topics: Sequence[Topic], name: str, path: str, reading: Reading = AS_IT_IS, left_out: Sequence[str] = ()
+) -> tuple[int, Column]:
+    """The column that a name means: the number of its topic, and itself. left_out: as of `plan`. Raises RecordError with near
+    names."""
     matches, wanted = _meant(topics, name, reading), reading.columns.get(name, name)
     if len(matches) == 1:
         return matches[0]
     if matches:
         there = ", ".join(topics[t].full_name(column.name) for t, column in matches)
         raise RecordError(f"column {wanted!r} may mean {there}", where=path, remedy="Write the full name.")
-    raise RecordError(f"there is no column {wanted!r}", where=path, expected=_near(topics, _plain(wanted)))
+    ends = (f"'{wanted}': ", f".{wanted}': ")
+    raise RecordError(
+        f"there is no column {wanted!r}",
+        where=path,
+        expected=_near(topics, _plain(wanted)),
+        got=next((text for text in left_out if any(end in text for end in ends)), None),
+    )
 
 
 def has(topics: Sequence[Topic], name: str, reading: Reading = AS_IT_IS) -> bool:

@@ -20,7 +20,7 @@ import numpy as np
 from fmucorrect.errors import RecordError
 from fmucorrect.records import csv_bulk, naming, seconds
 from fmucorrect.records.contents import Extent, Topic
-from fmucorrect.records.csv_layout import TRUTH, layout, missing, number, split
+from fmucorrect.records.csv_layout import TRUTH, layout, missing, number, overload, split
 from fmucorrect.records.source import NO_TIME, Block, at_rate, extent_of
 from fmucorrect.records.text import MOST_CHARACTERS, Unpacked, opened, tail
 from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Reading, Record
@@ -216,7 +216,13 @@ class CsvSource:
         word = cell.lower() in TRUTH and column not in self._layout.truths  # which is no number among numbers
         if value is None or word:
             name = self._layout.columns[column].name
-            raise RecordError(f"line {line}, column {name!r} is no number", where=self.path, got=repr(cell[:60]))
+            over = "There the input was beyond the logger's range: what it was is lost. " * overload(cell)
+            raise RecordError(
+                f"line {line}, column {name!r} is no number",
+                where=self.path,
+                got=repr(cell[:60]),
+                remedy=f"{over}Empty such a cell to have it taken as one without a value, as repair rules do.",
+            )
         return value
 
 

@@ -31,8 +31,22 @@ _SAMPLE = 200
 _BETWEEN = 3
 """Lines of words between the header and the first row: a description, units, a kind."""
 
-MISSING = frozenset(["", "na", "n/a", "#n/a", "#na", "nan", "-nan", "null", "none", "nil", "-", "--", "missing"])
+MISSING = frozenset(
+    [
+        *("", "na", "n/a", "n.a.", "#n/a", "#na", "nan", "-nan", "null", "(null)", "<null>", "none", "nil", "missing"),
+        *("-", "--", "---", "----", "no data", "nodata", "#value!", "#div/0!", "#num!", "#ref!", "#null!", "#name?"),
+    ]
+)
 """What a cell without a value says, in small letters."""
+
+_NO_NUMBER = re.compile(r"[+-]?(?:nan(?:\([^()]*\))?|1[.,]#(?:qnan|snan|ind)0*)", re.IGNORECASE)
+_INFINITE = re.compile(r"([+-]?)1[.,]#inf0*", re.IGNORECASE)
+"""How C libraries print NaN and infinity."""
+
+OVERLOAD = frozenset(
+    ["ol", "o.l.", "+ol", "-ol", "0l", "0.l", "ovl", "ovld", "ovrld", "over", "overload", "overrange", "overflow"]
+)
+"""What a logger writes while the input is beyond its range, in small letters: something was there, and is lost."""
 
 TRUTH = {"true": 1.0, "false": 0.0}
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,5})?", re.ASCII)
@@ -82,8 +96,14 @@ class _Header:
 
 
 def missing(cell: str) -> bool:
-    """Whether the cell says that there is no value: empty, `n/a`, `NaN`, `-` and their like."""
-    return cell.strip().lower() in MISSING
+    """Whether the cell says that there is no value: empty, `n/a`, `NaN`, `1.#QNAN`, `-` and their like."""
+    text = cell.strip()
+    return text.lower() in MISSING or _NO_NUMBER.fullmatch(text) is not None
+
+
+def overload(cell: str) -> bool:
+    """Whether the cell says that the input was beyond the logger's range."""
+    return cell.strip().lower() in OVERLOAD
 
 
 def number(cell: str, mark: str) -> float | None:
@@ -310,7 +330,7 @@ def _date_place(header: _Header, rows: Sequence[tuple[int, list[str]]]) -> tuple
 def _with_unit(path: str, cell: str, arrays: frozenset[str], units: Sequence[str], place: int, time: bool) -> Column:
     found = (naming.time_column(cell, known=True) if time else None) or naming.column(cell, arrays)
     below = units[place].strip("[]()' ") if place < len(units) else ""
-    if below in ("", "-") or below == found.unit:
+    if not below.strip("-") or below == found.unit:
         return found
     if found.unit != "1":
         raise RecordError(f"column {found.name!r} has two units", where=path, got=f"{found.unit!r} and {below!r}")
@@ -413,15 +433,16 @@ def _clock(
 def _kinds(
     header: _Header, columns: Sequence[Column], rows: Sequence[tuple[int, list[str]]], mark: str, date: int | None
 ) -> tuple[list[int], frozenset[int], list[str]]:
-    """The places of numbers, by their first cell that is not missing, those of truth values among them, and what is no column
-    for which reason."""
+    """The places of numbers, by their first cell that is neither missing nor an overload, those of truth values among them, and
+    what is no column for which reason."""
     numeric: list[int] = []
     truths: set[int] = set()
     left_out: list[str] = []
     for c, column in enumerate(columns):
         if c in (header.time, date) and not header.rate:
             continue
-        line, cell = next(((line, cells[c]) for line, cells in rows if not missing(cells[c])), (0, ""))
+        known = ((line, cells[c]) for line, cells in rows if not missing(cells[c]) and not overload(cells[c]))
+        line, cell = next(known, (0, ""))
         if not column.name:
             if c < len(columns) - _unnamed_last(columns):
                 left_out.append(f"column {c + 1}: it has no name")
@@ -510,4 +531,6 @@ def _is_units(cells: Sequence[str], header: _Header) -> bool:
 
 def _special(cell: str) -> float | None:
     """Infinity, which is a number that nothing here takes: it is an error of its own, with its row."""
+    if match := _INFINITE.fullmatch(cell):
+        return float(f"{match[1]}inf")
     return float(cell) if cell.lower().lstrip("+-") in ("inf", "infinity") else None

@@ -19,6 +19,7 @@ from fmucorrect.screening.finding import Finding
 from fmucorrect.screening.floor import COMMON, shared_noise
 from fmucorrect.screening.lifeless import alone, few_values, frozen, spikes, stuck
 from fmucorrect.screening.same import COPIED, overlap
+from fmucorrect.screening.stand_ins import in_place_of
 from fmucorrect.signals import NANOSECONDS, Channel, Condition, Reading, Record
 from fmucorrect.sources import damages, defined, driving, unknown_starts
 from fmucorrect.study import Study, renamed_for_nothing
@@ -182,7 +183,8 @@ def _digest(path: Path) -> str:
 
 
 def _channels(study: Study, condition: Condition, measured: Record) -> Iterator[Finding]:
-    """Channels that are dead, all along or for a part, or have spikes; in development also the same, or clipped."""
+    """Channels that are dead, all along or for a part, or hold spikes or stand-ins; in development also the same, or
+    clipped."""
     columns = [(channel, measured[channel.name]) for channel in study.channels]
     held = condition.role == "evaluation"
     for channel, values in columns:
@@ -217,7 +219,18 @@ def _channels(study: Study, condition: Condition, measured: Record) -> Iterator[
                 "The range of sensor or converter was too small; what lies beyond is lost",
                 "Use a record of a larger range (key measurement), or leave the condition out.",
             )
-        yield from _spikes(measured, channel, where)
+        found = [
+            Finding(
+                "number in place of samples",
+                "warning",
+                where,
+                seen,
+                "Loggers write such a number for what they lost; taken for a measurement, all is fitted to it",
+                'Empty these cells and name a repair rule, as [records] repair = "interpolate".',
+            )
+            for seen in in_place_of(channel.measurement, values)
+        ]
+        yield from found or _spikes(measured, channel, where)
     for (one, first), (other, second) in () if held else combinations(columns, 2):
         if np.ptp(first) > 0.0 and np.allclose(first, second, rtol=1e-9, atol=1e-9 * float(np.abs(first).max())):
             yield Finding(

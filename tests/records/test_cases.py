@@ -245,12 +245,48 @@ def test_csv_says_what_it_took_for_granted(tmp_path: Path) -> None:
     assert "Windows-1252" in records.read(text(tmp_path, "time,x [µm]\n0,1\n".encode("cp1252"))).metadata["assumed"]
 
 
-@pytest.mark.parametrize("word", ["", "na", "N/A", "#N/A", "NaN", "null", "-"])
+@pytest.mark.parametrize(
+    "word",
+    [
+        *("", "na", "N/A", "#N/A", "NaN", "null", "-", "---", "n.a.", "No Data", "(null)", "#DIV/0!", "#VALUE!"),
+        *("1.#QNAN", "-1.#IND", "-1.#IND00", "1.#SNAN0", "NaN(ind)", "-nan(ind)", "-nan(snan)", "+NaN"),
+    ],
+)
 def test_csv_missing_words(word: str, tmp_path: Path) -> None:
     path = text(tmp_path, f"time,x,y\n0,{word},1\n1,2,2\n")
     with pytest.raises(RecordError, match="column 'x' is nan at row 0"):
         records.read(path)
     assert records.read(path, repair="drop").values.tolist() == [[2, 2]]
+
+
+def test_csv_infinity_of_another_c_library(tmp_path: Path) -> None:
+    with pytest.raises(RecordError, match="column 'x' is -inf at row 1"):
+        records.read(text(tmp_path, "time,x\n0,1\n1,-1.#INF00\n"))
+
+
+@pytest.mark.parametrize("word", ["OL", "Ovld", "OVERLOAD", "0.L", "-OL"])
+def test_csv_an_overload_is_no_missing_value(word: str, tmp_path: Path) -> None:
+    """What was there is lost, which no rule may fill in unasked; it makes no column of text, wherever it stands."""
+    for n, content in ((2, f"time,x,y\n0,{word},1\n1,2,2\n"), (3, f"time,x,y\n0,2,1\n1,{word},2\n")):
+        with pytest.raises(
+            RecordError, match=rf"line {n}, column 'x' is no number, got '{word}'. There the input was beyond"
+        ):
+            records.read(text(tmp_path, content), ["x"], repair="drop,interpolate")
+        assert records.read(text(tmp_path, content), ["y"]).values.tolist() == [[1], [2]]
+    assert len(records.read(text(tmp_path, content.replace(word, "")), ["x"], repair="drop")) == 1
+
+
+def test_a_column_that_was_left_out_is_told_with_the_reason(tmp_path: Path) -> None:
+    path = text(tmp_path, "time,x,y\n0,BAD,1\n1,2,2\n")
+    with pytest.raises(
+        RecordError, match=r"no column 'x', expected one of y, got column 'x': text \('BAD' in line 2\)"
+    ):
+        records.read(path, ["x"])
+
+
+def test_csv_dashes_below_a_name_are_no_unit(tmp_path: Path) -> None:
+    path = text(tmp_path, "time,x,y\n[s],[mm],[---]\n0,1,2\n1,2,2\n")
+    assert [column.unit for column in records.topics(path)[0].columns] == ["mm", "1"]
 
 
 @pytest.mark.parametrize(

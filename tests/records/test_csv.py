@@ -193,7 +193,8 @@ def test_truth_values_are_numbers_in_a_column_of_their_own_alone(tmp_path: Path)
 SPELT = [
     *("1e5", " 1.5 ", "+2", "-.5", "5.", "0.1", "1e400", "1e-400", "9007199254740993", "0.30000000000000004", "-0.0"),
     *("2.2250738585072011e-308", "1.7976931348623157e308", "5e-324", "123456789.123456789123456789"),
-    *("nan", "NaN", "NAN", "-nan", "inf", "-Inf", "Infinity", "1.#QNAN", "NA", "n/a", "N/a", "null", "", " ", "-", "missing"),
+    *("nan", "NaN", "NAN", "-nan", "+nan", "nan(ind)", "inf", "-Inf", "Infinity", "1.#QNAN", "-1.#IND00", "1.#INF", "OL"),
+    *("NA", "n/a", "N/a", "null", "", " ", "-", "---", "missing", "#DIV/0!", "No Data"),
     *("true", "False", "1_0", "0x10", "1d5", "1e", "one", "1 2", "1.2.3", "\u0661", "--1", "\u22121", "1,5", "1\u00a0000"),
     '"3"',
 ]  # fmt: skip
