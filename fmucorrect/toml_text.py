@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import sys
 import tomllib
+import unicodedata
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -29,9 +30,17 @@ _QUOTED = 60
 _TAKEN = ("Cannot overwrite", "Cannot declare", "Cannot redefine", "Cannot mutate", "Duplicate inline table key")
 """How tomllib's messages begin about what stands there already."""
 
-_WORDS = {"true": "write true", "false": "write false"} | dict.fromkeys(
-    ("none", "null", "nil", "na"), "TOML has no empty value: leave the key out"
+_WORDS = (
+    dict.fromkeys(("true", "yes", "on"), "write true")
+    | dict.fromkeys(("false", "no", "off"), "write false")
+    | dict.fromkeys(("none", "null", "nil", "na"), "TOML has no empty value: leave the key out")
+    | {"nan": "write nan", "infinity": "write inf", "+infinity": "write inf", "-infinity": "write -inf"}
 )
+
+_OTHER_QUOTES = "“”„‟‘’‚‛«»‹›`´"
+_OTHER_DASHES = "−–—‐‑"
+_POINT_FIRST = re.compile(r"([+-]?)(\.\d[\d_]*(?:[eE][+-]?\d+)?)")
+_QUOTE = "a name with blanks or other characters than A-Z, a-z, 0-9, _ and - stands in quotes"
 
 
 def parse_toml(data: bytes) -> tuple[str, dict[str, Any], list[str]]:
@@ -88,34 +97,41 @@ def _explained(message: str, text: str) -> str:
         line, what = _taken(text[:at], line)
     shown = lines[line - 1].strip()
     shown = f"{shown[:_QUOTED]} ..." if len(shown) > _QUOTED else shown
-    return f"line {line}: is not TOML: {_plain(what, rest[:_QUOTED])}, in: {shown}"
+    return f"line {line}: is not TOML: {_plain(what, rest[:_QUOTED], text[max(at - _QUOTED, 0) : at])}, in: {shown}"
 
 
-def _plain(what: str, rest: str) -> str:
-    """What tomllib says, where it is not plain itself. rest: what stands at its place in the line."""
+def _plain(what: str, rest: str, before: str) -> str:
+    """What tomllib says, where it is not plain itself. rest: what stands at its place in the line; before: in front of it."""
+    if rest and (taken_for := _look_alike(rest[0])):
+        return taken_for
+    found = re.search(r"[\w-]*$", before, re.ASCII), re.match(r"[\w-]*", rest)
+    name = "".join(match[0] for match in found if match)
+    quote = f'; write "{name}"' if name and not name.isascii() else f"; {_QUOTE}"
+    comment = "; a comment begins with #" * rest.startswith(("//", ";", "--"))
     match what:
         case "Invalid value":
             value = re.split(r"[\s,\]}#]", rest, maxsplit=1)[0]
-            return (
-                f"{value} is no value; {_WORDS.get(value.lower(), 'a text stands in quotes')}"
-                if value
-                else "a value is missing"
-            )
+            hint = _WORDS.get(value.lower(), "a text stands in quotes")
+            if point := _POINT_FIRST.fullmatch(value):
+                hint = f"write {point[1]}0{point[2]}"
+            return f"{value} is no value; {hint}" if value else "a value is missing"
         case "Invalid statement" | "Invalid initial character for a key part":
             if rest[:1] in ("", "}"):
                 return "a key is missing; a table in { } stands in one line, without a comma before }"
-            return f"{rest[0]!r} begins no key; a key of other characters than A-Z, a-z, 0-9, _ and - stands in quotes"
+            return f"{rest[0]!r} begins no key{comment or quote}"
         case "Expected newline or end of document after a statement":
-            comma = "; a number has a decimal point and no comma" * rest.startswith(",")
-            return f"{rest!r} stands behind what is complete{comma}"
+            hint = "; a number has a decimal point and no comma" * rest.startswith(",")
+            hint = comment or hint or "; a digit stands behind the point, as in 5.0" * bool(re.match(r"\.(?!\d)", rest))
+            return f"{rest!r} stands behind what is complete{hint}"
         case "Expected '=' after a key in a key/value pair":
-            return "a key is followed by = and a value; a name with blanks stands in quotes"
+            return f"a key is followed by = and a value{', not by :' if rest[:1] == ':' else quote}"
         case "Unclosed array":
             return "an array is not closed by ], or its entries lack a comma"
         case "Unclosed inline table":
             return "a table in braces is not closed by } in its line, or its entries lack a comma"
         case _ if what.startswith("Expected ']"):
-            return "a [table] is not closed by as many brackets as it began with"
+            brackets = "a [table] is not closed by as many brackets as it began with"
+            return brackets if rest[:1] in ("", "]") else f"{rest[0]!r} stands in the name of a [table]{quote}"
         case "Illegal character '\\n'" | "Found invalid character '\\n'":
             return "a text does not end in the line where it begins"
         case "Unescaped '\\' in a string" | "Invalid hex value":
@@ -124,12 +140,33 @@ def _plain(what: str, rest: str) -> str:
             return what
 
 
+def _look_alike(character: str) -> str:
+    """What a character stands for that is not what it looks like; "" for one that is."""
+    shown = f"{character} (U+{ord(character):04X})"
+    if character in _OTHER_QUOTES:
+        return f"{shown} is no quotation mark here; write \" or '"
+    if character in _OTHER_DASHES:
+        return f"{shown} is no minus here; write -"
+    if not character.isascii() and unicodedata.category(character)[0] in "ZC":
+        name = unicodedata.name(character, "a character that is not seen").lower()
+        return f"{name} (U+{ord(character):04X}) is no blank in TOML; write an ordinary one"
+    return ""
+
+
 def _taken(text: str, line: int) -> tuple[int, str]:
     """The line of what stands at the end of a text and has no right to, with the reason."""
     first: dict[Location, int] = {}
+    lines = text.split("\n")
     for path, at in positions(tokens(text)):
+        name = ".".join(key for key in path if isinstance(key, str))
+        other = first.get(path[:-1] if path[-1] == 0 else (*path, 0), 0)
+        heads = all(isinstance(key, str) for key in path[:-1]) and other
+        if heads and all(lines[n - 1].lstrip().startswith("[") for n in (at, other)):
+            return (
+                at,
+                f"[{name}] and [[{name}]], here and in line {other}, do not go together: write [[{name}]] for both",
+            )
         if path in first:
-            name = ".".join(key for key in path if isinstance(key, str))
             return at, f"{name} stands there twice, first in line {first[path]}"
         first[path] = at
     return line, "this adds to a value, table or array that is complete above"

@@ -190,11 +190,11 @@ def test_all_problems_at_once(folder: Path) -> None:
 SLIPS = [
     ("name = 'a'\nname = 'b'", 2, "name stands there twice, first in line 1"),
     ("[simulation]\n[simulation]", 2, "simulation stands there twice, first in line 1"),
-    ("[[channels]]\n[channels]", 2, "adds to a value, table or array that is complete above"),
+    ("[[channels]]\n[channels]", 2, "[channels] and [[channels]], here and in line 1, do not go together"),
     ("a = { b = 1, b = 2 }", 1, "b stands there twice, first in line 1"),
     ("step_size = 0,002", 1, "a number has a decimal point and no comma"),
     ("step_size = -0x10", 1, "stands behind what is complete"),
-    ("step size = 1", 1, "a name with blanks stands in quotes"),
+    ("step size = 1", 1, "a name with blanks or other characters"),
     ("name = Car", 1, "a text stands in quotes"),
     ("flag = True", 1, "write true"),
     ('fmu = "C:\\data\\car.fmu"', 1, "write / in paths"),
