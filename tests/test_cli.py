@@ -195,6 +195,24 @@ def test_replay_says_which_options_nothing_comes_of(model: Path, ran: Path, tmp_
     assert told(bare, "--corrector", road, "--unit", "mm") == []
 
 
+def test_inspect_says_which_options_nothing_comes_of(model: Path, tmp_path: Path) -> None:
+    result = call("inspect", model, "--rate", 3, "--decimal", ",")
+    assert result.exit_code == 0, result.output
+    why = "none of these is a record file; of a study's own records its [records] says so"
+    assert result.stderr.splitlines() == [f"ignored: --rate 3.0: {why}", f"ignored: --decimal ,: {why}"]
+    source = log(tmp_path / "log.csv")
+    result = call("inspect", model, source, "--rate", 3)
+    assert result.stderr == ""
+    assert "left out (1): rate = 3: the file has a time of its own" in result.output
+
+
+def test_replay_of_a_table_has_no_topics(model: Path, tmp_path: Path) -> None:
+    arguments = ["replay", log(tmp_path / "log.csv"), "--corrector", model, *CONDITION, "-o", tmp_path / "out.mcap"]
+    refused(
+        call(*arguments, "--topic", "/foo"), "there is no topic '/foo', expected no name of a topic: it is one table"
+    )
+
+
 def test_run_says_which_options_nothing_comes_of(model: Path, ran: Path, tmp_path: Path) -> None:
     """A simulated record, as another tool wrote it, is taken whole."""
     frame = pd.DataFrame({f"{name} [mm]": np.sin(np.arange(200) / 9.0) for name in ("FW", "FB", "RW", "RB")})
@@ -214,6 +232,10 @@ def test_run_says_which_options_nothing_comes_of(model: Path, ran: Path, tmp_pat
     assert result.exit_code == 0, result.output
     why = "a simulated record is taken whole, and no solver runs"
     assert result.stderr.splitlines() == [f"ignored: --duration 0.05: {why}", f"ignored: --step-timeout 5.0: {why}"]
+    told = call("diagnose", study, "--step-timeout", 5).stderr
+    assert told.startswith(
+        "ignored: --step-timeout 5.0: every condition of study.toml has a simulated record, no solver runs"
+    )
 
 
 @pytest.mark.parametrize(

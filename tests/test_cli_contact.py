@@ -105,6 +105,7 @@ def test_profiles_that_simpack_wrote(tmp_path: Path) -> None:
         (("S1002", "60E1", "--gauge", "1000"), "gauge of 1000 mm from flange to flange, got 1425.0 mm: back-to-back"),
         (("S1002", "60E1", "--step", "20"), "--step is 20 mm"),
         ((SHIPPED, "60E1", "--wheel-unit", "m"), "is neither two numbers nor a header"),
+        ((SHIPPED.parent, "60E1"), "this is a folder, expected the file of a profile, or a built-in one: S1002, 60E1"),
     ],
 )
 def test_it_says_what_is_wrong(tmp_path: Path, arguments: tuple[object, ...], message: str) -> None:
@@ -113,6 +114,22 @@ def test_it_says_what_is_wrong(tmp_path: Path, arguments: tuple[object, ...], me
     assert message in done.output
     assert "Traceback" not in done.output
     assert not (tmp_path / "contact.csv").exists()
+
+
+def test_a_folder_is_told_as_one_also_where_the_table_goes_into_it(tmp_path: Path) -> None:
+    (tmp_path / "contact.csv").write_text("mine")
+    done = call(tmp_path, "60E1", "-o", tmp_path / "contact.csv")
+    assert "this is a folder" in done.output
+    assert "written over" not in done.output
+
+
+def test_a_unit_that_nothing_comes_of_is_told(tmp_path: Path) -> None:
+    wheel = tmp_path / "wheel.csv"
+    np.savetxt(wheel, s1002().points * 1e3, delimiter=",", header="y [mm],z [mm]", comments="")
+    files = ("--reach", "1", "-o", tmp_path / "contact.csv")
+    done = call(wheel, "60E1", "--wheel-unit", "mm", "--rail-unit", "in", *files)
+    assert done.exit_code == 0, done.output
+    assert done.stderr == "ignored: --rail-unit in: 60E1 knows its unit itself\n"
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import asammdf
@@ -69,10 +70,10 @@ def measured(seed: int) -> pd.DataFrame:
     return pd.DataFrame({"time": t, **columns})
 
 
-def new(mount: Path, *logs: Path) -> tuple[int, str, Path]:
+def new(mount: Path, *logs: Path, options: Sequence[str] = ()) -> tuple[int, str, Path]:
     """Exit code, what was said, and the study, of `fmucorrect new`."""
     out = logs[0].with_suffix(".toml")
-    result = CliRunner().invoke(cli.main, ["new", str(mount), *map(str, logs), "-o", str(out)])
+    result = CliRunner().invoke(cli.main, ["new", str(mount), *map(str, logs), "-o", str(out), *options])
     return result.exit_code, result.output, out
 
 
@@ -142,6 +143,18 @@ def test_a_sensor_that_is_lost_for_half_of_one_log(mount: Path, tmp_path: Path, 
     assert text.count(line) == 1
     out.write_text(text.replace(line, f'{line}\nrecords = {{ repair = "drop" }}'))  # as it says
     assert inspect([out]).misfits == ()
+
+
+def test_what_nothing_comes_of_is_told_and_is_not_in_the_study(mount: Path, tmp_path: Path) -> None:
+    timed, samples = saved(measured(1), tmp_path / "timed.csv"), tmp_path / "samples.csv"
+    measured(2).drop(columns="time").to_csv(samples, index=False)
+    _, said, out = new(mount, timed, options=["--rate", "500", "--decimal", "."])
+    assert "ignored: --rate = 500: the file has a time of its own (timed.csv)" in said
+    assert "rate" not in out.read_text()
+    assert 'decimal = "."' in out.read_text()
+    _, said, out = new(mount, samples, timed, options=["--rate", "500"])  # one of them needs it
+    assert "ignored: --rate = 500: the file has a time of its own (timed.csv)" in said
+    assert "rate = 500.0" in out.read_text()
 
 
 def test_nothing_is_mended_for_a_column_that_is_used_for_nothing(mount: Path, tmp_path: Path) -> None:

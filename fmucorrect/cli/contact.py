@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from fmucorrect.cli.group import OVERWRITE, PATH, UserError, say
+from fmucorrect.cli.group import OVERWRITE, PATH, UserError, ignored, say
 
 LENGTHS = {
     "gauge": "Track gauge, mm; default: 1435.",
@@ -71,7 +71,7 @@ def contact(
 
     from fmucorrect import outputs
     from fmucorrect.railway.contact.geometry import Placement, WheelOnRail
-    from fmucorrect.railway.contact.profile_file import load_profile
+    from fmucorrect.railway.contact.profile_file import knows_its_unit, load_profile
     from fmucorrect.railway.contact.remarks import findings, origin
     from fmucorrect.railway.contact.smoothing import smoothed
     from fmucorrect.railway.contact.table import Smoothing, make_contact_table, write_contact_table
@@ -83,11 +83,14 @@ def contact(
     if out.suffix.lower() not in ENDINGS:
         written = " or ".join(filter(None, ENDINGS))
         raise UserError(f"-o {out}: the table is written as CSV, to a name that ends in {written}, or has no ending")
+    for name, unit, option in ((wheel, wheel_unit, "wheel-unit"), (rail, rail_unit, "rail-unit")):
+        if knows_its_unit(name):
+            ignored({option: unit}, f"{name} knows its unit itself")
+    profiles = load_profile(wheel, "wheel", wheel_unit), load_profile(rail, "rail", rail_unit)
     outputs.check_file(out, [("the wheel", Path(wheel)), ("the rail", Path(rail))], "contact", overwrite)
     given = {name: value * 1e-3 for name, value in lengths.items() if value is not None}
     placement = Placement(inclination=_angle(inclination), **_some(given, "gauge", "back_to_back", "radius"))
     smoothing = Smoothing(**_some(given, "softness", "width"))
-    profiles = load_profile(wheel, "wheel", wheel_unit), load_profile(rail, "rail", rail_unit)
     a, b = (smoothed(profile, smooth * 1e-3) if smooth else profile for profile in profiles)
     pair = WheelOnRail(a, b, placement)
     half = round(reach / step)

@@ -39,12 +39,15 @@ def new(
 
     Example: fmucorrect new quarter_car.fmu run1.mf4 run2.mf4 -o study.toml
     """
-    from fmucorrect import inspection, outputs
+    from fmucorrect import inspection, outputs, records
     from fmucorrect.drafting import STEPS, draft
 
     read = [("the FMU", model), *(("the run", run) for run in (*runs, *references))]
     outputs.check_file(out, read, "new", overwrite)
     reading = reading_of(time, rate, delimiter, decimal, encoding)
+    for log in (*runs, *references):
+        for text in records.unused(log, reading):
+            say(f"ignored: --{text} ({log.name})", err=True)
     with progress_bar(len(STEPS), "step", "drafting") as advance:
         found = draft(model, runs, references, lambda step: advance(1), reading)
     text = found.text(out)

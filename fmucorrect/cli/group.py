@@ -8,7 +8,7 @@ import re
 import signal
 import sys
 import threading
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -95,6 +95,13 @@ def say(text: str, err: bool = False) -> None:
     click.echo(printable(text), err=err)
 
 
+def ignored(options: Mapping[str, object], why: str) -> None:
+    """Say which of these options were given although nothing comes of them."""
+    for name, value in options.items():
+        if value is not None:
+            say(f"ignored: --{name} {value}: {why}", err=True)
+
+
 class Ended(KeyboardInterrupt):
     """Asked to end by a signal: everything ends as after Ctrl-C, with the exit code that a shell has for it."""
 
@@ -171,11 +178,16 @@ def main() -> None:
     """
 
 
-def open_study(path: Path, allow_damaged: bool) -> Study:
+def open_study(path: Path, allow_damaged: bool, step_timeout: float | None = None) -> Study:
     """The study, with what the command line allows."""
     from fmucorrect.study import load_study
 
-    return replace(load_study(path), allow_damaged=allow_damaged)
+    study = replace(load_study(path).with_step_timeout(step_timeout), allow_damaged=allow_damaged)
+    if study.fmu is None or all(condition.simulated is not None for condition in study.conditions):
+        ignored(
+            {"step-timeout": step_timeout}, f"every condition of {path.name} has a simulated record, no solver runs"
+        )
+    return study
 
 
 @contextmanager

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Callable, Collection, Generator, Mapping
+from collections.abc import Callable, Collection, Generator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +18,7 @@ from fmucorrect.cli.group import (
     PATH,
     STEP_TIMEOUT,
     UserError,
+    ignored,
     open_study,
     progress_bar,
     reading_of,
@@ -139,7 +140,7 @@ def run(
     chosen = the_study.condition(condition)
     model = bundle.load(corrector) if corrector is not None else None
     if chosen.simulated is not None or the_study.fmu is None:
-        _ignored(
+        ignored(
             {"duration": duration, "step-timeout": step_timeout},
             "a simulated record is taken whole, and no solver runs",
         )
@@ -204,11 +205,11 @@ def replay(
     model = bundle.load(corrector)
     needed = {*model.info.features, *model.info.envelope}
     of_no_use = {key: value for key, value in features.items() if key not in needed}
-    _ignored(of_no_use, "no condition of the corrector's training had it; it is only noted in what is written")
+    ignored(of_no_use, "no condition of the corrector's training had it; it is only noted in what is written")
     for text in records.unused(log, reading):
         say(f"ignored: --{text}", err=True)
     if sources.units_said(log, (*model.channels, *model.sees), topic, reading):
-        _ignored({"unit": unit}, "the log says the unit of every column that is read")
+        ignored({"unit": unit}, "the log says the unit of every column that is read")
     chosen, also_read = _condition(log, topic, study, condition, features, reading, needed)
     rows = sources.logged_rows(log, topic, reading)
     with _watching(live, listen, out) as view, progress_bar(rows, "sample", log.name) as advance:
@@ -260,7 +261,12 @@ def inspect(
         studies = [load_study(path) for path in paths if path.suffix.lower() == ".toml"]
         read = [*(("the file", path) for path in paths), *(pair for study in studies for pair in study.files())]
         outputs.check_file(out, read, "inspect", overwrite)
-    found = inspection.inspect(paths, reading_of(time, rate, delimiter, decimal, encoding))
+    reading = reading_of(time, rate, delimiter, decimal, encoding)
+    if all(path.suffix.lower() in (".fmu", ".onnx", ".toml") for path in paths):
+        given = {"time": time, "rate": rate, "delimiter": delimiter, "decimal": decimal, "encoding": encoding}
+        given = {name: value or None for name, value in given.items()}
+        ignored(given, "none of these is a record file; of a study's own records its [records] says so")
+    found = inspection.inspect(paths, reading)
     mark = {} if out is None else {"made_by": outputs.mark("inspect")}
     costs = _costs(found)
     if as_json:
@@ -288,13 +294,6 @@ def _costs(found: Inspection) -> list[Estimate]:
         with suppress(FmucorrectError):  # discover says what it cannot take
             costs.append(estimate(load_study(path), pairs))
     return [cost for cost in costs if cost is not None]
-
-
-def _ignored(options: Mapping[str, object], why: str) -> None:
-    """Say which of these options were given although nothing comes of them."""
-    for name, value in options.items():
-        if value is not None:
-            say(f"ignored: --{name} {value}: {why}", err=True)
 
 
 def _condition(

@@ -76,7 +76,7 @@ def train(
     from fmucorrect.report.training.losses import Curve
 
     protocol, results, tasks, verdicts = _training("protocol", "results", "tasks", "verdict")
-    the_study = open_study(study, allow_damaged).with_step_timeout(step_timeout)
+    the_study = open_study(study, allow_damaged, step_timeout)
     protocol.require_two(the_study)  # before there is a folder
     _claim(out, "train", (*results.FILES, "train.html"), [the_study], overwrite)
     chosen = the_study.training if seed is None else replace(the_study.training, seed=seed)
@@ -168,7 +168,7 @@ def compare(
 
     Example: fmucorrect compare study.toml found/study.toml -o models
     """
-    loaded = [open_study(path, allow_damaged).with_step_timeout(step_timeout) for path in studies]
+    loaded = [open_study(path, allow_damaged, step_timeout) for path in studies]
     if len(loaded) > 1:
         if ablate or seeds is not None:
             raise UserError("--seeds and --ablate belong to the comparison of methods on one study")
@@ -240,7 +240,7 @@ def diagnose(
     """
     from fmucorrect import diagnosis, outputs
 
-    the_study = open_study(study, allow_damaged).with_step_timeout(step_timeout)
+    the_study = open_study(study, allow_damaged, step_timeout)
     if out is not None:
         outputs.check_file(out, the_study.files(), "diagnose", overwrite)
     with progress_bar(len(the_study.conditions), "condition", the_study.name) as advance:

@@ -16,6 +16,7 @@ from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 
+from fmucorrect import records
 from fmucorrect.clocks import overlapping
 from fmucorrect.drafting.driving import find_driving
 from fmucorrect.drafting.joints import find_joints, joint_units
@@ -66,6 +67,7 @@ def draft(
     model = open_fmu(Path(fmu))
     if not [v for v in model.of("output") if v.number]:
         raise FmuError("it has no outputs that could be compared", where=str(fmu))
+    reading = _of_use(reading, [*map(Path, (*runs, *references))])
     logs = _read(runs, reading)
     # what a log says of units holds for the others, so that the one which says most comes first; and none that lacks a column
     first = max(logs, key=lambda log: (sum(unit not in UNITLESS for unit in log.columns.values()), len(log.columns)))
@@ -169,6 +171,12 @@ def _read(runs: Sequence[str | PathLike[str]], reading: Reading) -> list[Run]:
             )
         logs[run.resolve()] = read_run(run, reading)
     return list(logs.values())
+
+
+def _of_use(reading: Reading, files: Sequence[Path]) -> Reading:
+    """What was told of the logs, without what none of them has a use for."""
+    unused = [{text.partition(" = ")[0] for text in records.unused(file, reading)} for file in files]
+    return replace(reading, **{key: getattr(AS_IT_IS, key) for key in set.intersection(*unused)})
 
 
 def _needed(log: Run, reading: Reading, used: Collection[str]) -> Run:

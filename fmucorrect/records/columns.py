@@ -96,7 +96,8 @@ def _topic(topics: Sequence[Topic], name: str, path: str) -> Topic:
         if topic.name.lstrip("/") == name.lstrip("/"):
             return topic
     there = ", ".join(repr(topic.name) for topic in topics) or "none"
-    raise RecordError(f"there is no topic {name!r}", where=path, expected=f"one of {there}")
+    expected = "no name of a topic: it is one table" if there == "''" else f"one of {there}"
+    raise RecordError(f"there is no topic {name!r}", where=path, expected=expected)
 
 
 def _everything(topics: Sequence[Topic], path: str) -> Plan:

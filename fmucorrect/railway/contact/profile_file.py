@@ -19,7 +19,17 @@ HEADER = "y [mm],z [mm]"
 """The first line of two columns of text, in millimetres."""
 
 _COMMENTS = ("#", "!", "%", "//")
-_HEADER = re.compile(r"^\s*\"?y\s*\[\s*(\w+)\s*\]\"?\s*[,;\t ]\s*\"?z\s*\[\s*(\w+)\s*\]\"?\s*$", re.IGNORECASE)
+_HEADER = re.compile(
+    r"^\s*\"?y\s*[\[(]\s*(\w+)\s*[\])]\"?\s*[,;\t ]\s*\"?z\s*[\[(]\s*(\w+)\s*[\])]\"?\s*$", re.IGNORECASE
+)
+_SIMPACK = (".prw", ".prr")
+_WITH_COMMA = re.compile(r"[^,]+(?:,\d+(?:[eE][+-]?\d+)?)?")
+"""A number, perhaps with a decimal comma."""
+
+
+def knows_its_unit(name: str) -> bool:
+    """Whether nothing comes of a unit that is given for this profile: built in, or of a format that has one."""
+    return name.lower() in STANDARD_PROFILES or Path(name).suffix.lower() in _SIMPACK
 
 
 def load_profile(name: str, kind: Kind, unit: str | None = None) -> Profile:
@@ -40,7 +50,7 @@ def read_profile(path: Path, kind: Kind, unit: str | None = None) -> Profile:
     Raises RecordError for a file that cannot be read as such, SignalError for points that are no profile of this kind.
     """
     text = _text(path)
-    if path.suffix.lower() in (".prw", ".prr") or "point.begin" in text:
+    if path.suffix.lower() in _SIMPACK or "point.begin" in text:
         points = _simpack_points(str(path), text, kind)
     else:
         points = _text_points(str(path), text, unit)
@@ -49,13 +59,18 @@ def read_profile(path: Path, kind: Kind, unit: str | None = None) -> Profile:
 
 def _text(path: Path) -> str:
     """All of it; in UTF-16 too, as spreadsheets write it."""
+    built_in = ", ".join(name.upper() for name in STANDARD_PROFILES)
+    if path.is_dir():
+        raise RecordError(
+            "this is a folder", where=str(path), expected=f"the file of a profile, or a built-in one: {built_in}"
+        )
     try:
         with opened(str(path), encoding_of(str(path))[0]) as stream:
             text = stream.read()
     except RecordError as error:
         raise RecordError(
             str(error),
-            remedy=f"A file, or one of the built-in profiles {', '.join(p.upper() for p in STANDARD_PROFILES)}, is needed",
+            remedy=f"A file, or one of the built-in profiles {built_in}, is needed",
         ) from error
     if "\0" in text:
         line = text.count("\n", 0, text.index("\0")) + 1
@@ -133,8 +148,8 @@ def _text_points(where: str, text: str, unit: str | None) -> Points:
     first, at = lines[rows[0]], f"line {rows[0] + 1}"
     header = _HEADER.match(first)
     if header:
-        rows = rows[1:]
-        if header[1] != header[2]:
+        rows, said = rows[1:], header[1].lower()
+        if said != header[2].lower():
             raise RecordError(
                 f"{at} names two units",
                 where=where,
@@ -142,14 +157,14 @@ def _text_points(where: str, text: str, unit: str | None) -> Points:
                 got=_shown(first),
                 remedy="Bring both columns to one unit",
             )
-        if unit is not None and unit != header[1]:
+        if unit is not None and unit != said:
             raise RecordError(
                 f"the units do not agree: {at} says [{header[1]}]",
                 where=where,
                 expected=f"[{unit}], the unit that was given",
                 remedy="Leave out the unit that was given, or mend the line",
             )
-        unit = header[1]
+        unit = said
     elif _cells(first) is None:
         raise RecordError(
             f"{at} is neither two numbers nor a header",
@@ -205,10 +220,14 @@ def _numbers(where: str, lines: list[str], rows: range | list[int], columns: int
 
 def _cells(line: str) -> list[float] | None:
     """The numbers of a line, None where there are others than numbers; separated by blanks, comma, semicolon or tab, a decimal
-    comma where it is semicolons."""
-    line = line.replace(",", ".").replace(";", " ") if ";" in line else line.replace(",", " ")
+    comma where it is not by commas."""
+    cells = line.replace(";", " ").split()
+    if len(cells) > 1 and all(map(_WITH_COMMA.fullmatch, cells)):
+        cells = [cell.replace(",", ".") for cell in cells]
+    else:
+        cells = line.replace(",", " ").split()
     try:
-        return [float(cell) for cell in line.split()]
+        return [float(cell) for cell in cells]
     except ValueError:
         return None
 

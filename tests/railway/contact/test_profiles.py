@@ -107,6 +107,24 @@ def test_the_order_of_the_points_does_not_matter(make) -> None:
     assert np.array_equal(Profile("back", profile.kind, profile.points[::-1]).points, profile.points)
 
 
+@pytest.mark.parametrize(
+    ("header", "between", "comma"),
+    [
+        ("y [mm]\tz [mm]", "\t", True),
+        ("y [MM],z [MM]", ",", False),
+        ("Y (mm);Z (mm)", " ; ", True),
+        ("y [mm] z [mm]", " ", True),
+        ("y [mm],\tz [mm]", ",\t", False),
+    ],
+)
+def test_text_as_spreadsheets_of_all_countries_write_it(tmp_path: Path, header: str, between: str, comma: bool) -> None:
+    points = rail_60e1().points * 1e3
+    rows = [(f"{y:.12f}", f"{z:.12f}") for y, z in points]
+    lines = [between.join(cell.replace(".", ",") if comma else cell for cell in row) for row in rows]
+    (tmp_path / "rail.txt").write_text("\n".join([header, *lines, ""]), encoding="utf-8")
+    assert read_profile(tmp_path / "rail.txt", "rail").points * 1e3 == pytest.approx(points, abs=1e-9)
+
+
 @pytest.mark.parametrize(("unit", "factor"), [("mm", 1e3), ("m", 1.0), ("in", 1.0 / 0.0254)])
 def test_text_in_any_unit_is_the_same_profile(tmp_path: Path, unit: str, factor: float) -> None:
     points = rail_60e1().points
