@@ -29,6 +29,7 @@ import numpy as np
 from jaxtyping import Float32, Float64
 
 from fmucorrect import bundle_graph, bundle_metadata
+from fmucorrect.brief import brief_of
 from fmucorrect.bundle_metadata import Info as Info
 from fmucorrect.errors import BundleError
 from fmucorrect.signals import Channel
@@ -106,6 +107,9 @@ class Bundle:
     ) -> None:
         self._session, self.info, self.path, self.golden = session, info, path, golden
         self._uncorrected = np.array(info.uncorrected, np.float32)
+
+    def __repr__(self) -> str:
+        return brief_of(self, "path", "channels", "sees", "rows", "step_ns")
 
     @property
     def channels(self) -> tuple[Channel, ...]:

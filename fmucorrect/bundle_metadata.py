@@ -13,6 +13,7 @@ from typing import Any, NoReturn, TypeVar
 
 import numpy as np
 
+from fmucorrect.brief import brief
 from fmucorrect.errors import BundleError, unrepeated
 from fmucorrect.signals import Channel
 
@@ -82,6 +83,8 @@ class Info:
     state: int = 0
     sees: tuple[Channel, ...] = ()
     solver: str = ""
+
+    __repr__ = brief
 
     @property
     def seen(self) -> tuple[Channel, ...]:

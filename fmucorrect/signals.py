@@ -52,6 +52,8 @@ class Channel:
     noise: float | None = None
     measurement_sign: int = 1
 
+    __repr__ = brief
+
 
 @dataclass(frozen=True)
 class Record:
@@ -272,6 +274,8 @@ class Reading:
     decimal: str = ""
     encoding: str = ""
 
+    __repr__ = brief
+
 
 AS_IT_IS = Reading()
 """A file that says all of itself."""
@@ -306,6 +310,8 @@ class Condition:
     begins_ns: int | None = None
     reading: Reading = AS_IT_IS
     free: tuple[str, ...] = ()
+
+    __repr__ = brief
 
     @property
     def start_ns(self) -> int:

@@ -15,6 +15,7 @@ from typing import NamedTuple, Protocol, final, runtime_checkable
 import numpy as np
 from jaxtyping import Float32, Float64
 
+from fmucorrect.brief import brief_of
 from fmucorrect.errors import FmucorrectError, SignalError
 from fmucorrect.signals import NANOSECONDS, Channel, Condition, Record, join
 
@@ -194,6 +195,9 @@ class Window:
         row = self.array.strides[1]
         self._kept, self._moved = slice(0, (rows - 1) * row), slice(row, rows * row)
 
+    def __repr__(self) -> str:
+        return brief_of(self, "array", "full")
+
     def clear(self) -> None:
         """Forget everything."""
         self.array[:] = 0.0
@@ -232,6 +236,9 @@ class ReplayStepper:
     def __init__(self, channels: tuple[Channel, ...]) -> None:
         self._channels = channels
         self._nothing = np.zeros(len(channels))
+
+    def __repr__(self) -> str:
+        return brief_of(self, "channels")
 
     @property
     def channels(self) -> tuple[Channel, ...]:
@@ -272,6 +279,9 @@ class CorrectedStepper:
         self._uncorrected = corrector.uncorrected.astype(np.float64)
         self._start_ns = 0
         self._last_ns: int | None = None
+
+    def __repr__(self) -> str:
+        return brief_of(self, "_plant", "_corrector")
 
     @property
     def channels(self) -> tuple[Channel, ...]:

@@ -41,6 +41,8 @@ class Simulation:
     tolerance: float | None = None
     units: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
 
+    __repr__ = brief
+
     @property
     def step_size(self) -> float:
         """The communication step in s."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import bundles
 import numpy as np
 import pytest
 from study_example import EXAMPLE, files, write
@@ -16,7 +17,9 @@ from fmucorrect.diagnosis import Agreement, Diagnosis
 from fmucorrect.inspection import Inspection
 from fmucorrect.pairs import Pair
 from fmucorrect.railway.contact.standard_profiles import s1002
+from fmucorrect.study import Simulation
 
+FMU = Path(__file__).parents[1] / "fmus" / "roller_rig" / "roller_rig.fmu"
 ROWS = 3000
 WORDS = 500
 """Characters that fit a few lines of a screen."""
@@ -43,6 +46,39 @@ def results() -> dict[str, object]:
         "inspection": Inspection(({"path": "a" * 5000},), ("it fits",), (), pairs={Path("s.toml"): [pair]}),
         "profile": s1002(),
     }
+
+
+def things(folder: Path) -> dict[str, object]:
+    """What is read, and what runs."""
+    model = fc.load_bundle(bundles.make(folder / "corrector.onnx"))
+    channels = model.channels
+    replay, logged = fc.ReplayStepper(channels), Path("shared") / ("runs" * 30) / "run.csv"
+    condition = fc.Condition("385", speed=385.0, measurement=logged, parameters={"v": 83.3}, reading=fc.Reading())
+    return {
+        "condition": condition,
+        "channel": channels[0],
+        "simulation": Simulation(logged, 1_000_000, {"v": 83.3}),
+        "bundle": model,
+        "info": model.info,
+        "replay": replay,
+        "corrected": fc.CorrectedStepper(replay, model),
+        "isolated": fc.IsolatedStepper(FMU, channels),
+        "fmu": fc.open_fmu(FMU),
+        "window": fc.Window(40, 4),
+        "contents": fc.describe(FMU.parent / "A" / "platform_yaw.csv"),
+    }
+
+
+def test_what_is_read_and_what_runs_is_told_in_a_line(tmp_path: Path) -> None:
+    shown = {name: repr(it) for name, it in things(tmp_path).items()}
+    assert {name for name, text in shown.items() if len(text) > 1.5 * WORDS or " object at 0x" in text} == set()
+    assert shown["condition"] == "Condition(name='385', speed=385.0, parameters={v}, measurement='run.csv')"
+    names = "channels=['FW', 'FB', 'RW', 'RB']"
+    assert shown["bundle"] == f"Bundle(path='corrector.onnx', {names}, rows=40, step_ns=1000000)"
+    assert shown["replay"] == f"ReplayStepper({names})"
+    assert shown["corrected"] == f"CorrectedStepper(plant=ReplayStepper({names}), corrector=Bundle(...))"
+    assert shown["isolated"] == f"IsolatedStepper(description='roller_rig', {names})"
+    assert shown["window"] == "Window(array=float32 (1, 40, 4), full=False)"
 
 
 @pytest.mark.parametrize("name", results())

@@ -17,6 +17,7 @@ import fmpy
 from fmpy import model_description as fmpy_description
 
 from fmucorrect import outputs, unchanged
+from fmucorrect.brief import brief
 from fmucorrect.errors import FmuError
 from fmucorrect.fmu import archive
 from fmucorrect.fmu.elements import element_names
@@ -132,6 +133,8 @@ class FmuDescription:
     wrapped: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}), repr=False)
     exchange: Exchange | None = None
     buildable: bool = False
+
+    __repr__ = brief
 
     def of(self, causality: str) -> tuple[Variable, ...]:
         """All variables of one causality: input, output, parameter, ..."""

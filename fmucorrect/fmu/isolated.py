@@ -21,6 +21,7 @@ from typing import Never, final
 import numpy as np
 from jaxtyping import Float64
 
+from fmucorrect.brief import brief_of
 from fmucorrect.errors import FmucorrectError, FmuError
 from fmucorrect.fmu.child import Layout
 from fmucorrect.fmu.description import FmuDescription
@@ -77,6 +78,9 @@ class IsolatedStepper:
         self._last_ns: int | None = None
         self._half = 0
         self._zeros = np.zeros(len(channels))
+
+    def __repr__(self) -> str:
+        return brief_of(self, "description", "channels")
 
     @property
     def channels(self) -> tuple[Channel, ...]:

@@ -14,6 +14,7 @@ from typing import Never, final
 import numpy as np
 from jaxtyping import Float64
 
+from fmucorrect.brief import brief_of
 from fmucorrect.errors import FmucorrectError, FmuError
 from fmucorrect.fmu.instance import Instance
 from fmucorrect.fmu.loaded import Place
@@ -94,6 +95,9 @@ class FmuStepper(Opened):
         self._zeros = np.zeros(len(channels))
         self._last_ns: int | None = None
         self._stopped = (0.0, 0.0)
+
+    def __repr__(self) -> str:
+        return brief_of(self, "_description", "channels")
 
     @property
     def channels(self) -> tuple[Channel, ...]:

@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
+from fmucorrect.brief import brief
+
 
 @dataclass(frozen=True)
 class Column:
@@ -75,3 +77,5 @@ class Contents:
     truncated: bool
     damage: str = ""
     left_out: tuple[str, ...] = ()
+
+    __repr__ = brief

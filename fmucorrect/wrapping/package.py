@@ -198,6 +198,13 @@ def _read(
         raise WrapError(
             "there is nothing to wrap", expected="a solver's FMU with a corrector or effects, or a corrector"
         )
+    if fmu is None and (effects_file is not None or mapping is not None):
+        raise WrapError(
+            "effects and a mapping are of a solver, and none is given",
+            where=str(effects_file if effects_file is not None else mapping),
+            expected="the solver's FMU beside them",
+            remedy="Name it (SOLVER), or leave them out: without a solver the FMU holds the corrector alone.",
+        )
     model = bundle.load(corrector) if corrector is not None else None
     if fmu is None:
         assert model is not None

@@ -217,6 +217,13 @@ def test_refusals_are_clear_and_leave_the_old_file(tmp_path, monkeypatch):
         (WrapError, r"platform amiga is not known", (None, corrector()), {"platforms": ["amiga"]}),
         (WrapError, r"x_corrected.*most likely it is one that was wrapped", (again, corrector()), {}),
         (WrapError, r"there is nothing to wrap", (solver(2), None), {}),
+        (
+            WrapError,
+            r"none.toml: effects and a mapping are of a solver",
+            (None, corrector()),
+            {"effects_file": nowhere},
+        ),
+        (WrapError, r"none.toml: effects and a mapping are of a solver", (None, corrector()), {"mapping": nowhere}),
         (FmuError, r"there is no such file", (nowhere, corrector()), {}),
         (BundleError, r"none.toml: cannot be read", (solver(2), nowhere), {}),
         (WrapError, r"none.toml: cannot be read", (solver(2), None), {"effects_file": nowhere}),
