@@ -19,7 +19,8 @@ All of them are the user's to mend: the command line prints the message alone an
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
@@ -62,6 +63,16 @@ def unrepeated(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         names = [name for name, _ in pairs]
         raise ValueError(f"the key {next(name for name in names if names.count(name) > 1)!a} stands twice in an object")
     return found
+
+
+@contextmanager
+def kept_when_broken_off() -> Generator[None]:
+    """Of what keeps what it has done: Ctrl-C, and being ended otherwise, say how it goes on."""
+    try:
+        yield
+    except KeyboardInterrupt as error:
+        error.add_note("What was done so far is kept: the same command goes on where this one was.")
+        raise
 
 
 class FmucorrectError(Exception):

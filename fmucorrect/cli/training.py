@@ -21,6 +21,7 @@ from fmucorrect.cli.group import (
     progress_bar,
     say,
 )
+from fmucorrect.errors import kept_when_broken_off
 
 if TYPE_CHECKING:
     from fmucorrect.report.training.page import Guarded
@@ -80,13 +81,14 @@ def train(
     protocol.require_two(the_study)  # before there is a folder
     _claim(out, "train", (*results.FILES, "train.html"), [the_study], overwrite)
     chosen = the_study.training if seed is None else replace(the_study.training, seed=seed)
-    with progress_bar(protocol.total_epochs(the_study, chosen), "epoch", the_study.name) as advance:
+    with (
+        kept_when_broken_off(),
+        progress_bar(protocol.total_epochs(the_study, chosen), "epoch", the_study.name) as advance,
+    ):
         shop = tasks.Workshop(out / "work", tasks.CORES, scheduler, device, advance, note)
         done = results.train_into(out, the_study, chosen, f"fmucorrect train {study.name} --seed {chosen.seed}", shop)
     page, selection, guard = out / "train.html", done.trained.selection, done.trained.guard
-    by_epochs = (
-        selection.family == "window"
-    )  # the folds' curves are that family's; a verdict on another is none on them
+    by_epochs = selection.family == "window"  # the folds' curves are of that family, whichever was taken
     said = verdicts.verdict(selection, done.evaluations, done.trained.guard)
     training_page.build(
         f"{the_study.name}: {verdicts.headline(selection)}",
@@ -182,7 +184,8 @@ def compare(
     the_study, count = loaded[0], 5 if seeds is None else seeds
     chosen = the_study.training
     numbers = range(chosen.seed, chosen.seed + count)
-    with progress_bar(cases.total(the_study, chosen, count, ablate), "epoch", the_study.name) as advance:
+    total = cases.total(the_study, chosen, count, ablate)
+    with kept_when_broken_off(), progress_bar(total, "epoch", the_study.name) as advance:
         shop = tasks.Workshop(out / "work", tasks.CORES, scheduler, device, advance)
         result = cases.compare_study(the_study, chosen, numbers, ablate, shop)
     path = results.save_comparison(out, result.table, result.histories)
@@ -211,7 +214,7 @@ def _compare_models(
     models.require_alike(studies)
     each = [f"{name}/{file}" for name in models.labels(studies) for file in results.FILES]
     _claim(out, "compare", ("models.html", "models.json", *each), studies, overwrite)
-    with progress_bar(models.total(studies), "epoch", studies[0].name) as advance:
+    with kept_when_broken_off(), progress_bar(models.total(studies), "epoch", studies[0].name) as advance:
         shop = tasks.Workshop(out / "work", tasks.CORES, scheduler, device, advance)
         table = models.compare_models(studies, out, shop)
     text = json.dumps(table, indent=1)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import nullcontext, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -42,7 +42,7 @@ from fmucorrect.discovery.stepwise import stepwise
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, SignalTerm
 from fmucorrect.discovery.where import Residual, where
 from fmucorrect.discovery.wording import rest, sentence
-from fmucorrect.errors import FmuError, StudyError
+from fmucorrect.errors import FmuError, StudyError, kept_when_broken_off
 from fmucorrect.inspection import study_problems
 from fmucorrect.report.discovery.content import Discovery
 from fmucorrect.screening import screen
@@ -105,7 +105,7 @@ def discover(
     with (
         threadpool_limits(1),
         quietly(),
-        _kept_when_broken_off(),
+        kept_when_broken_off(),
         load(study, built, kept=kept, elsewhere=executor and by(executor), pairs=checked.pairs) as problem,
     ):
         lap("load")
@@ -134,16 +134,6 @@ def discover(
     if stopped is None:
         kept.clear()
     return Report(report)
-
-
-@contextmanager
-def _kept_when_broken_off() -> Generator[None]:
-    """Ctrl-C says how it goes on."""
-    try:
-        yield
-    except KeyboardInterrupt as error:
-        error.add_note("What was found so far is kept: the same command goes on where this one was.")
-        raise
 
 
 def _completeness(study: Study, stopped: Stopped | None, limit: float | None) -> dict[str, Any]:

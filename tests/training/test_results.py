@@ -52,6 +52,30 @@ def test_the_command_refuses_a_study_with_nothing_to_hold_out(tmp_path: Path) ->
     assert not (tmp_path / "model").exists()
 
 
+@pytest.mark.parametrize(
+    ("command", "place"),
+    [
+        (["train"], "fmucorrect.training.results.train_into"),
+        (["compare"], "fmucorrect.training.compare.compare_study"),
+        (["compare", "other.toml"], "fmucorrect.training.models.compare_models"),
+    ],
+)
+def test_ctrl_c_says_that_the_same_command_goes_on(
+    command: list[str], place: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken_off(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(place, broken_off)
+    path = make_study(tmp_path)
+    (tmp_path / "other.toml").write_text(path.read_text())
+    others = [str(tmp_path / name) for name in command[1:]]
+    result = CliRunner().invoke(cli.main, [command[0], str(path), *others, "-o", str(tmp_path / "out")])
+    assert result.exit_code == 130
+    said = "Ended by Ctrl-C.\nWhat was done so far is kept: the same command goes on where this one was.\n"
+    assert result.stderr.endswith(said)
+
+
 @pytest.mark.parametrize(("families", "taken"), [('"window"', "window"), ('"linear", "window"', "linear")])
 def test_the_page_shows_by_epochs_what_was_taken_and_nothing_else(families: str, taken: str, tmp_path: Path) -> None:
     path, out = make_study(tmp_path), tmp_path / "model"
