@@ -142,6 +142,8 @@ def _refine(power: np.ndarray, peak: int) -> float:
 def _check(predicted: np.ndarray, measured: np.ndarray) -> None:
     if predicted.shape != measured.shape:
         raise SignalError("prediction and measurement differ in shape", expected=measured.shape, got=predicted.shape)
+    if not len(measured):
+        raise SignalError("there are no samples to score")
     for name, values in (("prediction", predicted), ("measurement", measured)):
         bad = np.argwhere(~np.isfinite(values))
         if len(bad):

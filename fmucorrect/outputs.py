@@ -60,6 +60,20 @@ def check_file(out: Path, inputs: Inputs, command: str, overwrite: bool, parents
         )
 
 
+def check_ending(out: Path, what: str, endings: Sequence[str]) -> None:
+    """Raises OutputError where the name of a file that is made has another ending than these, by which nothing would know it
+    again; "" is none. what: is written, in words."""
+    if out.suffix.lower() in endings or (out.exists() and not out.is_file()):
+        return
+    ends = " or ".join(filter(None, endings))
+    raise OutputError(
+        f"{what}, to a name that ends in {ends}{', or has no ending' * ('' in endings)}",
+        where=str(out),
+        got=repr(out.suffix),
+        remedy="Choose another name for -o.",
+    )
+
+
 def check_folder(
     out: Path,
     writes: Sequence[str],

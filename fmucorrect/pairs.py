@@ -88,6 +88,15 @@ def simulate(study: Study, condition: Condition, known: Clock | None = None) -> 
 def read_measurement(study: Study, condition: Condition) -> Record:
     """`read_samples` at the study's step; metadata "sample_ns": the record's own."""
     samples = read_samples(study, condition)
+    rows = float(samples.t_ns[-1] - samples.t_ns[0]) / study.simulation.step_ns
+    if rows > sources.MOST_MEASURED:
+        raise RecordError(
+            f"at a step of {study.simulation.step_size:g} s the measurement of condition {condition.name!r} would have "
+            f"{rows:.3g} samples",
+            where=f"{study.path}, {place_of(study.places, ('simulation', 'step_size'))}",
+            expected=f"at most {sources.MOST_MEASURED:.0e}",
+            remedy=f"Write step_size in s, as step_size = {samples.step_ns / NANOSECONDS!r}, which is the record's own.",
+        )
     told = {**samples.metadata, "sample_ns": str(samples.step_ns)}
     measured = resample(replace(samples, metadata=told), study.simulation.step_ns)
     if len(measured) < FEWEST:  # the record itself has enough
@@ -166,7 +175,11 @@ def pair(
         rate = clock_rate(offset, len(measured) * step, step)
         start = at_rate(offset, rate)
         told = _registered(offset, rate)
-    rows = overlap(simulated, measured, start, rate)
+    try:
+        rows = overlap(simulated, measured, start, rate)
+    except SignalError as error:
+        remedy = "Look at clock in [records], or in records of the condition."
+        raise SignalError(str(error), where=f"condition {condition.name!r}", remedy=remedy) from error
     values = place(measured, simulated.seconds(int(simulated.t_ns[0]))[rows], start, rate)
     steady = _steady(condition, values[:, :count], step)
     stop = values.shape[1] - len(sources.excitation_channel(study))

@@ -87,8 +87,12 @@ def resample(record: Record, step_ns: int) -> Record:
 
     Up to 0.8 of that frequency a signal is kept to 2e-4. The first sample keeps its time; the filter has no delay. Where
     the ratio of the intervals is no fraction of moderate numbers, the filter ends on a finer grid, and a quintic spline
-    goes from there to the exact instants: no rate shifts time.
+    goes from there to the exact instants: no rate shifts time. Raises SignalError for an interval that is no whole number of
+    nanoseconds.
     """
+    if not step_ns >= 1 or step_ns % 1:  # NaN is neither
+        raise SignalError("the sample interval is no whole number of nanoseconds", expected="1 or more", got=step_ns)
+    step_ns = int(step_ns)
     if len(record) < 2:
         return record
     ratio = mean_step(record) / step_ns
@@ -318,7 +322,12 @@ def overlap(simulated: Record, measured: Record, offset: float, rate: float = 0.
     times = simulated.t_ns - simulated.t_ns[0]
     rows = slice(int(np.searchsorted(times, first)), int(np.searchsorted(times, last, side="right")))
     if rows.stop - rows.start < 2:
-        raise SignalError("simulation and measurement do not overlap in time")
+        run = float(simulated.t_ns[-1] - simulated.t_ns[0]) / NANOSECONDS
+        raise SignalError(
+            "simulation and measurement do not overlap in time",
+            expected=f"a measurement that begins before {run:.6g} s of the run, and ends behind 0 s",
+            got=f"{offset:.6g} to {last / NANOSECONDS:.6g} s",
+        )
     return rows
 
 

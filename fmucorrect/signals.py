@@ -71,6 +71,14 @@ class Record:
     __repr__ = brief
 
     def __post_init__(self) -> None:
+        kinds = [getattr(values, "dtype", type(values)) for values in (self.t_ns, self.values)]
+        if [getattr(kind, "kind", "") for kind in kinds] != ["i", "f"]:
+            raise RecordError(
+                "these are no arrays of a record",
+                expected="t_ns int64, in nanoseconds, and values float64",
+                got=" and ".join(getattr(kind, "name", getattr(kind, "__name__", "")) for kind in kinds),
+                remedy="Record.from_pandas takes times in s.",
+            )
         expected = (len(self.t_ns), len(self.channels))
         if self.values.shape != expected:
             raise RecordError("values have the wrong shape", expected=f"(T, C) = {expected}", got=self.values.shape)
@@ -243,7 +251,10 @@ def _from_table(
 
 
 def join(parts: Sequence[Record]) -> Record:
-    """Records of the same channels one after another. Raises RecordError when channels differ or time goes back."""
+    """Records of the same channels one after another. Raises RecordError when there are none, channels differ or time goes
+    back."""
+    if not parts:
+        raise RecordError("there are no records to join")
     first = parts[0]
     if any(part.channels != first.channels for part in parts):
         raise RecordError("records with different channels cannot be joined", expected=first.names)
@@ -252,6 +263,13 @@ def join(parts: Sequence[Record]) -> Record:
         t_ns=np.concatenate([part.t_ns for part in parts]),
         values=np.concatenate([part.values for part in parts]),
     )
+
+
+RULES = frozenset({"sort", "drop", "interpolate", "clock", "resample"})
+"""The names of the repair rules; `records.timebase` says what they do."""
+
+DELIMITERS = {"tab": "\t", "space": " ", "blank": " "}
+"""Words for delimiters of text files that are hard to write."""
 
 
 @dataclass(frozen=True)

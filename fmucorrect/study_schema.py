@@ -12,8 +12,8 @@ from typing import Annotated, Any, Literal
 from annotated_types import Gt, Interval, Le, MinLen
 
 from fmucorrect import study_training, units
-from fmucorrect.signals import Reading
-from fmucorrect.study_places import Location, Places, missing_file, nearest, unknown_unit
+from fmucorrect.signals import DELIMITERS, RULES, Reading
+from fmucorrect.study_places import Location, Places, missing_file, nearest, place, unknown_unit
 from fmucorrect.study_training import Training
 from fmucorrect.toml_table import Found, NotNegative, Positive, Sign, Text, doubted, named, read, repeated, shown, those
 
@@ -174,6 +174,16 @@ class AdjustableRow:
     absolute_tolerance: Positive | None = None
 
 
+def _rules(text: str) -> str:
+    wrong = [name for name in map(str.strip, text.split(",")) if name and name not in RULES]
+    return f"there is no repair rule {wrong[0]!r}{those(wrong[0], sorted(RULES))}" if wrong else ""
+
+
+def _delimiter(text: str) -> str:
+    known = len(text) < 2 or text in DELIMITERS
+    return "" if known else f"must be one character, or one of {', '.join(DELIMITERS)}, got {text!r}"
+
+
 @dataclass(frozen=True)
 class RecordsTable(Reading):
     """[records], and `records` of a condition: what is known of record files, and where measurements lie in time."""
@@ -181,6 +191,8 @@ class RecordsTable(Reading):
     columns: Mapping[str, Text] = field(default_factory=dict[str, str])
     rate: Annotated[float, Gt(0), Le(FASTEST_RATE)] = 0.0
     decimal: Literal["", ".", ","] = ""
+    repair: Annotated[str, _rules] = ""
+    delimiter: Annotated[str, _delimiter] = ""
     clock: Annotated[Any, _clock] = None
 
 
@@ -233,6 +245,7 @@ def _misfits(table: StudyTable, places: Places, folder: Path) -> Found:
     yield from repeated(named("joints", table.joints) + named("groups", table.groups), places)
     yield from repeated(named("rotations", table.rotations), places)
     yield from repeated(named("conditions", table.conditions), places)
+    yield from _columns_twice(table, places)
     bare = table.simulation.fmu is None and _keyed("simulation", places)
     yield from _unknown_units(table) if bare else ()
     yield from _other_quantities(table)
@@ -259,6 +272,25 @@ def _misfits(table: StudyTable, places: Places, folder: Path) -> Found:
     channels = [(row.name, row.simulation) for row in table.channels]
     if not _keyed("channels", places) and not _keyed("conditions", places):
         yield from study_training.misfits(table.training, channels, [row.name for row in table.conditions])
+
+
+def _columns_twice(table: StudyTable, places: Places) -> Found:
+    """Columns of a record that two channels name; whole channels that stand there twice are told by their names."""
+    keys = (
+        ("measurement", "acceleration"),
+        *([("simulation",)] if any(row.simulated for row in table.conditions) else []),
+    )
+    for some in keys:
+        owners: dict[str, Location] = {}
+        for i, row in enumerate(table.channels):
+            for key in some:
+                loc, column = ("channels", i, key), getattr(row, key)
+                first = owners.setdefault(column, loc)
+                if column and first != loc and (first[1] == i or table.channels[int(first[1])].name != row.name):
+                    yield (
+                        loc,
+                        f"column {column!r} is taken by {place(places, first)}; each channel has its own",
+                    )
 
 
 def _keyed(name: str, places: Places) -> bool:

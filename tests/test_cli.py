@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -382,20 +383,61 @@ def test_inspect_finds_the_columns_of_a_simulated_record_as_a_run_does(tmp_path:
     assert "key simulation: there is no column 'axle.y' in run.mcap" in found["misfits"][0]
 
 
-@pytest.mark.parametrize("step", ["0x10", "0o20", "16", "16.0"])
-def test_a_step_that_is_not_in_s_is_told_as_one(step: str, tmp_path: Path) -> None:
-    """16 s, in whatever form, leave one sample: it is the step that is wrong, and not the record."""
-    log(tmp_path / "run.csv", rows=200)
+def small_study(folder: Path, step: str, *records: str, more: str = "") -> Path:
+    """A simulated and a measured column of the same motion, a condition a record."""
+    log(folder / "run.csv", rows=200)
     channel = (
         '[[channels]]\nname = "x"\nsimulation = "FW"\nmeasurement = "FW"\nquantity = "displacement"\nunit = "mm"\n'
     )
-    run = '[[conditions]]\nname = "a"\nrole = "development"\nmeasurement = "run.csv"\nsimulated = "run.csv"\n'
-    (tmp_path / "study.toml").write_text(f"format = 1\n[simulation]\nstep_size = {step}\n{channel}{run}")
-    code, found = inspected(tmp_path / "study.toml")
+    runs = [
+        f'[[conditions]]\nname = "{i}"\nrole = "development"\nmeasurement = "{name}"\nsimulated = "run.csv"\n{more}'
+        for i, name in enumerate(records)
+    ]
+    path = folder / "study.toml"
+    path.write_text(f"format = 1\n[simulation]\nstep_size = {step}\n{channel}{''.join(runs)}")
+    return path
+
+
+def test_inspect_takes_measurements_that_are_folders_of_files(tmp_path: Path) -> None:
+    """Two of them, which are held against each other."""
+    for name, scale in (("one", 1.0), ("two", 1.1)):
+        (tmp_path / name).mkdir()
+        whole = records.read(log(tmp_path / "whole.csv", scale=scale))
+        for part in range(2):
+            with records.writer(tmp_path / name / f"{part}.mcap") as file:
+                file.write("/log", whole.rows(100 * part, 100 * part + 100))
+    code, found = inspected(small_study(tmp_path, "0.001", "one", "two"))
+    assert (code, found["misfits"]) == (0, [])
+    shutil.copytree(tmp_path / "one", tmp_path / "copy")
+    _, found = inspected(small_study(tmp_path, "0.001", "one", "copy"))
+    assert any("copy holds the same bytes as one" in warning["seen"] for warning in found["warnings"])
+
+
+def test_a_step_of_a_nanosecond_fills_no_memory(tmp_path: Path) -> None:
+    log(tmp_path / "log.csv", rows=200)
+    code, found = inspected(small_study(tmp_path, "1e-9", "log.csv"))
+    assert code == 2
+    assert "at a step of 1e-09 s the measurement of condition '0' would have 1.99e+08 samples" in found["misfits"][0]
+    assert "step_size = 0.001, which is the record's own" in found["misfits"][0]
+
+
+def test_a_clock_by_which_nothing_overlaps_is_told_with_its_condition(tmp_path: Path) -> None:
+    log(tmp_path / "log.csv", rows=200)
+    code, found = inspected(small_study(tmp_path, "0.001", "log.csv", more="records = { clock = 100.0 }\n"))
+    assert code == 2
+    told = "condition '0': simulation and measurement do not overlap in time, expected a measurement that begins before 0.199 s"
+    assert told in found["misfits"][0]
+    assert "got 100 to 100.199 s. Look at clock in [records]" in found["misfits"][0]
+
+
+@pytest.mark.parametrize("step", ["0x10", "0o20", "16", "16.0"])
+def test_a_step_that_is_not_in_s_is_told_as_one(step: str, tmp_path: Path) -> None:
+    """16 s, in whatever form, leave one sample: it is the step that is wrong, and not the record."""
+    code, found = inspected(small_study(tmp_path, step, "run.csv"))
     assert code == 2
     (problem,) = found["misfits"]
     assert (
-        "line 3, [simulation], key step_size: at a step of 16 s 1 of the 200 samples of condition 'a' are left"
+        "line 3, [simulation], key step_size: at a step of 16 s 1 of the 200 samples of condition '0' are left"
         in problem
     )
     assert "step_size = 0.001, which is the record's own" in problem

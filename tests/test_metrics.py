@@ -38,6 +38,8 @@ def test_perfect_and_rescaled() -> None:
 def test_what_cannot_be_scored_is_refused() -> None:
     with pytest.raises(SignalError, match="channel 2 does not vary"):
         score(WAVE, np.stack([WAVE[:, 0], np.ones(len(WAVE))], axis=1))
+    with pytest.raises(SignalError, match="no samples to score"):
+        score(np.zeros((0, 2)), np.zeros((0, 2)))
     with pytest.raises(SignalError, match="shape"):
         score(WAVE[:-1], WAVE)
     broken = WAVE.copy()

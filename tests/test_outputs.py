@@ -106,6 +106,19 @@ def test_a_folder_that_is_not_there_is_told_before_anything_is_read(place: Path,
     assert not (place / "none").exists()
 
 
+@pytest.mark.parametrize(
+    ("command", "name"),
+    [("wrap", "new.onnx"), ("wrap", "new"), ("diagnose", "new.pdf"), ("new", "new.csv"), ("new", "new")],
+)
+def test_a_name_by_which_nothing_would_know_the_file_is_refused(place: Path, command: str, name: str) -> None:
+    fmu = place / "rig" / "roller_rig.fmu"
+    arguments = (commands(place) | {"new": (["new", fmu, place / "log.mcap"], [])})[command][0]
+    result = call(*arguments, "-o", place / name, "--overwrite")
+    assert result.exit_code == 2
+    assert "to a name that ends in ." in result.output
+    assert not (place / name).exists()
+
+
 def companions(place: Path) -> Iterator[tuple[Path, Path]]:
     """Records, and a file that belongs to each."""
     for name in (

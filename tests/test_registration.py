@@ -34,6 +34,12 @@ def burst(t: np.ndarray) -> np.ndarray:
     return wave
 
 
+@pytest.mark.parametrize("step_ns", [0, -1])
+def test_a_sample_interval_that_is_none_is_refused(step_ns: int) -> None:
+    with pytest.raises(SignalError, match=f"no whole number of nanoseconds, expected 1 or more, got {step_ns}"):
+        resample(Record(np.arange(9) * 1_000_000, np.zeros((9, 1)), YAW), step_ns)
+
+
 @settings(max_examples=20)
 @given(offset=st.floats(-0.9, 0.9), gain=st.floats(0.5, 2.0), seed=st.integers(0, 99))
 def test_offset_to_a_small_part_of_a_sample(offset: float, gain: float, seed: int) -> None:

@@ -1,6 +1,8 @@
 """Units, records and conditions: what they mean and what they refuse."""
 
 import dataclasses
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -53,6 +55,32 @@ def test_units_that_do_not_fit_or_are_not_known() -> None:
 def record(count: int = 5, **changes: object) -> Record:
     parts: dict = {"t_ns": np.arange(count) * 10, "values": np.arange(2.0 * count).reshape(count, 2), "channels": AB}
     return Record(**{**parts, **changes})
+
+
+UNCHECKED = """
+import numpy as np
+from fmucorrect import Channel, Record, RecordError
+for t, values in ((np.arange(2) * 0.01, np.zeros((2, 1))), ([0, 1], np.zeros((2, 1))), (np.arange(2), [[0.0], [1.0]])):
+    try:
+        Record(t, values, (Channel("a"),))
+    except RecordError as error:
+        print(error)
+"""
+
+
+def test_times_in_seconds_and_lists_are_refused() -> None:
+    """In a process in which no types are checked, as a user's."""
+    ran = subprocess.run([sys.executable, "-c", UNCHECKED], capture_output=True, text=True, check=True)
+    told = "these are no arrays of a record, expected t_ns int64, in nanoseconds, and values float64, got"
+    assert ran.stdout.splitlines() == [
+        f"{told} {got}. Record.from_pandas takes times in s."
+        for got in ("float64 and float64", "list and float64", "int64 and list")
+    ]
+
+
+def test_no_records_are_not_joined() -> None:
+    with pytest.raises(RecordError, match="no records to join"):
+        join([])
 
 
 def test_columns_by_name_rows_by_number() -> None:

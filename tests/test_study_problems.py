@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -49,6 +50,16 @@ SINGLE = [
         'quantity = "displacment" ',
         f"{CHANNEL}, key quantity: must be 'displacement', 'velocity', 'acceleration', 'force' or 'angle', "
         "got 'displacment'; did you mean 'displacement'?",
+    ),
+    (
+        'repair = "" ',
+        'repair = "sort,dorp" ',
+        "[records], key repair: there is no repair rule 'dorp'; did you mean 'drop'?",
+    ),
+    (
+        'delimiter = "" ',
+        'delimiter = "\\t;" ',
+        "[records], key delimiter: must be one character, or one of tab, space, blank, got '\\t;'",
     ),
     ("noise = 0.02", "noise = -1", f"{CHANNEL}, key noise: must be at least 0, got -1"),
     ("measurement_sign = 1", "measurement_sign = 2", f"{CHANNEL}, key measurement_sign: must be 1 or -1, got 2"),
@@ -171,6 +182,19 @@ def test_group_named_as_a_joint_and_parameter_twice(folder: Path) -> None:
     found = problems(folder, edited(('"yaw dampers"', '"yaw damper, left"')) + more)
     assert f"'yaw damper, left' is taken by line {line_of(EXAMPLE, '[[joints]]')}" in found[0]
     assert found[1].endswith("[[adjustable]] 2, key parameters: 'equivalent_conicity' is already in [[adjustable]] 1")
+
+
+@pytest.mark.parametrize("key", ["measurement", "simulation", "acceleration"])
+def test_a_column_of_two_channels(folder: Path, key: str) -> None:
+    """Reading the record would end in an error that names neither."""
+    row = EXAMPLE[EXAMPLE.index("[[channels]]") : EXAMPLE.index("[excitation]")]
+    other = {"name": "FB", "measurement": "lvdt_FB", "simulation": "FB", "acceleration": "acc_FB"}
+    for name, value in other.items():
+        if name != key:
+            row = re.sub(rf'^{name} = "\w+"', f'{name} = "{value}"', row, count=1, flags=re.M)
+    (problem,) = problems(folder, edited(("[excitation]", f"{row}[excitation]")))
+    assert f'[[channels]] 2 "FB", key {key}: column ' in problem
+    assert problem.endswith(f"is taken by line {line_of(EXAMPLE, key)}, {CHANNEL}, key {key}; each channel has its own")
 
 
 def test_all_problems_at_once(folder: Path) -> None:

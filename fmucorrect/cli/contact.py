@@ -21,8 +21,6 @@ LENGTHS = {
 }
 """Options whose defaults stand in Placement and Smoothing."""
 UNITS = ("m", "cm", "mm", "um", "in")
-ENDINGS = (".csv", ".txt", "")
-"""Of a file of text; another one says that it is of another format."""
 
 
 def _lengths(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -80,9 +78,7 @@ def contact(
         raise UserError(f"--reach is {reach:g} mm: 0.001 to 100 mm is expected")
     if not 0.001 <= step <= reach:
         raise UserError(f"--step is {step:g} mm: 0.001 mm to --reach, {reach:g} mm, is expected")
-    if out.suffix.lower() not in ENDINGS:
-        written = " or ".join(filter(None, ENDINGS))
-        raise UserError(f"-o {out}: the table is written as CSV, to a name that ends in {written}, or has no ending")
+    outputs.check_ending(out, "the table is written as CSV", (".csv", ".txt", ""))
     for name, unit, option in ((wheel, wheel_unit, "wheel-unit"), (rail, rail_unit, "rail-unit")):
         if knows_its_unit(name):
             ignored({option: unit}, f"{name} knows its unit itself")

@@ -44,6 +44,7 @@ def new(
 
     read = [("the FMU", model), *(("the run", run) for run in (*runs, *references))]
     outputs.check_file(out, read, "new", overwrite)
+    outputs.check_ending(out, "a study is written", (".toml",))
     reading = reading_of(time, rate, delimiter, decimal, encoding)
     for log in (*runs, *references):
         for text in records.unused(log, reading):

@@ -52,11 +52,11 @@ def reading_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 def reading_of(time: str, rate: float, delimiter: str, decimal: str, encoding: str) -> Reading:
     """What the options tell of a record file. Raises UserError."""
-    from fmucorrect.signals import Reading
+    from fmucorrect.signals import DELIMITERS, Reading
 
     if decimal not in ("", ".", ","):
         raise UserError(f"--decimal is . or , and not {decimal!r}")
-    if len(delimiter) > 1 and delimiter not in ("tab", "space"):
+    if len(delimiter) > 1 and delimiter not in DELIMITERS:
         raise UserError(f"--delimiter is one character, tab or space, and not {delimiter!r}")
     if time and rate:
         raise UserError("give either --time, the column that is the time, or --rate, where a file holds samples only")

@@ -171,6 +171,9 @@ def compare(
     Example: fmucorrect compare study.toml found/study.toml -o models
     """
     loaded = [open_study(path, allow_damaged, step_timeout) for path in studies]
+    (protocol,) = _training("protocol")
+    for one in loaded:
+        protocol.require_two(one)
     if len(loaded) > 1:
         if ablate or seeds is not None:
             raise UserError("--seeds and --ablate belong to the comparison of methods on one study")
@@ -246,6 +249,7 @@ def diagnose(
     the_study = open_study(study, allow_damaged, step_timeout)
     if out is not None:
         outputs.check_file(out, the_study.files(), "diagnose", overwrite)
+        outputs.check_ending(out, "the page is written, or its figures", (".html", ".json"))
     with progress_bar(len(the_study.conditions), "condition", the_study.name) as advance:
         found = diagnosis.diagnose(the_study, advance)
     text = json.dumps(found.to_json(), indent=1)

@@ -48,15 +48,17 @@ STEPS = ("reading", "simulating", "pushing")
 
 def draft(
     fmu: str | PathLike[str],
-    runs: Sequence[str | PathLike[str]],
-    references: Sequence[str | PathLike[str]] = (),
+    runs: Sequence[str | PathLike[str]] | str | PathLike[str],
+    references: Sequence[str | PathLike[str]] | str | PathLike[str] = (),
     progress: Callable[[str], object] = lambda step: None,
     reading: Reading = AS_IT_IS,
 ) -> Draft:
-    """What a study of these runs would say. references: simulated records, one a run, which replace running the FMU for it.
-    reading: what is known of all logs beside what they say. The model runs over the first run, once for each column that is
-    tried as an input. Raises FmuError and RecordError for files that cannot be used, and where no column shows any output.
+    """What a study of these runs, or of this one, would say. references: simulated records, one a run, which replace running
+    the FMU for it. reading: what is known of all logs beside what they say. The model runs over the first run, once for each
+    column that is tried as an input. Raises FmuError and RecordError for files that cannot be used, and where no column shows
+    any output.
     """
+    runs, references = ([it] if isinstance(it, str | PathLike) else it for it in (runs, references))
     if not runs:
         raise RecordError("there is no run to draft from", remedy="Name one log or more.")
     if references and len(references) != len(runs):

@@ -17,10 +17,7 @@ from fmucorrect.records import naming, seconds
 from fmucorrect.records.contents import Column
 from fmucorrect.records.source import MOST_COLUMNS, UNTIMED, counted
 from fmucorrect.records.text import MOST_CHARACTERS, encoding_of, known_encoding, opened
-from fmucorrect.signals import Reading
-
-DELIMITERS = {"tab": "\t", "space": " ", "blank": " "}
-"""Words for delimiters that are hard to write."""
+from fmucorrect.signals import DELIMITERS, Reading
 
 _PREAMBLE = 100
 """Lines among which the header must stand."""

@@ -23,10 +23,7 @@ from jaxtyping import Float64, Int64
 from fmucorrect.errors import RecordError
 from fmucorrect.records.repairs import Repairs
 from fmucorrect.records.source import NO_TIME, Block
-from fmucorrect.signals import NANOSECONDS, Record
-
-RULES = frozenset({"sort", "drop", "interpolate", "clock", "resample"})
-"""The names of the repair rules."""
+from fmucorrect.signals import NANOSECONDS, RULES, Record
 
 JITTER = 0.01
 """Part of a step by which an interval may differ from the step and still count as uniform."""

@@ -12,6 +12,7 @@ from jaxtyping import Float64
 
 from fmucorrect import records, units
 from fmucorrect.clocks import clock
+from fmucorrect.companions import files_of
 from fmucorrect.errors import SHOWN
 from fmucorrect.fmu import open_fmu
 from fmucorrect.pairs import read_samples
@@ -178,8 +179,12 @@ def _held_out(study: Study, measured: Mapping[str, Record]) -> Iterator[Finding]
 
 
 def _digest(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    """Of a record's content; a folder of files, or a pattern, is one."""
+    digest = hashlib.sha256()
+    for part in files_of(path):
+        with part.open("rb") as file:
+            digest.update(hashlib.file_digest(file, "sha256").digest())
+    return digest.hexdigest()
 
 
 def _channels(study: Study, condition: Condition, measured: Record) -> Iterator[Finding]:

@@ -137,6 +137,7 @@ def wrap(
     }
     read = [(what, None if path is None else Path(path)) for what, path in named.items()]
     outputs.check_file(out, read, made_by, overwrite, parents=True)
+    outputs.check_ending(out, "an FMU is written", (".fmu",))
     parts = _read(fmu, corrector, effects_file, mapping, fmi, platforms)
     with WorkFolder() as folder:
         work = folder.path

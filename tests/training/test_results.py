@@ -43,10 +43,12 @@ def test_the_three_files_agree(study: Study, briefly: Trained, tmp_path: Path) -
     assert figures_of(done.evaluations, warned, done.against)["warnings"] == [seen.to_json()]
 
 
-def test_the_command_refuses_a_study_with_nothing_to_hold_out(tmp_path: Path) -> None:
+@pytest.mark.parametrize("command", ["train", "compare", "compare two"])
+def test_the_command_refuses_a_study_with_nothing_to_hold_out(command: str, tmp_path: Path) -> None:
     path = make_study(tmp_path)
     path.write_text(path.read_text().replace('role = "development"', 'role = "evaluation"', 3))
-    result = CliRunner().invoke(cli.main, ["train", str(path), "-o", str(tmp_path / "model")])
+    studies = [str(path)] * (1 + command.endswith("two"))
+    result = CliRunner().invoke(cli.main, [command.split()[0], *studies, "-o", str(tmp_path / "model")])
     assert result.exit_code == 2
     assert "at least two development conditions" in result.output
     assert not (tmp_path / "model").exists()
