@@ -153,6 +153,16 @@ def test_a_quiet_interval_that_was_not_measured(tmp_path: Path, quiet: str, fits
     assert " to 59.9" in caught.value.problems[0]
 
 
+@pytest.mark.parametrize(("start", "fits"), [(50.0, True), (59.99, False), (1e6, False)])
+def test_an_excitation_that_begins_behind_the_run(tmp_path: Path, start: float, fits: bool) -> None:
+    study = make(tmp_path, more=f"start = {start}\n")
+    if fits:
+        assert screen(study).warnings == ()
+        return
+    with pytest.raises(StudyError, match=r'1 "one", key start: start behind the run: the excitation begins at'):
+        screen(study)
+
+
 @pytest.mark.parametrize("line", ['units = { "s22" = "mm" }', 'columns = { "wheel" = "S2 rad" }', 'time = "tmie"'])
 def test_a_name_that_no_record_has(tmp_path: Path, line: str) -> None:
     """What a misspelt key says would be lost without a word; one that some records lack is no mistake."""

@@ -63,6 +63,7 @@ def of_pairs(study: Study, pairs: Sequence[Pair]) -> tuple[Finding, ...]:
     doubtful = {j for pair in twins for j in pair}
     return (
         *_quiet(study, pairs),
+        *_begin(study, pairs),
         *_clocks(study, pairs),
         *_duplicated(study, pairs, twins),
         *_assigned(study, pairs, tables, doubtful),
@@ -125,6 +126,22 @@ def _quiet(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
                 f"it is {low:g} to {high:g} s, and was measured from {begins:.6g} to {ends:.6g} s of the run",
                 "The sensors' noise would be told from another stretch, or not at all",
                 f"Write an interval that ends before {ends:.6g}, or leave quiet out.",
+            )
+
+
+def _begin(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
+    """Excitations that begin where nothing was measured any more."""
+    names = [condition.name for condition in study.conditions]
+    for item in pairs:
+        ends = (int(item.t_ns[-1]) - int(item.simulated.t_ns[0])) / NANOSECONDS
+        if item.condition.start >= ends:
+            yield Finding(
+                "start behind the run",
+                "error",
+                place(study.places, ("conditions", names.index(item.condition.name), "start")),
+                f"the excitation begins at {item.condition.start:g} s, and the run was measured to {ends:.6g} s",
+                "Nothing is left to be fitted or scored",
+                "Write start in s from the run's begin, or leave it out.",
             )
 
 
