@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from one_mass import JOINT, MASS, SWEEP, T, shown, sweep, term_at, write
+from one_mass import JOINT, MASS, STEP, SWEEP, T, shown, sweep, term_at, write
 
 pytest.importorskip("ziglang")
 pytest.importorskip("sympy")
@@ -102,6 +102,27 @@ def test_a_law_pushes_on_top_of_what_the_study_gives_at_its_force_input(library,
         found.append(shown(study, study.conditions[0], library, law, len(T)))
     assert np.ptp(found[0]) > 5.0
     np.testing.assert_allclose(found[0], found[1], atol=1e-9)
+
+
+def test_a_force_that_the_response_shows_at_once_is_shown_beside_what_the_study_gives(library, tmp_path):
+    """Motion given, force measured: friction at the very input that the record gives, as the wrapped FMU has it."""
+    write(tmp_path / "force.csv", "joint1.f [N]", sweep(2.0))
+    write(tmp_path / "measured.csv", "F [N]", 0.0 * T)
+    force = MASS.replace("mass1.x", "base.F").replace('"x1"', '"F"').replace("displacement", "force").replace("mm", "N")
+    (tmp_path / "study.toml").write_text(force + JOINT + SWEEP, encoding="utf-8")
+    study = load_study(tmp_path / "study.toml")
+    values = {"friction_force": 1.0, "smoothing_velocity": 0.02}
+    simulator = Simulator(study, study.conditions[0], library)
+    bare, ours = simulator.run(), simulator.run([law_at(study, "coulomb_friction", "joint 1", **values)])
+    simulator.close()
+    rows = (ForceEffect("coulomb_friction", "joint 1", values),)
+    write_effects(Effects(rows, (), study.joints, coupling_step=STEP), tmp_path / "effects.toml")
+    assert study.fmu is not None
+    wrap(study.fmu, None, tmp_path / "augmented.fmu", effects_file=tmp_path / "effects.toml", platforms=["linux64"])
+    augmented = replace(study, simulation=replace(study.simulation, fmu=tmp_path / "augmented.fmu"))
+    wrapped = pairs.simulate(augmented, study.conditions[0])
+    np.testing.assert_allclose(ours[:, 0], wrapped.values[:, 0], atol=1e-9)
+    assert np.abs(ours - bare).max() > 0.5
 
 
 def test_or_on_top_of_what_that_input_starts_with(library, tmp_path):

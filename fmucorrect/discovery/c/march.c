@@ -8,6 +8,7 @@
 
 #include <stdbool.h>
 #include <stddef.h>
+#include <string.h>
 
 typedef int Step2(void *, double, double, int);
 typedef int Access2(void *, const unsigned[], size_t, double[]);
@@ -100,13 +101,31 @@ static void given(const Road *road, const double row[])
         road->force_values[f] = road->force_columns[f] < 0 ? road->force_starts[f] : row[road->force_columns[f]];
 }
 
-/* One sub-step of h s from t, with the inputs of `row`; the joints have been read. Whether the solver went along. */
-static bool advance(const Solver *s, const Road *road, const double row[], Placed laws[], long n_laws, double t, double h)
+/* The inputs of `row` are set, and forces of laws stay on top of them: what a force input passes on at once shows both.
+ * Whether the solver went along. */
+static bool enter(const Solver *s, const Road *road, const double row[], const double pushed[])
+{
+    double values[road->n_inputs + 1];
+    memcpy(values, row, (size_t)road->n_inputs * sizeof *row);
+    given(road, row);
+    for (long f = 0; f < road->n_forces; f++) {
+        road->force_values[f] += pushed[f];
+        if (road->force_columns[f] >= 0)
+            values[road->force_columns[f]] = road->force_values[f];
+    }
+    return !road->n_inputs || set(s, road->input_references, (size_t)road->n_inputs, values) <= 1;
+}
+
+/* One sub-step of h s from t, with the inputs of `row`; the joints have been read. pushed: gets the laws' part of the force
+ * inputs. Whether the solver went along. */
+static bool advance(const Solver *s, const Road *road, const double row[], double pushed[], Placed laws[], long n_laws,
+                    double t, double h)
 {
     double ports[n_laws + 1][4], force[n_laws + 1], slope[n_laws + 1], answers[n_laws * n_laws + 1];
     for (long i = 0; i < n_laws; i++)
         look(&laws[i], road, h, ports[i]);
     given(road, row);
+    memset(pushed, 0, (size_t)road->n_forces * sizeof *pushed);
     for (long i = 0; i < n_laws; i++) {
         Placed *law = &laws[i];
         if (law->answer)
@@ -122,7 +141,9 @@ static bool advance(const Solver *s, const Road *road, const double row[], Place
     }
     together((size_t)n_laws, slope, answers, force);
     for (long i = 0; i < n_laws; i++)
-        road->force_values[laws[i].force] += laws[i].force_factor * force[i];
+        pushed[laws[i].force] += laws[i].force_factor * force[i];
+    for (long f = 0; f < road->n_forces; f++)
+        road->force_values[f] += pushed[f];
     if (road->n_forces && set(s, road->force_references, (size_t)road->n_forces, road->force_values) > 1)
         return false;
     return step(s, t, h) <= 1;
@@ -132,10 +153,11 @@ static bool advance(const Solver *s, const Road *road, const double row[], Place
 __attribute__((visibility("default"))) long march(const Solver *s, const Road *road, Placed laws[], long n_laws)
 {
     const double h = road->size / (double)road->parts;
-    given(road, road->inputs);
+    double pushed[road->n_forces + 1];
+    memset(pushed, 0, sizeof pushed);
     for (long k = 0; k <= road->steps; k++) {
-        double *row = (double *)road->inputs + k * road->n_inputs;
-        if (road->n_inputs && set(s, road->input_references, (size_t)road->n_inputs, row) > 1)
+        const double *row = road->inputs + k * road->n_inputs;
+        if (!enter(s, road, row, pushed))
             return k;
         if (get(s, road->read_references, (size_t)road->n_reads, road->reads) > 1)
             return k;
@@ -147,7 +169,7 @@ __attribute__((visibility("default"))) long march(const Solver *s, const Road *r
         for (long part = 0; part < road->parts; part++) {
             if (part && get(s, road->read_references, (size_t)road->n_reads, road->reads) > 1)
                 return k;
-            if (!advance(s, road, row, laws, n_laws, t + (double)part * h, h))
+            if (!advance(s, road, row, pushed, laws, n_laws, t + (double)part * h, h))
                 return k;
         }
     }
