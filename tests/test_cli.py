@@ -240,6 +240,19 @@ def test_run_says_which_options_nothing_comes_of(model: Path, ran: Path, tmp_pat
 
 
 @pytest.mark.parametrize(
+    "arguments",
+    [
+        ["inspect", "x.csv", "--rate", "nan"],
+        ["run", "s.toml", "--condition", "1", "-o", "o.mcap", "--duration", "nan"],
+        ["diagnose", "s.toml", "--step-timeout", "NaN"],
+        ["train", "s.toml", "-o", "o", "--seed", "99999999999999999999"],
+    ],
+)
+def test_numbers_that_are_none_are_refused_by_their_option(arguments: list[str]) -> None:
+    refused(call(*arguments), f"Invalid value for '{arguments[-2]}'")
+
+
+@pytest.mark.parametrize(
     ("option", "value"), [("--speed", "nan"), ("--speed", "-385"), ("--amplitude", "inf"), ("--start", "nan")]
 )
 def test_replay_refuses_a_condition_that_is_none(model: Path, option: str, value: str, tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 import os
 import re
 import signal
@@ -24,9 +25,22 @@ if TYPE_CHECKING:
     from fmucorrect.study import Study
 
 PATH = click.Path(path_type=Path)
+
+
+class Number(click.FloatRange):
+    """click's own lets NaN through, which lies in no range."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """The number. Raises click.BadParameter."""
+        found = super().convert(value, param, ctx)
+        if math.isnan(found):
+            self.fail(f"{value} is no number", param, ctx)
+        return found
+
+
 STEP_TIMEOUT = click.option(
     "--step-timeout",
-    type=click.FloatRange(min=0, min_open=True),
+    type=Number(min=0, min_open=True),
     help="s that the solver may take for one step before it counts as stuck; default: the study's step_timeout, else 10.",
 )
 
@@ -45,7 +59,7 @@ def reading_options(command: Callable[..., Any]) -> Callable[..., Any]:
         ("time", "Column that is the time, where none is named so."),
     ):
         command = click.option(f"--{name}", default="", help=text)(command)
-    rates = click.FloatRange(min=0.0, max=1e9)
+    rates = Number(min=0.0, max=1e9)
     text = "Samples a second, Hz, of a file that has no time at all."
     return click.option("--rate", type=rates, default=0.0, help=text)(command)
 

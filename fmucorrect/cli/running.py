@@ -17,6 +17,7 @@ from fmucorrect.cli.group import (
     OVERWRITE,
     PATH,
     STEP_TIMEOUT,
+    Number,
     UserError,
     ignored,
     open_study,
@@ -107,7 +108,7 @@ def _watching(live: bool, listen: str | None, out: Path) -> Generator[Live | Non
 @click.argument("study", type=PATH)
 @click.option("--condition", required=True, help="Name of a condition of the study.")
 @click.option("--corrector", type=PATH, help="The ONNX bundle; without it the bare simulation is written.")
-@click.option("--duration", type=click.FloatRange(min=0, min_open=True), help="s; default: as long as the measurement.")
+@click.option("--duration", type=Number(min=0, min_open=True), help="s; default: as long as the measurement.")
 @STEP_TIMEOUT
 @click.option("-o", "--out", type=PATH, required=True, help="Record file to write; .mcap takes several topics.")
 @OVERWRITE
