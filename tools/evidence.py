@@ -321,8 +321,7 @@ def discovery() -> tuple[str, str]:
 
 ## Data of others
 
-Measured (Silverbox, the rotary friction device) or published as a benchmark (Bouc-Wen), with a known answer; what is scored was
-held out. `python tools/real_data/make.py` makes the studies, [how](../../tools/real_data/README.md). The last column is the best published figure.
+Measured (all but one) or published as a benchmark (Bouc-Wen), with a known answer; what is scored was held out. `python tools/real_data/make.py` makes the studies, [how](../../tools/real_data/README.md). The last column is the best published figure.
 
 {table(["set", "named", "error reached", "best published"], real[1])}
 

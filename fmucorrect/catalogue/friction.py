@@ -203,6 +203,7 @@ LAWS = (
     Law(
         name="stribeck_friction",
         special=("coulomb_friction",),
+        absorbs=("coulomb_friction",),
         family="friction",
         description="Dry friction that is larger at the onset of sliding than while the joint slides.",
         acts=_ANYWHERE,
@@ -221,6 +222,7 @@ LAWS = (
     Law(
         name="stribeck_friction",
         special=("coulomb_friction",),
+        absorbs=("coulomb_friction",),
         form="stick",
         family="friction",
         description="Dry friction that holds the joint still up to a breakaway force and is smaller while it slides.",

@@ -171,11 +171,12 @@ class Law:
     weakest first; `relative` ones are shares of the element's own motion or force, others are multiplied by a force.
     main: the parameter that says how strong it is. estimated: what data decide; the others stay as guessed, and are
     fitted to the best set alone. signed: whether it may act the other way round. special: simpler effects that it becomes
-    with special numbers; it is named only where these do clearly worse. becomes: of those, by label, numbers from its own,
-    where the same names do not do. extends: laws by label that it contains, or another form of its own, and its numbers from
-    theirs. holds: its numbers with which it holds a joint still that gives by a displacement (m or rad) under a force (N or
-    N.m). corners: the parameters that would be 0 in a loop of infinitely small steps, were it as sharp as the textbook has it.
-    reverse: how, where not by the sign (or inverse) of `main`.
+    with special numbers; it is named only where these do clearly worse. absorbs: of those, what beside it at the same place
+    only changes its numbers. becomes: of those, by label, numbers from its own, where the same names do not do. extends: laws
+    by label that it contains, or another form of its own, and its numbers from theirs. holds: its numbers with which it holds
+    a joint still that gives by a displacement (m or rad) under a force (N or N.m). corners: the parameters that would be 0 in
+    a loop of infinitely small steps, were it as sharp as the textbook has it. reverse: how, where not by the sign (or inverse)
+    of `main`.
     """
 
     name: str
@@ -193,6 +194,7 @@ class Law:
     relative: bool = False
     signed: bool = False
     special: tuple[str, ...] = ()
+    absorbs: tuple[str, ...] = ()
     becomes: tuple[tuple[str, Extension], ...] = ()
     extends: tuple[tuple[str, Extension], ...] = ()
     holds: Callable[[float, float], Mapping[str, float]] | None = None

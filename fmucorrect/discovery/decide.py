@@ -13,13 +13,10 @@ from fmucorrect.discovery.naming import Naming
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.sets import MOST, has_room
 from fmucorrect.discovery.terms import OffsetTerm, Term
-from fmucorrect.discovery.worth import OPEN, WORTH, names
+from fmucorrect.discovery.worth import CLEAR, OPEN, WORTH, names
 
 TEMPER = 2.0
 """By what surprises are divided before they become probabilities: laws and sensors are never quite as assumed."""
-CLEAR = 4.0
-"""A drop of -2 log p below which a further effect is not believed, beside what its name and numbers cost (nulls of the suite
-stay 1 above)."""
 CLOSE = 12.0
 """Sets whose surprise is higher by less cannot be told from the best one."""
 AGREES = 1.3

@@ -17,11 +17,12 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.special import chdtrc
 
+from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fitted import Fitted, Setting, stands_out
 from fmucorrect.discovery.located import Pushed
 from fmucorrect.discovery.motion import Series, along, halfway, law_along
 from fmucorrect.discovery.problem import Problem
-from fmucorrect.discovery.terms import ForceTerm, coordinates
+from fmucorrect.discovery.terms import ForceTerm, Term, coordinates, linear
 from fmucorrect.discovery.trials import Trial
 from fmucorrect.errors import FmuError
 from fmucorrect.study import Joint
@@ -97,6 +98,19 @@ def uneven(problem: Problem, setting: Setting, fitted: Fitted) -> tuple[Uneven |
 
 
 def _most(problem: Problem, setting: Setting, fitted: Fitted, term: ForceTerm) -> Uneven | None:
+    tried: list[Uneven] = []
+    for over, (places, columns) in zip(OVER, _pieces(problem, fitted, term), strict=False):
+        found = _sizes(setting, fitted, columns)
+        if found.gained > CHANCE and found.explains > WORTH and found.share > TOLD:
+            tried.append(Uneven(over, found.share, found.explains, places, found.factors))
+    return max(tried, key=lambda item: item.explains, default=None)
+
+
+def _pieces(
+    problem: Problem, fitted: Fitted, term: ForceTerm
+) -> list[tuple[tuple[float, ...], Float64[np.ndarray, "n P"]]]:
+    """Over each of OVER where the pieces of a law's force lie, and what each of them does at the sensors; nothing where the
+    solver gives up."""
     size = problem.study.simulation.step_size
     with ThreadPoolExecutor(problem.workers) as pool:
 
@@ -106,7 +120,7 @@ def _most(problem: Problem, setting: Setting, fitted: Fitted, term: ForceTerm) -
 
         try:
             shown = list(pool.map(show, product(problem.trials, term.joints)))
-            tried: list[Uneven] = []
+            found: list[tuple[tuple[float, ...], Float64[np.ndarray, "n P"]]] = []
             for over in OVER:
                 middles = [halfway(item.moved[over]) for item in shown]
                 edges, places = _cut(np.concatenate(middles), np.concatenate([item.force for item in shown]))
@@ -117,12 +131,30 @@ def _most(problem: Problem, setting: Setting, fitted: Fitted, term: ForceTerm) -
                 answers = list(pool.map(lambda item, parts: _answers(problem, fitted, item, parts), shown, pieces))
                 joints = len(term.joints)
                 each = [sum(answers[i + 1 : i + joints], answers[i]) for i in range(0, len(answers), joints)]
-                found = _sizes(setting, fitted, np.concatenate(each))
-                if found.gained > CHANCE and found.explains > WORTH and found.share > TOLD:
-                    tried.append(Uneven(over, found.share, found.explains, places, found.factors))
+                found.append((places, np.concatenate(each)))
         except FmuError:
-            return None
-    return max(tried, key=lambda item: item.explains, default=None)
+            return []
+    return found
+
+
+def doubted(problem: Problem, setting: Setting, fitted: Fitted) -> float:
+    """The surprise of a set whose forces' form is not quite right: each nonlinear one may be off by FORM_ERROR in each of
+    its pieces, by place and by speed. Base parameters, sensors and the members' numbers give way to that, to first order
+    around the fit."""
+    forms = [
+        FORM_ERROR * columns
+        for term in fitted.model.terms
+        if isinstance(term, ForceTerm) and not linear(term)
+        for _, columns in _pieces(problem, fitted, term)
+    ]
+    if not forms:
+        return fitted.surprise
+    own = np.concatenate([fitted.slopes / ANY, fitted.base, setting.sensors.columns], axis=1)
+    as_it_is, doubtful = (
+        Nuisances(columns).believe(fitted.linear, setting.share, setting.floor)
+        for columns in (own, np.concatenate([own, *forms], axis=1))
+    )
+    return fitted.surprise + doubtful.surprise - as_it_is.surprise
 
 
 def _cut(
@@ -174,6 +206,12 @@ def _sizes(setting: Setting, fitted: Fitted, pieces: Float64[np.ndarray, "n P"])
     return _Sizes(float(gained[k]), share, explains, tuple(float(1.0 + move) for move in moves))
 
 
+FORM_ERROR = 0.03
+"""Standard deviation of what each piece of a nonlinear force may be off by: no machine is a law of a textbook. As much as each
+joint's own force may be (errorbars.JOINT_ERROR); not tuned."""
+ANY = 1e-3
+"""The inverse of what a member's number may move by, in its own scale: by anything."""
+
 VARIES = 0.15
 """Standard deviation between conditions, over the number, from which it is said. On chains of masses right laws stayed below,
 also beside effects that no catalogue holds; friction that depends on the place, fitted without, came to 0.16 to 0.55."""
@@ -185,8 +223,8 @@ BY_CHANCE = 1e-3
 
 
 def varying(rows: Sequence[slice], setting: Setting, fitted: Fitted) -> tuple[float, ...]:
-    """By how much the main number of each member would have to differ between conditions: standard deviation over the number
-    itself, of what noise does not explain; 0 where that is little or chance, or the member is no force. rows: of each
+    """By how much the main number of each member would have to differ between conditions: standard deviation over the size of
+    the law, of what noise does not explain; 0 where that is little or chance, or the member is no force. rows: of each
     condition among all.
 
     To first order around the fit, nothing is simulated. Each condition moves the main numbers by itself, a law's others
@@ -210,9 +248,16 @@ def varying(rows: Sequence[slice], setting: Setting, fitted: Fitted) -> tuple[fl
     found = [0.0] * len(terms)
     for (i, k), variance in zip(mains.items(), beyond, strict=True):
         scale, value = coordinates(terms[i])[k], abs(terms[i].values[terms[i].main])
-        share = float(np.sqrt(variance)) * (1.0 if scale == 0.0 else scale / max(value, 1e-300))
+        move = float(np.sqrt(variance)) * (value if scale == 0.0 else scale)
+        share = move / max(_size(terms[i]), 1e-300)
         found[i] = share if share > VARIES else 0.0
     return tuple(found)
+
+
+def _size(term: Term) -> float:
+    """Of the law: its main number, or a larger one in the same unit (of friction that is all breakaway, that)."""
+    unit = term.parameter(term.main).unit
+    return max(abs(value) for name, value in term.values.items() if term.parameter(name).unit == unit)
 
 
 def _alone(

@@ -14,6 +14,7 @@ from fmucorrect.discovery.ledger import Entry
 from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.nuisances import PERTURBED, sensitivities
 from fmucorrect.discovery.problem import Problem
+from fmucorrect.discovery.terms import ForceTerm
 
 PROBE, FINEST = 0.02, 1e-3
 """By how much a coordinate is moved for its sensitivity, at most and at least: as far as it is uncertain in between."""
@@ -40,7 +41,8 @@ def fit(
     parent: Fitted | int | None = None,
 ) -> Fitted | None:
     """The members' numbers and the base parameters, from those of `model`; None where the solver gives up at once, and where a
-    law stands twice at a place: the two share what one does, and sets are told apart by what they name.
+    law stands twice at a place, or beside one that absorbs it: the two share what one does, and sets are told apart by what
+    they name.
 
     Levenberg and Marquardt's method (1944, 1963) on the posterior, sensors integrated out. Sensitivities to the base
     parameters are those of the setting until one of them has moved by STALE. start: the model's evidence, where known.
@@ -48,7 +50,8 @@ def fit(
     whose sensitivities to the base parameters go before the setting's; of a fit to other conditions its number.
     The result stands in the problem's ledger, too.
     """
-    if len({term.key for term in model.terms}) < len(model.terms):
+    absorbed = {(law, term.where) for term in model.terms if isinstance(term, ForceTerm) for law in term.law.absorbs}
+    if len({term.key for term in model.terms} - absorbed) < len(model.terms):
         return None
     if isinstance(parent, Fitted):
         setting, parent = replace(setting, base=parent.base), parent.number

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import partial
 
 from fmucorrect.discovery.budget import OutOfTime
+from fmucorrect.discovery.discrepancy import doubted
 from fmucorrect.discovery.ending import ended, likeliest, needed
 from fmucorrect.discovery.exchange import exchanged
 from fmucorrect.discovery.fit import GAINED, fit
@@ -17,7 +19,7 @@ from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.search import Progress, Search
 from fmucorrect.discovery.sets import LONG, settled
 from fmucorrect.discovery.stepwise import fewer, stepwise
-from fmucorrect.discovery.worth import believed, first_of, merged, names
+from fmucorrect.discovery.worth import believed, first_of, merged, names, simpler_ones
 
 ENDING = {"ending": "equivalents of what was found, and its numbers to their end"}
 """What comes after every search, by the name that `Ledger.through` takes."""
@@ -75,7 +77,8 @@ def _chosen(problem: Problem) -> Naming:
     if not problem.ledger.compared:
         return _so_far(problem)
     first, last = problem.ledger.compared[0], problem.ledger.compared[-1]
-    found = Naming(last.base, tuple(believed(last.setting, last.base, last.sets)), last.setting, first)
+    sets = believed(last.setting, last.base, last.sets, partial(doubted, problem, last.setting))
+    found = Naming(last.base, tuple(sets), last.setting, first)
     return _finished(problem, found)
 
 
@@ -104,7 +107,7 @@ def _so_far(problem: Problem) -> Naming:
         bare = [Fitted(problem.nominal, at, own.measured - at, 1.0, 0.0, own.base, problem.nominal.base)]
     base = first_of([judge(setting, fitted) for fitted in bare])
     setting, base, found = settled(problem, setting, base, [fitted for fitted in fits if fitted.model.terms])
-    return Naming(base, tuple(believed(setting, base, found)), setting)
+    return Naming(base, tuple(believed(setting, base, found, partial(doubted, problem, setting))), setting)
 
 
 def _finished(problem: Problem, naming: Naming) -> Naming:
@@ -125,7 +128,8 @@ def _ended(problem: Problem, naming: Naming) -> Naming:
     found = merged([*naming.sets, *(twin for fitted in close for twin in at_other_places(problem, setting, fitted))])
     if naming.sets:
         curves = around(problem, naming.base).curves(naming.base)
-        found = merged([*found, *exchanged(problem, setting, first_of(found), curves, found)])
+        alike = exchanged(problem, setting, first_of(found), curves, found)
+        found = merged([*found, *(one for one in alike if not simpler_ones(setting, found, one))])
     told = likeliest(problem, setting, found)
     if told:  # its numbers to their end; compared with the others as they were fitted alike
         least = told[0].surprise

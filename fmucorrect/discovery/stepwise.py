@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from fmucorrect.discovery.budget import Budget
 from fmucorrect.discovery.calibration import calibrated
 from fmucorrect.discovery.candidates import Curve, candidates, places, signals
 from fmucorrect.discovery.condensing import condensed
+from fmucorrect.discovery.discrepancy import doubted
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.fitted import EXPLAINED, Fitted, Setting, begin, begin_as, explains, price
 from fmucorrect.discovery.ledger import Compared, Ledger, move
@@ -104,7 +106,8 @@ def _on_all(problem: Problem, by_few: Compared, progress: Progress) -> Compared:
     setting, base, found = settled(problem, setting, base, found)
     found += turning(problem, setting, base, found, progress)
     setting, base, found = settled(problem, setting, base, found)
-    setting, base, found = settled(problem, setting, base, believed(setting, base, found))
+    found = believed(setting, base, found, partial(doubted, problem, setting))
+    setting, base, found = settled(problem, setting, base, found)
     return Compared(problem, base, tuple(found), setting)
 
 

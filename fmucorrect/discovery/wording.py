@@ -47,7 +47,11 @@ def _verdict(report: Discovery, checked: Sequence[Gap]) -> str:
             moved += f"{' and' if by else ' after'} the {which} by {far:.2g} standard deviations"
         return f"Simulation and measurement agree to the sensors' noise{moved}: nothing is missing that these data can show."
     if report.verdict == "unexplained":
-        left = _nearest(report.suspects) or f"{100 * report.unexplained:.3g} % of the residual's energy stays"
+        stays = f"{100 * report.unexplained:.3g} % of the residual's energy"
+        near = "; ".join(map(sized, report.suspects))
+        left = _nearest(report.suspects) or (
+            f"nearest: {near}, beside which {stays} stays" if near else f"{stays} stays"
+        )
         nothing = "nothing in the catalogue" if report.complete else "nothing that was looked at"
         return f"Simulation and measurement disagree, and {nothing} explains it: {left}.{_learned(report)}"
     held = [gap for gap in checked if gap.condition.role == "evaluation"] or list(checked)
@@ -109,18 +113,21 @@ def _nearest(suspects: Sequence[Effect]) -> str:
 
 
 def sized(row: Effect) -> str:
-    """Effect and place, and how large it is; a rectified signal has no size."""
+    """Effect and place, and how large it is; a rectified signal has no size, nor has a force whose main number is lost in its
+    own error (friction that fades with the speed): there what acted says it."""
     if not row.parameters:
         return row.at
     name, main = next(iter(row.parameters.items()))  # the first is the main one
+    acts = row.acting  # a size that is said is the force that acted
+    acted = f"at most {quantity(acts.peak, unit=acts.unit)} acted" if acts else ""
+    if acted and abs(main.value) < main.std:
+        return f"{row.at} ({acted})"
     if main.meaning == OF_FACTOR:
         size = f"{short(100.0 * main.value)} %"
     else:
         size = next(iter(row.moved.values()), quantity(main.value, unit=main.unit))
     size = size if len(row.parameters) == 1 else f"{plain(name)} {size}"
-    acts = row.acting  # a size that is said is the force that acted
-    size += f", at most {quantity(acts.peak, unit=acts.unit)} acted" if acts else ""
-    return f"{row.at} ({size})"
+    return f"{row.at} ({size}, {acted})" if acted else f"{row.at} ({size})"
 
 
 def rest(setting: Setting, decision: Decision) -> list[str]:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from types import UnionType
 
 import numpy as np
 
 from fmucorrect.discovery.fitted import Fitted, Setting, price
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, SignalTerm, linear
+
+Doubted = Callable[[Fitted], float]
+"""The surprise of a set whose laws' form is not quite right (discrepancy.doubted)."""
 
 WORTH = 0.04
 """How much of the amplitude of all that was to be explained a further effect must take away: laws are idealised, their
@@ -18,8 +22,12 @@ SMALL, NEARLY = 0.015, 0.8
 LITTLE, OPEN = 1.1, 2.0
 """Variance of the error, over its least, above which something stays unexplained; so much that parameters and full sets are
 doubted too."""
-DOUBT = 3.0
-"""How many times what stays unexplained further effects must take away."""
+CLEAR = 4.0
+"""A drop of -2 log p below which a further effect is not believed, beside what its name and numbers cost (nulls of the suite
+stay 1 above)."""
+DOUBT, SURE = 3.0, 1.0
+"""How many times what stays unexplained further effects must take away; so many times forces that do what no error in the form
+of the laws could: more than they leave."""
 
 
 def names(fitted: Fitted) -> frozenset[tuple[str, str]]:
@@ -102,25 +110,47 @@ def complete(setting: Setting, base: Fitted, found: Sequence[Fitted], best: Fitt
     return best.s2 - setting.floor < SMALL**2 * energy and max(far, sensed) < price(setting, 1)
 
 
-def credible(setting: Setting, found: Sequence[Fitted]) -> list[Fitted]:
-    """Without the sets of several in which further effects take away little beside what all of them leave above the noise: next
-    to a rest that nothing explains, a small further effect may be any. Not so a parameter or a sensor that is off: what it
-    takes away had been taken on by what is expected of all of them."""
-
-    def believed(more: Fitted, less: Fitted) -> bool:
-        rest = more.s2 - LITTLE * setting.floor
-        extra = [term for term in more.model.terms if term.key not in names(less)]
-        if more.s2 < OPEN * setting.floor and all(isinstance(term, OffsetTerm | SignalTerm) for term in extra):
-            return True
-        return rest <= 0.0 or less.s2 - more.s2 >= DOUBT * rest
-
-    return [more for more in found if all(believed(more, less) for less in found if names(less) < names(more))]
+def simpler_ones(setting: Setting, found: Sequence[Fitted], more: Fitted) -> list[Fitted]:
+    """The sets beside which further effects of a larger one, or its law in the place of a special case, take away little
+    against what it leaves above the noise: next to a rest that nothing explains, a small further effect may be any. Not so
+    a parameter or a sensor that is off: what it takes away had been taken on by what is expected of all of them."""
+    rest = more.s2 - LITTLE * setting.floor
+    near = [less for less in found if _simpler(less, more) and less.s2 - more.s2 < DOUBT * rest]
+    if more.s2 < OPEN * setting.floor:
+        near = [less for less in near if not _beside(less, more, OffsetTerm | SignalTerm)]
+    return near if rest > 0.0 else []
 
 
-def believed(setting: Setting, base: Fitted, found: Sequence[Fitted]) -> list[Fitted]:
+def credible(setting: Setting, found: Sequence[Fitted], doubted: Doubted | None = None) -> list[Fitted]:
+    """The sets with nothing among `simpler_ones`. With `doubted` also the first that has only forces beside these, which take
+    away more than they leave and what no error in the form of the laws could. found: the likeliest first."""
+    kept: list[Fitted] = []
+    costs: dict[int, float] = {}
+
+    def cost(fitted: Fitted) -> float:
+        if id(fitted) not in costs and doubted is not None:
+            costs[id(fitted)] = doubted(fitted)
+        return costs[id(fitted)]
+
+    for more in found:
+        near = simpler_ones(setting, found, more)
+        if near and not kept and doubted is not None:
+            rest = more.s2 - LITTLE * setting.floor
+            if all(_beside(less, more, ForceTerm) and less.s2 - more.s2 >= SURE * rest for less in near):
+                near = [less for less in near if cost(less) < cost(more) + CLEAR]
+        kept += [] if near else [more]
+    return kept
+
+
+def _beside(less: Fitted, more: Fitted, kind: type | UnionType) -> bool:
+    """Whether all that a set has beside a simpler one is of a kind."""
+    return all(isinstance(term, kind) for term in more.model.terms if term.key not in names(less))
+
+
+def believed(setting: Setting, base: Fitted, found: Sequence[Fitted], doubted: Doubted | None = None) -> list[Fitted]:
     """The sets whose every effect is worth it and credible, the best fit of each."""
     kept = [fitted for fitted in merged(admissible(setting, base, found)) if fitted.model.terms]
-    return credible(setting, kept)
+    return credible(setting, kept, doubted)
 
 
 def _simpler(less: Fitted, more: Fitted) -> bool:

@@ -58,6 +58,19 @@ def test_a_number_that_differs_between_conditions_is_told():
     assert share == pytest.approx(np.std(moves, ddof=1), rel=0.05)
 
 
+def test_a_number_that_is_next_to_nothing_beside_the_force_that_acts_need_not_be_the_same_each_time():
+    """Friction that is all breakaway, and falls with the speed: what slides is lost in what it may be off by."""
+    law = next(law for law in CATALOGUE["stribeck_friction"] if not law.form)
+    setting, best = fitted([-0.4, -0.1, 0.1, 0.4])
+    for sliding, told in ((10.0, True), (0.01, False)):
+        falling = {"friction_force": sliding, "breakaway_force": 12.0, "stribeck_velocity": 0.1}
+        term = ForceTerm(law, "joint", (), law.complete({**falling, "smoothing_velocity": 1e-3}))
+        others = np.zeros((CONDITIONS * ROWS, len(term.estimated) - 1))
+        own = replace(best, model=Model((term,)), slopes=np.concatenate([best.slopes, others], axis=1))
+        (share,) = varying(ROWS_OF, setting, own)
+        assert (share > VARIES) is told
+
+
 def test_a_single_condition_says_nothing():
     setting, best = fitted([-0.4, -0.1, 0.1, 0.4])
     assert varying(ROWS_OF[:1], setting, best) == (0.0,)
@@ -75,7 +88,11 @@ def test_a_law_that_does_not_carry_over_between_conditions_or_places_is_no_findi
 
 
 @pytest.mark.parametrize(
-    ("share", "said"), [(0.414, "friction force would have to differ by 41 % between"), (0.2, "5 % of")]
+    ("share", "said"),
+    [
+        (0.414, "friction force would have to differ by 41 % between"),
+        (0.2, "nearest: added mass at frame; Coulomb friction at damper, beside which 5 % of"),
+    ],
 )
 def test_and_the_sentence_says_so(share, said):
     close = {"effect": "coulomb_friction", "joint": "damper", "uneven": None} | {
@@ -85,4 +102,4 @@ def test_and_the_sentence_says_so(share, said):
     report = {"verdict": "unexplained", "effects": [], "suspects": [other, close], "unexplained": 0.05}
     text = sentence(Discovery.read(report), [])
     assert said in text
-    assert ("Coulomb friction at damper" in text) == (share > TOO_MUCH)
+    assert ("nearest comes Coulomb friction at damper, whose" in text) == (share > TOO_MUCH)

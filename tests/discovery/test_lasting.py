@@ -71,3 +71,18 @@ def test_what_explains_little_without_it_stays_as_it_was(library, tmp_path):
     assert again is decision
     assert not all(size.lasts for size in sizes)
     assert not told
+
+
+def test_what_fewer_explain_is_named_though_as_many_as_there_may_be_leave_something(library, tmp_path):
+    """Friction, and a spring that is another one each day: two further laws that take some of it on are no reason to say
+    nothing."""
+    also = {"cubic_stiffness": {"cubic_stiffness": 1e5}, "quadratic_damping": {"quadratic_damping": 1.0}}
+    problem, naming = likeliest(tmp_path, library, BENT, {"coulomb_friction": FRICTION, **also})
+    with problem:
+        decision = decide(naming)
+        assert decision.verdict == "unexplained"
+        again, sizes, told = lasting(problem, naming, decision)
+    assert again.verdict == "named"
+    assert names(again.best) == {("coulomb_friction", WHERE)}
+    assert all(size.lasts for size in sizes)
+    assert len(told) == 2

@@ -44,6 +44,17 @@ def test_an_effect_is_told_with_its_main_number_first(problem, term):
     assert ("(" in sized(read(Effect, row, "row"))) is bool(term.values)
 
 
+def test_a_size_that_is_lost_in_its_own_error_is_not_told():
+    """Friction that fades with the speed: of what slides nothing is known, and what acted is."""
+    parameter = {"unit": "N", "symbol": "F", "meaning": "", "std": 47.0}
+    force = {"friction_force": {"value": 3e-4, **parameter}, "breakaway_force": {"value": 165.0, **parameter}}
+    acting = {"rms": 115.0, "peak": 164.0, "unit": "N"}
+    row = {"effect": "stribeck_friction", "joint": "damper", "parameters": force, "acting": acting}
+    assert sized(read(Effect, row, "row")) == "Stribeck friction at damper (at most 164 N acted)"
+    force["friction_force"]["value"] = 100.0
+    assert sized(read(Effect, row, "row")) == "Stribeck friction at damper (friction force 100 N, at most 164 N acted)"
+
+
 def test_a_parameter_is_told_before_and_after_all_that_moves_it(problem):
     parts = [adjustable for adjustable in problem.study.adjustable if adjustable.parameters in (("k1",), ("c1",))]
     both = OffsetTerm(Adjustable(("k1", "c1"), 0.2, 2.0, 0.02), "k1 and c1", 0.02, -0.8, 1.0, {"value": -0.25})

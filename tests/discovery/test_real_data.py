@@ -100,6 +100,7 @@ def test_noise_is_found_above_the_band():
         ("silverbox", {"multisine": 6.955, "arrow": 14.40, "arrow without extrapolation": 6.576}),
         ("bouc_wen", {"multisine": 2.967e-3, "sweep": 3.455e-3}),
         ("rotary", {"ImperialValley": 131.3, "Kocaeli": 89.8}),
+        ("emps", {"pulses": 18.12}),
     ],
 )
 def test_the_model_is_as_far_off_as_it_was(name, figures, real_folder):

@@ -183,6 +183,14 @@ def test_a_law_stands_once_at_a_place(library, tmp_path):
     with problem_of(tmp_path, library, APART + JOINT) as problem:
         setting, base = begun(problem)
         spring = term_at(problem.study, "linear_stiffness", "joint 1", stiffness=20.0)
-        one, two = (replace(base.model, terms=(spring,) * count) for count in (1, 2))
-        assert fit(problem, setting, one, 2) is not None
-        assert fit(problem, setting, two, 2) is None
+        dry = term_at(problem.study, "coulomb_friction", "joint 1", friction_force=0.1, smoothing_velocity=1e-3)
+        falling = {"friction_force": 0.1, "breakaway_force": 0.2, "stribeck_velocity": 0.01, "smoothing_velocity": 1e-3}
+        more = term_at(problem.study, "stribeck_friction", "joint 1", **falling)
+        for terms, stands in (
+            ((spring,), True),
+            ((spring, spring), False),
+            ((spring, more), True),
+            ((dry, more), False),  # the latter with other numbers
+        ):
+            fitted = fit(problem, setting, replace(base.model, terms=terms), 2)
+            assert (fitted is not None) is stands

@@ -111,6 +111,28 @@ def test_beside_what_nothing_explains_a_small_further_effect_may_be_any(left, wi
     assert small not in credible(setting(), [one, two, small]) or with_it < 1.1
 
 
+@pytest.mark.parametrize(
+    ("more", "with_it", "is_believed"),
+    [
+        ([DRY, STOP], 12.0, True),  # all beside the simpler set are forces, that take away more than they leave
+        ([DRY, STOP], 20.0, False),
+        ([HYSTERESIS], 12.0, True),  # in the place of a law that it contains
+        ([DRY, "gain"], 12.0, False),  # what the form of a law may be off by says nothing of sensors
+    ],
+)
+def test_but_not_what_no_error_in_the_form_of_the_laws_could_do(more, with_it, is_believed):
+    gain = SignalTerm(SIGNALS["sensor_gain"][0], "x1", (0,), {"gain": 1.2})
+    one = made(30.0, ("joint 1", DRY))
+    two = made(with_it, *(("joint 1", item) for item in more if item != "gain"))
+    if "gain" in more:
+        two = replace(two, model=replace(two.model, terms=(*two.model.terms, gain)))
+    assert two.surprise < one.surprise
+    assert credible(setting(), [two, one]) == [one]
+    for gained in (100.0, 1.0):  # by the larger set, where all their laws may be off
+        both = credible(setting(), [two, one], lambda fitted, gained=gained: 0.0 if fitted is two else gained)
+        assert both == ([two, one] if is_believed and gained > 4.0 else [one])
+
+
 @pytest.mark.parametrize(("rest", "is_believed"), [(1.3, True), (3.0, False)])
 def test_a_sensor_that_is_off_need_not_take_away_what_all_of_them_had_taken_on(rest, is_believed):
     one = made(rest, ("joint 1", STOP))
