@@ -1,7 +1,7 @@
 """Processes that start as forks of one that has imported what they need, for tests to which their start is nothing.
 
-A solver's process, or a log library's, takes 0.3 to 1 s of computing to import what it needs, and the tests start many hundreds.
-A fork runs the same line of Python with the same arguments, pipes, environment and session, in a process of its own, which may
+A solver's process, or a log library's, takes 0.3 to 1 s of computing to import what it needs, and the tests start hundreds. A
+fork runs the same line of Python with the same arguments, pipes, environment and session, in a process of its own, which may
 crash, hang or be killed as the other. The tests of these processes themselves, and all commands that are begun as processes,
 start them as everybody does.
 
@@ -10,6 +10,7 @@ Run as a script, with a socket and modules, this file is what is forked.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -75,7 +76,7 @@ class Forked:
     ) -> None:
         at = command.index("-c")
         asked = {"code": command[at + 1], "argv": ["-c", *command[at + 2 :]], "session": start_new_session}
-        asked |= {"env": dict(os.environ if env is None else env), "folder": os.getcwd(), "parent": os.getpid()}
+        asked |= {"env": dict(os.environ if env is None else env), "folder": str(Path.cwd()), "parent": os.getpid()}
         to_read, to_write = os.pipe()
         theirs: list[int] = []
         ours: list[int | None] = []
@@ -116,10 +117,8 @@ class Forked:
 
     def kill(self) -> None:
         if not self._ended.is_set():
-            try:
+            with contextlib.suppress(ProcessLookupError):
                 os.kill(self.pid, signal.SIGKILL)
-            except ProcessLookupError:
-                pass
 
 
 def serve(line: socket.socket) -> None:
@@ -174,7 +173,7 @@ def _become(asked: dict[str, Any], standard: list[int]) -> None:
     for number, pipe in enumerate(standard):
         os.dup2(pipe, number)
         os.close(pipe)
-    sys.stdin, sys.stdout, sys.stderr = (open(n, "w" if n else "r", closefd=False) for n in range(3))  # noqa: PTH123, SIM115
+    sys.stdin, sys.stdout, sys.stderr = (open(n, "w" if n else "r", closefd=False) for n in range(3))  # noqa: SIM115
     os.environ.clear()
     os.environ.update(asked["env"])
     os.chdir(asked["folder"])
@@ -187,10 +186,8 @@ def _become(asked: dict[str, Any], standard: list[int]) -> None:
 
 def main(number: str, *modules: str) -> None:
     for name in modules:
-        try:
+        with contextlib.suppress(ImportError):  # an extra that is not there
             import_module(name)
-        except ImportError:  # an extra that is not there
-            continue
     serve(socket.socket(fileno=int(number)))
 
 
