@@ -67,8 +67,8 @@ WITH = dict.fromkeys(("test_elsewhere", "test_resuming", "test_time_limit", "tes
 FIRST = ("training", "wrapping", "test_discover")
 """Groups that take longest, in the order in which they are begun: what begins last keeps one process busy alone."""
 
-START = ("test_isolated", "test_trouble", "test_mutations", "test_cases")
-"""Files with the tests of the processes that solvers and libraries for logs have: only there is each a Python begun anew."""
+START = ("test_isolated", "test_trouble", "test_mutations", "test_the_child")
+"""Files and tests of the processes that solvers and libraries for logs have: only there is each a Python begun anew."""
 
 
 @pytest.hookimpl(tryfirst=True)  # before fixtures
@@ -76,7 +76,7 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     for seen in calls.values():
         seen[0] = 0
     if sys.platform == "linux":
-        begun = item.path.stem in START
+        begun = any(name in item.nodeid for name in START)
         vars(process)["subprocess"] = subprocess if begun else solvers
         vars(child)["subprocess"] = subprocess if begun else libraries
 
