@@ -123,7 +123,8 @@ class Forked:
 
 def serve(line: socket.socket) -> None:
     """Fork whenever that is asked, until nobody can ask any more."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    for number in (signal.SIGINT, signal.SIGTERM):  # meant for the tests: it ends with their line
+        signal.signal(number, signal.SIG_IGN)
     between: list[int] = []
     while True:
         data, pipes, _, _ = socket.recv_fds(line, _MOST, _PIPES)
@@ -170,6 +171,7 @@ def _become(asked: dict[str, Any], standard: list[int]) -> None:
     if asked["session"]:
         os.setsid()
     signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
     for number, pipe in enumerate(standard):
         os.dup2(pipe, number)
         os.close(pipe)
