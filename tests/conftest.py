@@ -1,12 +1,16 @@
-"""Shapes and types of the whole package are checked while the tests run; no test is asked how long it takes."""
+"""Shapes and types of the whole package are checked while the tests run, its own processes are forked ones; no test is asked
+how long it takes."""
 
 import functools
 import os
+import subprocess
+import sys
 from collections.abc import Callable
 from typing import Any
 
 import jaxtyping
 import pytest
+from forked import Nursery
 from hypothesis import settings
 
 CHECKED_CALLS = 10
@@ -44,6 +48,15 @@ jaxtyping._decorator.jaxtyped = jaxtyped
 # tools/mutation.py has only the module checked that it changed: so all others run as they are
 hook = jaxtyping.install_import_hook(os.environ.get("FMUCORRECT_CHECKED", "fmucorrect"), "beartype.beartype")
 
+# behind the hook, which has them checked
+from fmucorrect.fmu import process  # noqa: E402
+from fmucorrect.records import child  # noqa: E402
+
+solvers = Nursery(["fmucorrect.fmu.child"])
+libraries = Nursery(
+    ["fmucorrect.records.child", "pyarrow.parquet", "pandas", "asammdf", "h5py", "scipy.io", "pyuff", "tdm_loader"]
+)
+
 settings.register_profile("untimed", deadline=None)
 settings.load_profile("untimed")
 
@@ -54,10 +67,23 @@ WITH = dict.fromkeys(("test_elsewhere", "test_resuming", "test_time_limit", "tes
 FIRST = ("training", "wrapping", "test_discover")
 """Groups that take longest, in the order in which they are begun: what begins last keeps one process busy alone."""
 
+START = ("test_isolated", "test_trouble", "test_mutations", "test_the_child")
+"""Files and tests of the processes that solvers and libraries for logs have: only there is each a Python begun anew."""
 
-def pytest_runtest_setup() -> None:
+
+@pytest.hookimpl(tryfirst=True)  # before fixtures
+def pytest_runtest_setup(item: pytest.Item) -> None:
     for seen in calls.values():
         seen[0] = 0
+    if sys.platform == "linux":
+        begun = any(name in item.nodeid for name in START)
+        vars(process)["subprocess"] = subprocess if begun else solvers
+        vars(child)["subprocess"] = subprocess if begun else libraries
+
+
+def pytest_sessionfinish() -> None:
+    solvers.close()
+    libraries.close()
 
 
 @pytest.hookimpl(tryfirst=True)  # before pytest-xdist looks for groups, or there are none

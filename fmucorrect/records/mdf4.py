@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from html import unescape
@@ -46,7 +47,7 @@ def _asammdf() -> Any:
     except ImportError as error:
         raise MissingExtra("asammdf", "formats") from error
     for blocks in (v2_v3_blocks, v4_blocks):
-        vars(blocks)["lambdify"] = _refused
+        vars(blocks).update(lambdify=_refused, symbols=str)
     return asammdf
 
 
@@ -72,7 +73,9 @@ class Mdf4Source:
 
     @staticmethod
     def load() -> None:
-        """Import the library. Raises MissingExtra."""
+        """Import the library, in the child and without sympy: a third of the time, and what none may use there. Raises
+        MissingExtra."""
+        sys.modules["sympy"] = None  # pyright: ignore[reportArgumentType] (a name that cannot be imported)
         _asammdf()
 
     def __init__(self, path: str, reading: Reading = AS_IT_IS) -> None:

@@ -102,9 +102,13 @@ def wine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, str]]:
         "WINEDLLOVERRIDES": "mscoree,mshtml=",  # it would ask to download these
     }
     quiet = {"env": {**os.environ, **environment}, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    server = WINE.with_name("wineserver64")
+    subprocess.run(
+        [server, "-p60"], timeout=60, **quiet
+    )  # else it ends after 3 s, and a program begins it and its services
     subprocess.run([WINE, "wineboot", "-i"], timeout=300, **quiet)
     yield environment
-    subprocess.run([WINE.with_name("wineserver64"), "-k"], timeout=60, **quiet)  # that of this prefix alone
+    subprocess.run([server, "-k"], timeout=60, **quiet)  # that of this prefix alone
 
 
 @pytest.fixture(scope="session")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import cast
 
 import numpy as np
@@ -105,6 +106,7 @@ _QUADRATURE = 20_000  # midpoints in theta, y = centre + amplitude sin(theta)
 def _roll(right: WheelOnRail, left: WheelOnRail, y: float) -> float:
     """The roll at which the axle's centre is equally high over both rails, rad."""
 
+    @cache  # brentq asks again at both ends of its bracket
     def unequal(roll: float) -> float:
         lifts = [pair.rolled(sign * roll).height(sign * y) for pair, sign in ((right, 1.0), (left, -1.0))]
         return lifts[0] - lifts[1]

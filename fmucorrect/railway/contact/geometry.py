@@ -24,6 +24,9 @@ Column = Float64[np.ndarray, " Y"]
 GRID = 25e-6
 """m: distance of the points at which the gap is looked at before the contact point is refined."""
 
+CONVERGED = 1e-14
+"""m: a contact point that a further step moves by less than this is found; Newton's next one would be in the rounding."""
+
 JUMP = 0.3e-3
 """m: two contact points farther apart than this, at one and the same position, are a jump (two-point contact)."""
 
@@ -233,11 +236,16 @@ class WheelOnRail:
                 remedy="Use profiles that reach farther, or check gauge, back-to-back and the origin of the wheel profile",
             )
         low, high = at - GRID, at + GRID
-        for _ in range(40):
-            middle = (low + high) / 2.0
-            rising = self.rail(middle, 1) > self.wheel(middle - y, 1)
-            low, high = np.where(rising, middle, low), np.where(rising, high, middle)
-        return (low + high) / 2.0
+        for _ in range(40):  # Newton's steps, halves of the bracket where they lead out of it
+            slope = self.rail(at, 1) - self.wheel(at - y, 1)
+            low, high = np.where(slope > 0.0, at, low), np.where(slope > 0.0, high, at)
+            bend = self.rail(at, 2) - self.wheel(at - y, 2)
+            there = at - np.divide(slope, bend, out=np.full_like(at, np.inf), where=bend < 0.0)
+            there = np.where((low <= there) & (there <= high), there, (low + high) / 2.0)
+            moved, at = np.abs(there - at).max(), there
+            if moved < CONVERGED:
+                break
+        return at
 
     @cached_property
     def grid(self) -> Column:

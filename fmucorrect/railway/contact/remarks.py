@@ -56,10 +56,14 @@ def findings(pair: WheelOnRail, table: ContactTable) -> list[str]:
 def _conicities(difference: Callable[[Column], Column]) -> str:
     """At AMPLITUDES as far as it is defined."""
     y = np.linspace(-8e-3, 8e-3, 3201)
+    try:
+        known = difference(y)
+    except SignalError:
+        return ", ".join(f"none at {amplitude * 1e3:g} mm" for amplitude in AMPLITUDES)
     values: list[str] = []
     for amplitude in AMPLITUDES:
         try:
-            values.append(f"{equivalent_conicity(y, difference(y), amplitude):.3f} at {amplitude * 1e3:g} mm")
+            values.append(f"{equivalent_conicity(y, known, amplitude):.3f} at {amplitude * 1e3:g} mm")
         except SignalError:
             values.append(f"none at {amplitude * 1e3:g} mm")
     return ", ".join(values)

@@ -47,6 +47,8 @@ def _value(hint: Any, value: Any, where: str) -> Any:
     if origin is Sequence or hint is Numbers:
         found = _checked(list | tuple, "a list", () if value is None else value, where)
         if hint is Numbers:
+            if all(type(entry) is float for entry in found):  # histories: a hundred thousand of them a report
+                return np.array(found, np.float64)
             return np.array([_value(float, entry, where) for entry in found], np.float64)
         return tuple(_value(inner[0], entry, f"{where}[{i}]") for i, entry in enumerate(found))
     types, words, blank = {
