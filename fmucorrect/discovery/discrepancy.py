@@ -46,6 +46,11 @@ CHANCE = 14.0
 chi-squared of one degree of freedom)."""
 SIZES = np.logspace(-2.0, 0.5, 41)
 """Standard deviations of the pieces' sizes that are tried."""
+FORM_ERROR = 0.03
+"""Standard deviation of what each piece of a nonlinear force may be off by: no machine is a law of a textbook. As much as each
+joint's own force may be (errorbars.JOINT_ERROR); not tuned."""
+ANY = 1e-6
+"""Prior precision of a member's number, in its own scale: it may move by anything."""
 
 
 @dataclass(frozen=True)
@@ -149,7 +154,7 @@ def doubted(problem: Problem, setting: Setting, fitted: Fitted) -> float:
     ]
     if not forms:
         return fitted.surprise
-    own = np.concatenate([fitted.slopes / ANY, fitted.base, setting.sensors.columns], axis=1)
+    own = np.concatenate([fitted.slopes / np.sqrt(ANY), fitted.base, setting.sensors.columns], axis=1)
     as_it_is, doubtful = (
         Nuisances(columns).believe(fitted.linear, setting.share, setting.floor)
         for columns in (own, np.concatenate([own, *forms], axis=1))
@@ -190,7 +195,7 @@ def _sizes(setting: Setting, fitted: Fitted, pieces: Float64[np.ndarray, "n P"])
     beside = np.concatenate([fitted.slopes, fitted.base, setting.sensors.columns], axis=1) / np.sqrt(level)
     W, rest = pieces / np.sqrt(level), fitted.residual / np.sqrt(level)
     prior = np.ones(beside.shape[1])
-    prior[: fitted.slopes.shape[1]] = 1e-6
+    prior[: fitted.slopes.shape[1]] = ANY
     own, both = beside.T @ beside + np.diag(prior), beside.T @ np.column_stack([W, rest])
     taken = both.T @ np.linalg.solve(own, both)
     A, b = W.T @ W - taken[:-1, :-1], W.T @ rest - taken[:-1, -1]
@@ -205,12 +210,6 @@ def _sizes(setting: Setting, fitted: Fitted, pieces: Float64[np.ndarray, "n P"])
     share = float(np.linalg.norm(pieces @ moves) / max(np.linalg.norm(law), 1e-300))
     return _Sizes(float(gained[k]), share, explains, tuple(float(1.0 + move) for move in moves))
 
-
-FORM_ERROR = 0.03
-"""Standard deviation of what each piece of a nonlinear force may be off by: no machine is a law of a textbook. As much as each
-joint's own force may be (errorbars.JOINT_ERROR); not tuned."""
-ANY = 1e-3
-"""The inverse of what a member's number may move by, in its own scale: by anything."""
 
 VARIES = 0.15
 """Standard deviation between conditions, over the number, from which it is said. On chains of masses right laws stayed below,

@@ -114,7 +114,7 @@ def simpler_ones(setting: Setting, found: Sequence[Fitted], more: Fitted) -> lis
     """The sets beside which further effects of a larger one, or its law in the place of a special case, take away little
     against what it leaves above the noise: next to a rest that nothing explains, a small further effect may be any. Not so
     a parameter or a sensor that is off: what it takes away had been taken on by what is expected of all of them."""
-    rest = more.s2 - LITTLE * setting.floor
+    rest = _rest(setting, more)
     near = [less for less in found if _simpler(less, more) and less.s2 - more.s2 < DOUBT * rest]
     if more.s2 < OPEN * setting.floor:
         near = [less for less in near if not _beside(less, more, OffsetTerm | SignalTerm)]
@@ -135,11 +135,16 @@ def credible(setting: Setting, found: Sequence[Fitted], doubted: Doubted | None 
     for more in found:
         near = simpler_ones(setting, found, more)
         if near and not kept and doubted is not None:
-            rest = more.s2 - LITTLE * setting.floor
-            if all(_beside(less, more, ForceTerm) and less.s2 - more.s2 >= SURE * rest for less in near):
+            least = SURE * _rest(setting, more)
+            if all(_beside(less, more, ForceTerm) and less.s2 - more.s2 >= least for less in near):
                 near = [less for less in near if cost(less) < cost(more) + CLEAR]
         kept += [] if near else [more]
     return kept
+
+
+def _rest(setting: Setting, fitted: Fitted) -> float:
+    """What a set leaves above the noise."""
+    return fitted.s2 - LITTLE * setting.floor
 
 
 def _beside(less: Fitted, more: Fitted, kind: type | UnionType) -> bool:

@@ -111,18 +111,17 @@ def _how(pairs: Sequence[Pair], having: Collection[int]) -> str:
 def _quiet(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
     """Intervals without excitation of which nothing was measured, or that end behind the run: where a measurement ends in it is
     known to a sample or two only."""
-    names = [condition.name for condition in study.conditions]
     for item in pairs:
         if item.condition.quiet is None:
             continue
-        begins, ends = ((int(item.t_ns[i]) - int(item.simulated.t_ns[0])) / NANOSECONDS for i in (0, -1))
+        begins, ends = _measured(item)
         run = int(item.simulated.t_ns[-1] - item.simulated.t_ns[0]) / NANOSECONDS
         low, high = item.condition.quiet
         if low >= ends or high <= begins or high > run + study.simulation.step_size:
             yield Finding(
                 "quiet interval that was not measured",
                 "error",
-                place(study.places, ("conditions", names.index(item.condition.name), "quiet")),
+                _key(study, item, "quiet"),
                 f"it is {low:g} to {high:g} s, and was measured from {begins:.6g} to {ends:.6g} s of the run",
                 "The sensors' noise would be told from another stretch, or not at all",
                 f"Write an interval that ends before {ends:.6g}, or leave quiet out.",
@@ -131,18 +130,29 @@ def _quiet(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
 
 def _begin(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
     """Excitations that begin where nothing was measured any more."""
-    names = [condition.name for condition in study.conditions]
     for item in pairs:
-        ends = (int(item.t_ns[-1]) - int(item.simulated.t_ns[0])) / NANOSECONDS
+        _, ends = _measured(item)
         if item.condition.start >= ends:
             yield Finding(
                 "start behind the run",
                 "error",
-                place(study.places, ("conditions", names.index(item.condition.name), "start")),
+                _key(study, item, "start"),
                 f"the excitation begins at {item.condition.start:g} s, and the run was measured to {ends:.6g} s",
                 "Nothing is left to be fitted or scored",
                 "Write start in s from the run's begin, or leave it out.",
             )
+
+
+def _measured(item: Pair) -> tuple[float, float]:
+    """From when to when, s of the run."""
+    begins, ends = ((int(item.t_ns[i]) - int(item.simulated.t_ns[0])) / NANOSECONDS for i in (0, -1))
+    return begins, ends
+
+
+def _key(study: Study, item: Pair, key: str) -> str:
+    """Where a key of its condition stands."""
+    number = [condition.name for condition in study.conditions].index(item.condition.name)
+    return place(study.places, ("conditions", number, key))
 
 
 def _clocks(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
