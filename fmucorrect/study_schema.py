@@ -275,18 +275,25 @@ def _misfits(table: StudyTable, places: Places, folder: Path) -> Found:
 
 
 def _columns_twice(table: StudyTable, places: Places) -> Found:
-    """Columns of a record that two channels name; whole channels that stand there twice are told by their names."""
+    """Columns of a record that two channels name, or a channel and the excitation; whole channels that stand there twice are
+    told by their names."""
     keys = (
         ("measurement", "acceleration"),
         *([("simulation",)] if any(row.simulated for row in table.conditions) else []),
     )
     for some in keys:
         owners: dict[str, Location] = {}
+        if table.excitation is not None and "measurement" in some:
+            owners[table.excitation.measurement] = ("excitation", "measurement")
         for i, row in enumerate(table.channels):
             for key in some:
                 loc, column = ("channels", i, key), getattr(row, key)
                 first = owners.setdefault(column, loc)
-                if column and first != loc and (first[1] == i or table.channels[int(first[1])].name != row.name):
+                if (
+                    column
+                    and first != loc
+                    and (len(first) < 3 or first[1] == i or table.channels[int(first[1])].name != row.name)
+                ):
                     yield (
                         loc,
                         f"column {column!r} is taken by {place(places, first)}; each channel has its own",

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Literal, get_args
 
-from annotated_types import Ge, MinLen
+from annotated_types import Ge, Le, MinLen
 
 from fmucorrect.study_places import nearest
 from fmucorrect.toml_table import Found, NotNegative, Positive, Text
@@ -22,6 +22,8 @@ Widths = Annotated[tuple[Count, ...], MinLen(1)]
 Weight = NotNegative
 Band = Annotated[tuple[Weight, Positive], "of two numbers, as [begin, end]"]
 Matrix = tuple[tuple[float, ...], ...]
+LARGEST_SEED = 2**32 - 1
+"""Each epoch draws from a seed of its own, a million times this one and more, and torch's generators take 64 bits."""
 
 
 @dataclass(frozen=True)
@@ -176,7 +178,7 @@ class Training:
 
     window: Annotated[int, Ge(2)] = 40
     decimation: Count = 10
-    seed: Annotated[int, Ge(0)] = 0
+    seed: Annotated[int, Ge(0), Le(LARGEST_SEED)] = 0
     tdnn: Tdnn = Tdnn()
     pinn: Pinn = Pinn()
     tdnn_residual: TdnnResidual = TdnnResidual()

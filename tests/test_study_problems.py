@@ -78,6 +78,11 @@ SINGLE = [
     ("# rate = ", "rate = 0 # ", "[records], key rate: must be above 0, got 0"),
     ("[simulation]", "training.window = 1\n[simulation]", "[training], key window: must be at least 2, got 1"),
     (
+        "[simulation]",
+        f"training.seed = {2**33}\n[simulation]",
+        f"[training], key seed: must be at most {2**32 - 1}, got {2**33}",
+    ),
+    (
         'time = "" ',
         'rate = 5\ntime = "t" ',
         "[records], key rate: write either time, the column that is the time, or rate, where files hold samples only; "
@@ -182,6 +187,16 @@ def test_group_named_as_a_joint_and_parameter_twice(folder: Path) -> None:
     found = problems(folder, edited(('"yaw dampers"', '"yaw damper, left"')) + more)
     assert f"'yaw damper, left' is taken by line {line_of(EXAMPLE, '[[joints]]')}" in found[0]
     assert found[1].endswith("[[adjustable]] 2, key parameters: 'equivalent_conicity' is already in [[adjustable]] 1")
+
+
+def test_a_column_of_a_channel_and_of_the_excitation(folder: Path) -> None:
+    column = EXAMPLE[EXAMPLE.index("[excitation]") :].split('measurement = "')[1].split('"')[0]
+    own = EXAMPLE[EXAMPLE.index("[[channels]]") :].split('measurement = "')[1].split('"')[0]
+    (problem,) = problems(folder, edited((f'measurement = "{own}"', f'measurement = "{column}"')))
+    assert problem.startswith(
+        f"line {line_of(EXAMPLE, 'measurement')}, {CHANNEL}, key measurement: column {column!r} is taken by"
+    )
+    assert "[excitation], key measurement; each channel has its own" in problem
 
 
 @pytest.mark.parametrize("key", ["measurement", "simulation", "acceleration"])

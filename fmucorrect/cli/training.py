@@ -22,6 +22,7 @@ from fmucorrect.cli.group import (
     say,
 )
 from fmucorrect.errors import kept_when_broken_off
+from fmucorrect.study_training import LARGEST_SEED
 
 if TYPE_CHECKING:
     from fmucorrect.report.training.page import Guarded
@@ -47,7 +48,7 @@ def _training_options(command: Callable[..., None]) -> Callable[..., None]:
 @click.command()
 @click.argument("study", type=PATH)
 @click.option("-o", "--out", type=PATH, required=True, help="Folder for the model, its card, its page and its figures.")
-@click.option("--seed", type=click.IntRange(0, 2**32 - 1), help="Of everything that is drawn; default: the study's.")
+@click.option("--seed", type=click.IntRange(0, LARGEST_SEED), help="Of everything that is drawn; default: the study's.")
 @_training_options
 @STEP_TIMEOUT
 @OVERWRITE

@@ -34,8 +34,9 @@ MOVES = 3.0
 class Gap:
     """One condition before and after, all measured rows; of a record that begins in motion what is looked at (trials.lead_in).
     t: (T,) s. measured, before, after: (T, J) in the channels' units.
-    Errors in % of the measured range, means over the channels that vary; noise_floor: what the sensors' noise alone gives.
-    starts: values that the study leaves unknown, fitted to this record; before and after begin from their own."""
+    Errors in % of the measured range, means over the channels that vary; noise_floor: what the sensors' noise alone gives;
+    it and sigma are NaN where that is not known. starts: values that the study leaves unknown, fitted to this record; before
+    and after begin from their own."""
 
     condition: Condition
     t: Float64[np.ndarray, " T"]
@@ -54,8 +55,13 @@ class Gap:
     def agrees(self) -> bool:
         """Whether what was found holds here."""
         gone = self.nrmse_before - self.nrmse_after
-        open_before = self.nrmse_before - self.noise_floor
-        return self.nrmse_after <= AGREES * self.noise_floor or (open_before > 0.0 and gone >= CLOSED * open_before)
+        open_before = self.nrmse_before - self.least
+        return self.nrmse_after <= AGREES * self.least or (open_before > 0.0 and gone >= CLOSED * open_before)
+
+    @property
+    def least(self) -> float:
+        """What is no part of the gap, %: the noise floor, nothing where that is not known."""
+        return self.noise_floor if np.isfinite(self.noise_floor) else 0.0
 
 
 def carries_over(held: Sequence[Gap]) -> bool:
@@ -63,8 +69,8 @@ def carries_over(held: Sequence[Gap]) -> bool:
     by their energies above the noise floor."""
     if all(gap.agrees for gap in held):
         return True
-    before = sum(gap.nrmse_before**2 - gap.noise_floor**2 for gap in held)
-    after = sum(gap.nrmse_after**2 - gap.noise_floor**2 for gap in held)
+    before = sum(gap.nrmse_before**2 - gap.least**2 for gap in held)
+    after = sum(gap.nrmse_after**2 - gap.least**2 for gap in held)
     return all(gap.nrmse_after < gap.nrmse_before for gap in held) and after <= (1.0 - CLOSED) * before
 
 
@@ -101,7 +107,7 @@ def _gap(
         budget.add(len(pair.simulated) * study.simulation.step_size)
     t, rows, measured, before = pair.t_ns * 1e-9, pair.rows, pair.measured, pair.response
     step = study.simulation.step_size
-    sigma, _, _ = sensor_noise(study, condition, measured, before, rows.start * step)
+    sigma, known, _ = sensor_noise(study, condition, measured, before, rows.start * step)
     guess = {name: start_value(study, item.description, condition, name) for name in condition.free}
 
     def begun(model: Model) -> tuple[np.ndarray, Mapping[str, float]]:
@@ -134,10 +140,10 @@ def _gap(
         measured,
         before,
         shown,
-        sigma,
+        sigma if known else np.full_like(sigma, np.nan),
         was.mean_nrmse,
         now.mean_nrmse,
-        floor.mean_nrmse,
+        floor.mean_nrmse if known else np.nan,
         was.mean_r2,
         now.mean_r2,
         starts,

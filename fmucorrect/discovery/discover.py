@@ -219,7 +219,13 @@ def _report(
     start = problem.responses(problem.nominal)
     step = study.simulation.step_size
     residuals = [
-        Residual(t.condition, np.arange(t.rows.start, t.rows.stop) * step, y, t.measured, t.sigma)
+        Residual(
+            t.condition,
+            np.arange(t.rows.start, t.rows.stop) * step,
+            y,
+            t.measured,
+            t.sigma if t.known else t.sigma * np.nan,
+        )
         for t, y in zip(problem.trials, start, strict=True)
     ]
     adjusted = output.adjusted(problem, best.model.base)
@@ -359,4 +365,4 @@ def _notes(study: Study, problem: Problem, setting: Setting, decision: Decision)
         notes.append("What sits in a sensor or in the excitation is not put into augmented.fmu.")
     if not study.evaluation:
         notes.append("No evaluation condition: nothing was held out.")
-    return notes + rest(setting, decision)
+    return notes + rest(setting, decision, all(trial.known for trial in problem.trials))

@@ -19,7 +19,7 @@ class Report(dict[str, Any]):
         lines += [f"  {how} {doubt}" for doubt in self.get("cautions", [])]
         for condition, role, before, after, noise in self._gaps():
             held = ", held out" if role == "evaluation" else ""
-            lines.append(f"  {condition}{held}: {before} -> {after} % (noise {noise} %)")
+            lines.append(f"  {condition}{held}: {before} -> {after} % ({noise})")
         if not self.complete:
             lines += [f"  not looked at yet: {what}" for what in self["not_looked_at"]]
             lines.append("  The same command without --time-limit goes on where this search was.")
@@ -37,7 +37,7 @@ class Report(dict[str, Any]):
             self._effects(),
             f"{self['verdict']}: {self['sentence']}",
         )
-        gaps = sketch.table(["condition", "role", "NRMSE before [%]", "after [%]", "noise [%]"], self._gaps())
+        gaps = sketch.table(["condition", "role", "NRMSE before [%]", "after [%]", "noise"], self._gaps())
         return effects + gaps
 
     def _effects(self) -> list[tuple[str, str, str, str, str]]:
@@ -64,7 +64,7 @@ class Report(dict[str, Any]):
                 row["role"],
                 f"{row['nrmse_before']:.3g}",
                 f"{row['nrmse_after']:.3g}",
-                f"{row['noise_floor']:.2g}",
+                "noise unknown" if row["noise_floor"] is None else f"noise {row['noise_floor']:.2g} %",
             )
             for row in self["gap"]
         ]

@@ -56,10 +56,9 @@ def _verdict(report: Discovery, checked: Sequence[Gap]) -> str:
         return f"Simulation and measurement disagree, and {nothing} explains it: {left}.{_learned(report)}"
     held = [gap for gap in checked if gap.condition.role == "evaluation"] or list(checked)
     worst = max(held, key=lambda gap: gap.nrmse_before)
-    error = (
-        f"the error at {worst.condition.name} falls from {worst.nrmse_before:.3g} to {worst.nrmse_after:.3g} %"
-        f" (sensor noise {worst.noise_floor:.2g} %)"
-    )
+    error = f"the error at {worst.condition.name} falls from {worst.nrmse_before:.3g} to {worst.nrmse_after:.3g} %"
+    if known(worst.noise_floor):
+        error += f" (sensor noise {worst.noise_floor:.2g} %)"
     names = [_or_another(row) for row in report.effects]
     what = names[0] if len(names) == 1 else f"{len(names)} effects: {'; '.join(names)}"
     after = f"; with it {error}." if len(names) == 1 else f". With them {error}."
@@ -78,7 +77,7 @@ def _learned(report: Discovery) -> str:
 def _more(unexplained: float, held: Gap) -> str:
     """What is said where names do not explain all. unexplained: share of the residual's energy that is left above the noise."""
     stays = np.sqrt(unexplained)
-    if stays < MUCH or held.nrmse_after**2 < OPEN * held.noise_floor**2:
+    if stays < MUCH or held.nrmse_after**2 < OPEN * held.least**2:
         return ""
     return f" {100 * stays:.2g} % of the disagreement's amplitude stays unexplained."
 
@@ -130,13 +129,18 @@ def sized(row: Effect) -> str:
     return f"{row.at} ({size}, {acted})" if acted else f"{row.at} ({size})"
 
 
-def rest(setting: Setting, decision: Decision) -> list[str]:
-    """What is said where more is left than the sensors' noise, and no effect of it is named."""
+def rest(setting: Setting, decision: Decision, told: bool) -> list[str]:
+    """What is said where more is left than the sensors' noise, and no effect of it is named. told: whether the noise is
+    known."""
     if decision.verdict == "unexplained" or not stands_out(setting, decision.best):
         return []
     amplitude, worth, small = 100.0 * np.sqrt(decision.unexplained), 100.0 * WORTH, 100.0 * SMALL
+    above = (
+        f"the error has {decision.best.s2 / setting.floor:.3g} times the variance of the noise,"
+        if told
+        else "noise with it,"
+    )
     return [
-        f"Something is left: the error has {decision.best.s2 / setting.floor:.3g} times the variance of the noise,"
-        f" {amplitude:.2g} % of the amplitude of what was to be explained. Further effects are named from {worth:g} % on,"
-        f" or from {small:g} % where one is nearly all that is left."
+        f"Something is left: {above} {amplitude:.2g} % of the amplitude of what was to be explained. Further effects are named"
+        f" from {worth:g} % on, or from {small:g} % where one is nearly all that is left."
     ]

@@ -17,6 +17,7 @@ from fmucorrect.comparison import Comparison
 from fmucorrect.errors import StudyError
 from fmucorrect.metrics import Scores, score
 from fmucorrect.pairs import pair
+from fmucorrect.records.parts import is_recording, parts_of
 from fmucorrect.stepper import Status
 from fmucorrect.study import Study
 from fmucorrect.training.data import samples
@@ -125,8 +126,11 @@ def require_alike(studies: Sequence[Study]) -> None:
 
 
 def _same(one: Path | None, other: Path | None) -> bool:
-    """Whether files are the same, or copies."""
-    return one == other or (one is not None and other is not None and cmp(one, other, shallow=False))
+    """Whether recordings are the same, or copies, file for file."""
+    if one == other or one is None or other is None:
+        return one == other
+    ours, theirs = (parts_of(path)[0] if is_recording(path) else [path] for path in (one, other))
+    return len(ours) == len(theirs) and all(cmp(a, b, shallow=False) for a, b in zip(ours, theirs, strict=True))
 
 
 def labels(studies: Sequence[Study]) -> list[str]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import signal
 import threading
 import time
 from collections.abc import Callable, Generator, Mapping, Sequence
@@ -136,8 +137,11 @@ class Workshop:
                 for future in waiting:
                     self._tell(futures[future], _progress(folder / f"{futures[future]}.progress"))
         finally:
-            for future in waiting:
-                future.cancel()
+            if (
+                self.scheduler
+            ):  # processes of this machine are ended; their pool's thread stumbles over what was cancelled
+                for future in waiting:
+                    future.cancel()
 
     def _tell(self, key: str, epochs: int) -> None:
         """Progress of one task; it never goes back."""
@@ -235,7 +239,8 @@ def _executor(scheduler: str, workers: int) -> Generator[Executor]:
 
 
 def _begin(parent: int) -> None:
-    """A worker ends with the command that started it, however that ends."""
+    """A worker ends with the command that started it, however that ends. A Ctrl-C, which reaches both, is the command's."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
     def watch() -> None:
         while os.getppid() == parent:

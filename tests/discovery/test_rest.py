@@ -10,6 +10,8 @@ from fmucorrect.discovery.decide import Decision, left
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fitted import Fitted, Setting
 from fmucorrect.discovery.model import Model
+from fmucorrect.discovery.output import gap_row
+from fmucorrect.discovery.report import Report
 from fmucorrect.discovery.terms import OF_FACTOR
 from fmucorrect.discovery.wording import rest, sentence
 from fmucorrect.report.discovery.content import Discovery
@@ -27,17 +29,33 @@ def decision(verdict: str, s2: float, unexplained: float) -> Decision:
 
 @pytest.mark.parametrize("verdict", ["named", "ambiguous", "none"])
 def test_more_than_chance_is_said(verdict):
-    (text,) = rest(SETTING, decision(verdict, 1.2, 4e-4))
+    (text,) = rest(SETTING, decision(verdict, 1.2, 4e-4), told=True)
     assert "1.2 times the variance" in text
     assert "2 % of the amplitude" in text
 
 
 def test_chance_is_not():
-    assert rest(SETTING, decision("named", 1.05, 1e-4)) == []  # sqrt(2 / 5000) is 0.02
+    assert rest(SETTING, decision("named", 1.05, 1e-4), told=True) == []  # sqrt(2 / 5000) is 0.02
+
+
+def test_a_noise_that_is_not_known_is_told_nowhere():
+    (text,) = rest(SETTING, decision("named", 1.2, 4e-4), told=False)
+    assert "times" not in text
+    assert "noise with it, 2 % of the amplitude" in text
+    unknown = np.full(1, np.nan)
+    gap = Gap(Condition("385"), np.zeros(0), *[np.zeros((0, 1))] * 3, unknown, 19.1, 0.42, np.nan, 0.1, 0.9)
+    row = told("backlash", "mount", gap=(1.2e-4, "m", "free travel"))
+    said = sentence(Discovery.read({"verdict": "named", "effects": [row], "unexplained": 1e-4}), [gap])
+    assert said.endswith("the error at 385 falls from 19.1 to 0.42 %.")
+    assert gap.agrees
+    held = gap_row(gap) | {"noise_floor": None}  # as report.json has it
+    report = Report(verdict="none", sentence=said, effects=[], gap=[held])
+    assert report.lines()[-1].endswith("19.1 -> 0.42 % (noise unknown)")
+    assert "unknown" in report._repr_html_()
 
 
 def test_what_is_unexplained_says_so_itself():
-    assert rest(SETTING, decision("unexplained", 30.0, 0.5)) == []
+    assert rest(SETTING, decision("unexplained", 30.0, 0.5), told=True) == []
 
 
 def moved(s2: float, residual: float, z: float) -> Fitted:

@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -153,6 +154,20 @@ def test_other_measurements_are_refused(paths: tuple[Path, Path], tmp_path: Path
         .replace('"measured_', f'"{paths[0].parent}/measured_')
     )
     require_alike([first, second, load_study(tmp_path / "alike.toml")])
+    for name, content in (
+        ("bag", copy.read_bytes()),
+        ("same", copy.read_bytes()),
+        ("none", b""),
+    ):  # a recording may be a folder
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "part_0.mcap").write_bytes(content)
+    bag, same, none = (
+        replace(first, conditions=tuple(replace(c, measurement=tmp_path / name) for c in first.conditions))
+        for name in ("bag", "same", "none")
+    )
+    require_alike([bag, same])
+    with pytest.raises(StudyError, match="another measurement"):
+        require_alike([bag, none])
 
 
 def test_what_belongs_to_one_study_is_refused_for_several(paths: tuple[Path, Path], tmp_path: Path) -> None:
