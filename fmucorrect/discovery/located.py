@@ -224,15 +224,26 @@ def block(trial: Trial) -> int:
 
 def lasts(kernel: Float64[np.ndarray, "J K"]) -> bool:
     """Whether a response has not ended where it was cut off."""
-    power = np.abs(kernel).max(0)
-    return bool(power[-max(len(power) // 10, 1) :].max() > DECAYED * power.max())
+    return beyond(kernel, 0) > DECAYED
+
+
+def beyond(kernel: Float64[np.ndarray, "J K"], order: int) -> float:
+    """How far the last tenth of a response lies from what it would be if that many differences over time had ended before, as
+    a share of its largest: from nothing, from where a body came to rest, from how it went on."""
+    tail = max(kernel.shape[1] // 10, 1)
+    ended = _differenced(kernel, order)
+    ended[:, -tail:] = 0.0
+    for _ in range(order):
+        ended = np.cumsum(ended, axis=1)
+    return float(np.abs(kernel - ended)[:, -tail:].max() / (np.abs(kernel).max() or 1.0))
 
 
 def invert(trial: Trial, x: Float64[np.ndarray, "J M"], kernel: Float64[np.ndarray, "J K"] | None) -> Inverted:
     """The force history that explains `x`, as evidence() gives it, through `kernel`, as answer() gives it.
 
-    On a ring of time, where that has a closed form a frequency; what lasts is differenced over time until it does not, and the
-    error with it, whose spectrum is then `noise`. What comes before and after `x` is filled again and again
+    On a ring of time, where that has a closed form a frequency; what is moved for good is differenced over time until it ends,
+    and the error with it, whose spectrum is then `noise`; what rings on stays as it is: differences of that do not end, they
+    are only small beside those of the push. What comes before and after `x` is filled again and again
     with what the force makes of it (expectation maximisation), and no force acts after the end.
     """
     count = x.shape[1]
@@ -241,10 +252,10 @@ def invert(trial: Trial, x: Float64[np.ndarray, "J M"], kernel: Float64[np.ndarr
     if kernel is None or not 0.0 < peak < np.inf:
         return Inverted(np.zeros(len(trial.measured)), before, before, x.size)
     size = 1 << (2 * count + 1).bit_length()
-    y, order, noise = x, 0, np.ones(size // 2 + 1)
-    while order < MOST and lasts(kernel):
-        order += 1
-        kernel, y = np.diff(kernel, prepend=0.0), np.diff(y, prepend=0.0)
+    lasting = [max(beyond(kernel, order), DECAYED) for order in range(MOST + 1)]
+    order, noise = lasting.index(min(lasting)), np.ones(size // 2 + 1)
+    kernel, y = _differenced(kernel, order), _differenced(x, order)
+    for _ in range(order):
         noise = noise * np.abs(1.0 - np.exp(-2j * np.pi * np.arange(len(noise)) / size)) ** 2 + 2.0 / count
     peak = float(np.abs(kernel).max())
     ring = np.zeros((len(x), size))
@@ -270,6 +281,12 @@ def invert(trial: Trial, x: Float64[np.ndarray, "J M"], kernel: Float64[np.ndarr
     after = float(np.sum(rest**2)) - max(x.size - fitted, 0.0)
     force = _smooth(np.fft.irfft(spectrum, size)[:count] / peak, block(trial), len(trial.measured))
     return Inverted(force, before, after, x.size)
+
+
+def _differenced(y: Float64[np.ndarray, "J M"], order: int) -> Float64[np.ndarray, "J M"]:
+    for _ in range(order):
+        y = np.diff(y, prepend=0.0)
+    return y.copy()
 
 
 def _ring(x: Float64[np.ndarray, "J M"], size: int) -> Float64[np.ndarray, "J R"]:
