@@ -33,8 +33,8 @@ ABOUT = 2.0
 """Sizes whose ratio is not farther from 1 than this show that the model is of the right size."""
 GAIN = 1.33
 """Of the excitation, or its inverse, from which it is far from 1."""
-RATE = 10.0
-"""ppm"""
+RATE = 100.0
+"""ppm that quartz is good to: what two clocks differ by up to there is no fault of the record."""
 LEFT = 0.25
 """Share of what a channel's own simulation leaves unexplained that a better assignment leaves at most."""
 MARGIN = 0.1
