@@ -237,6 +237,9 @@ def test_joints_that_do_as_well_are_counted() -> None:
     shares = {"front": 0.9, "rear": 0.895, "middle": 0.881, "far": 0.6}
     text = words(report | {"where": report["where"] | {"joints": shares}})
     assert "front: a free force there explains 90 %; 2 others do so as well, within 2 %" in text
+    text = words(report | {"where": report["where"] | {"joints": dict.fromkeys(shares, 0.0)}})
+    assert "at which joint none: once the adjustable parameters have moved, no force explains any of it" in text
+    assert "explained, %" not in text
 
 
 def test_many_effects_are_counted_in_the_title() -> None:

@@ -33,7 +33,7 @@ def where(page: Page, report: Discovery) -> None:
 
 def _facts(report: Discovery) -> list[tuple[str, str]]:
     found, facts = report.where, list[tuple[str, str]]()
-    joints = _known(found.joints)
+    joints = _joints(found)
     if joints:
         (first, share), *others = _sorted(joints)
         alike = sum(share - other <= AS_WELL for _, other in others)
@@ -44,6 +44,8 @@ def _facts(report: Discovery) -> list[tuple[str, str]]:
         elif others:
             text += f"; next {others[0][0]} ({percent(others[0][1])})"
         facts.append(("at which joint", text))
+    elif _known(found.joints):
+        facts.append(("at which joint", "none: once the adjustable parameters have moved, no force explains any of it"))
     elif found.channels and report.study and not report.fmu:
         facts.append(("at which joint", BLIND))
     facts += _largest("in which channels", {name: part.share for name, part in found.channels.items()})
@@ -62,6 +64,12 @@ def _facts(report: Discovery) -> list[tuple[str, str]]:
     return facts
 
 
+def _joints(found: Where) -> dict[str, float]:
+    """The shares of forces at joints, where one of them explains anything."""
+    joints = _known(found.joints)
+    return joints if max(joints.values(), default=0.0) > 0.0 else {}
+
+
 def _conditions(found: Mapping[str, Part]) -> list[tuple[str, str]]:
     errors = _known({name: item.nrmse for name, item in found.items()})
     if not errors:
@@ -75,7 +83,7 @@ def _conditions(found: Mapping[str, Part]) -> list[tuple[str, str]]:
 
 
 def _places(page: Page, found: Where) -> None:
-    joints, bands, orders, channels = _known(found.joints), _known(found.bands), _known(found.orders), found.channels
+    joints, bands, orders, channels = _joints(found), _known(found.bands), _known(found.orders), found.channels
     orders = {name: share for name, share in orders.items() if max(orders.values()) >= SPEAKS}
     both = bool(joints and (channels or bands or orders))
     if both:
