@@ -28,11 +28,10 @@ from jaxtyping import Float64
 from onnx import TensorProto, helper, numpy_helper
 
 import fmucorrect
-from fmucorrect import bundle
+from fmucorrect import bundle, outputs
 from fmucorrect.bundle import Bundle, Info
 from fmucorrect.comparison import Comparison, compare
 from fmucorrect.errors import BundleError
-from fmucorrect.outputs import Replacing
 from fmucorrect.pairs import Pair
 from fmucorrect.screening import screen
 from fmucorrect.signals import NANOSECONDS, Channel, Condition
@@ -50,12 +49,16 @@ Corners = dict[str, tuple[float, float, float, float]]
 def seal(model: str | Path | onnx.ModelProto, study: Study, path: str | Path) -> Bundle:
     """Makes a bundle at `path` of `model`, with the channels, sample time, conditions and hash of `study`, and opens it.
 
-    Raises BundleError where the network does not fit the study or the contract; StudyError for a study of which nothing
-    sensible can be learned, and what simulation and registration raise.
+    Raises BundleError where the network does not fit the study or the contract; OutputError where `path` is the network, or
+    what the study reads; StudyError for a study of which nothing sensible can be learned, and what simulation and registration
+    raise.
     """
     path = Path(path)
     where = str(model) if isinstance(model, str | Path) else str(path)
-    network = _Network.read(model, where, len(study.channels) + len(study.training.corrector.sees))
+    outputs.check_ending(path, "a bundle is written", [".onnx"])
+    own = Path(model) if isinstance(model, str | Path) else None
+    outputs.check_file(path, [("the network", own), *study.files()], "seal", overwrite=True)
+    network = _Network.read(model, where, study)
     pairs = screen(study).pairs
     info = replace(about(study, pairs), rows=network.rows, state=network.state)
     if not network.says("in_envelope"):
@@ -67,10 +70,15 @@ def seal(model: str | Path | onnx.ModelProto, study: Study, path: str | Path) ->
         trial.write_bytes(bundle.completed(graph, info, inputs, where))
         judged = [evaluate(item, bundle.load(trial)) for item in pairs]
     left = np.concatenate([(item.measured - item.corrected)[item.scored] for item in judged])
-    figures = {item.condition.name: round(item.after.mean_nrmse, 4) for item in judged}
-    info = replace(info, evaluation={"NRMSE in development": figures})
-    with Replacing(path) as beside:
-        beside.write_bytes(bundle.completed(network.filled(info, _rms(left)), info, inputs, where))
+    scores = {"NRMSE in development": "after", "NRMSE in development, simulated": "before"}
+    info = replace(
+        info,
+        evaluation={
+            words: {item.condition.name: round(getattr(item, when).mean_nrmse, 4) for item in judged}
+            for words, when in scores.items()
+        },
+    )
+    outputs.write(path, bundle.completed(network.filled(info, _rms(left)), info, inputs, where))
     return bundle.load(path)
 
 
@@ -145,8 +153,8 @@ class _Network:
         self._model, self.rows, self.state = model, rows, state
 
     @staticmethod
-    def read(model: str | Path | onnx.ModelProto, where: str, columns: int) -> _Network:
-        """Raises BundleError for what is no corrector with so many columns in its window."""
+    def read(model: str | Path | onnx.ModelProto, where: str, study: Study) -> _Network:
+        """Raises BundleError for what is no corrector of the study's channels."""
         try:
             found = (
                 onnx.load(model)
@@ -156,11 +164,12 @@ class _Network:
         except Exception as error:  # neither protobuf's errors nor those of files have a common base but Exception
             raise BundleError(f"onnx cannot open it: {error}", where=where) from error
         constants = {item.name for item in found.graph.initializer}
-        shapes = {
-            item.name: [axis.dim_value for axis in item.type.tensor_type.shape.dim]
+        types = {
+            item.name: item.type.tensor_type
             for item in (*found.graph.input, *found.graph.output)
             if item.name not in constants
         }
+        shapes = {name: [axis.dim_value for axis in kind.shape.dim] for name, kind in types.items()}
         inputs = {item.name for item in found.graph.input} - constants
         if "window" not in inputs or "corrected" not in shapes or inputs - _READ:
             raise BundleError(
@@ -171,9 +180,24 @@ class _Network:
                 remedy="Name them so when you export it.",
             )
         window, state = shapes["window"], shapes.get("state", [0, 0])
+        channels, columns = len(study.channels), len(study.channels) + len(study.training.corrector.sees)
         if len(window) != 3 or window[1] < 1 or window[2] != columns:
             raise BundleError(
                 "input 'window' has another shape", where=where, expected=f"(N, W, {columns})", got=window
+            )
+        for name in ("window", "corrected"):
+            if types[name].elem_type != TensorProto.FLOAT:
+                raise BundleError(
+                    f"{name!r} has numbers of another kind",
+                    where=where,
+                    expected="float32",
+                    got=TensorProto.DataType.Name(types[name].elem_type).lower(),
+                    remedy="Export the network in single precision (in torch: model.float()).",
+                )
+        said = shapes["corrected"]
+        if said and (len(said) != 2 or said[1] not in (0, channels)):  # 0: a size that the file leaves open
+            raise BundleError(
+                "output 'corrected' has another shape", where=where, expected=f"(N, {channels})", got=said
             )
         if ("state" in shapes) != ("next_state" in shapes) or len(state) != 2 or ("state" in shapes and state[1] < 1):
             raise BundleError(
@@ -204,10 +228,12 @@ class _Network:
             graph.node.append(helper.make_node(kind, inputs, [output], **attributes))
             return output
 
-        last = add("Gather", ["window", constant("last", np.int64(info.rows - 1))], "sealing_newest", axis=1)
-        if info.sees:
-            columns = constant("channels", np.arange(len(info.channels)))
-            last = add("Gather", [last, columns], "sealing_simulated", axis=1)
+        last = ""
+        if not {"baseline", "in_envelope"} <= said:  # what was sealed before says all
+            last = add("Gather", ["window", constant("last", np.int64(info.rows - 1))], "sealing_newest", axis=1)
+            if info.sees:
+                columns = constant("channels", np.arange(len(info.channels)))
+                last = add("Gather", [last, columns], "sealing_simulated", axis=1)
         if "baseline" not in said:
             add("Identity", [last], "baseline")
         if "in_envelope" not in said:

@@ -51,10 +51,15 @@ def _parameters(problem: Problem, best: Fitted) -> Iterator[str]:
 
 def _sensors(sensors: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     for of in ("gain", "lag"):
-        far = [float(row[f"{of}_by"]) for row in sensors]
-        alike = sum(far) / np.sqrt(len(far)) if len(far) > 1 else 0.0  # of independent ones: one standard deviation
+        far = np.array([float(row[f"{of}_by"]) for row in sensors])
         single = [row for row in sensors if abs(row[f"{of}_by"]) >= FAR]
-        if of == "gain" and abs(alike) >= FAR:
+        # together as far as independent ones hardly are, and better told by one move of all than by that of one alone
+        alike = (
+            len(far) > 1
+            and abs(far.sum()) >= FAR * np.sqrt(len(far))
+            and far.var() * len(far) <= np.sort(far**2)[:-1].sum()
+        )
+        if of == "gain" and alike:
             yield (
                 f"the sensors' gains, which moved alike (by {short(min(far, key=abs))} to {short(max(far, key=abs))} of "
                 "what is expected): something that they have in common may be off"

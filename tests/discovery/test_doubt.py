@@ -48,6 +48,11 @@ def test_sensors_that_moved_alike_are_told_and_those_that_scatter_are_not(librar
         (said,) = cautions(problem, base, base, alike)
         assert "moved alike (by 1.80 to 2.20" in said
         assert cautions(problem, base, base, RIGHT) == []
+        one = [row | {"gain_by": by} for row, by in zip(RIGHT, (0.03, -2.8, 18.2), strict=True)]
+        (said,) = cautions(problem, base, base, one)
+        assert "alike" not in said
+        assert "gain of sensors (" in said
+        assert "by 18.2" in said
         late = [RIGHT[0], RIGHT[1] | {"lag_by": -3.4}]
         assert "lag of sensors (b by −3.40" in cautions(problem, base, base, late)[0]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ import pytest
 from onnx import TensorProto, helper, numpy_helper
 
 import fmucorrect as fc
-from fmucorrect.errors import BundleError
+from fmucorrect.errors import BundleError, OutputError
 from fmucorrect.screening import screen
 from fmucorrect.sealing import evaluate
 from fmucorrect.stepper import Status
@@ -151,6 +152,31 @@ def test_a_whole_bundles_network_is_taken_as_it_is(study: Study, tmp_path: Path)
     assert model.info.envelope == {}
 
 
+def test_what_was_sealed_is_sealed_again(study: Study, tmp_path: Path) -> None:
+    first = fc.seal(regression(0.9, len(study.channels)), study, tmp_path / "corrector.onnx")
+    again = fc.seal(first.path, study, tmp_path / "again.onnx")
+    assert again.info.evaluation == first.info.evaluation
+    assert {*first.info.evaluation} == {"NRMSE in development", "NRMSE in development, simulated"}
+
+
+def test_nothing_that_is_read_is_written_over(study: Study, tmp_path: Path) -> None:
+    """Not the network, not what the study reads; and a bundle is known by its ending."""
+    theirs = tmp_path / "theirs.onnx"
+    onnx.save(regression(0.9, len(study.channels)), theirs)
+    record = tmp_path / "record.onnx"
+    record.write_bytes(b"measured")
+    held = replace(study, conditions=(replace(study.conditions[0], measurement=record), *study.conditions[1:]))
+    for path, message in (
+        (theirs, "the network"),
+        (record, "measurement of"),
+        (tmp_path / "run.csv", "a bundle is written"),
+    ):
+        before = path.read_bytes() if path.exists() else None
+        with pytest.raises(OutputError, match=message):
+            fc.seal(theirs, held, path)
+        assert (path.read_bytes() if path.exists() else None) == before
+
+
 def test_what_is_no_corrector_is_refused(study: Study, tmp_path: Path) -> None:
     count = len(study.channels)
     (tmp_path / "x.onnx").write_text("no network")
@@ -161,6 +187,10 @@ def test_what_is_no_corrector_is_refused(study: Study, tmp_path: Path) -> None:
     half = gru(count)
     del half.graph.output[1]
     cases.append((half, "out as 'next_state'"))
+    wide, double = regression(1.0, count), regression(1.0, count)
+    wide.graph.output[0].type.tensor_type.shape.dim[1].dim_value = count + 1
+    double.graph.input[0].type.tensor_type.elem_type = TensorProto.DOUBLE
+    cases += [(wide, "'corrected' has another shape"), (double, "another kind, expected float32, got double")]
     for model, message in cases:
         with pytest.raises(BundleError, match=message):
             fc.seal(model, study, tmp_path / "corrector.onnx")
