@@ -46,7 +46,8 @@ def _by_arrow(text: str, layout: Layout, used: Sequence[int]) -> Numbers | None:
     data = text.encode("utf-8", "replace")
     table = csv.read_csv(
         arrow.BufferReader(data),
-        csv.ReadOptions(column_names=names, block_size=len(data) + 1),
+        # one block, one thread: pyarrow's pool, where the process ends soon after, has aborted it (1 run in 8)
+        csv.ReadOptions(column_names=names, block_size=len(data) + 1, use_threads=False),
         csv.ParseOptions(delimiter=layout.delimiter, quote_char=False),
         csv.ConvertOptions(
             column_types=dict.fromkeys(wanted, arrow.float64()),
