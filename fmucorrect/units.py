@@ -131,6 +131,7 @@ _BASE = ("kg", "m", "s", "A", "K", "rad")
 _ACCELERATION: Dimension = (0, 1, -2, 0, 0, 0)
 _CYCLES = re.compile(r"Hz|1/min|min\^?-1")
 """What counts turns as well as radians: nothing tells which where it meets an angle."""
+_A_MINUTE = re.compile(r"1/min|min\^?-1")
 _FACTOR = re.compile(r"([A-Za-zµμΩ°%‰]+|[1-])(?:\^?(-?\d+))?$")
 
 
@@ -213,7 +214,7 @@ def convert(source: str, target: str, where: str, known: Mapping[str, Unit] = NO
     if source == target:
         return Conversion()
     a, b = explained(source, where, known), explained(target, where, known)
-    a, b = _falling(a, b), _falling(b, a)
+    a, b = _as_meant(a, b), _as_meant(b, a)
     # an angle may be counted as dimensionless (N.m/rad against N.m), as FMI tools do
     if a.dimension[:5] != b.dimension[:5]:
         raise SignalError("units do not fit", where=where, expected=f"a unit like {target!r}", got=repr(source))
@@ -277,8 +278,11 @@ def in_base_units(dimension: Dimension) -> str:
     return "/".join([up, *(f"{symbol}{-power if power < -1 else ''}" for symbol, power in parts if power < 0)])
 
 
-def _falling(unit: Unit, other: Unit) -> Unit:
-    """Gram as acceleration of free fall, where it meets an acceleration."""
+def _as_meant(unit: Unit, other: Unit) -> Unit:
+    """Gram as acceleration of free fall, where it meets an acceleration; 1/min as turns, where it meets rpm (DIN 1301 writes them
+    so; nobody counts radians by the minute)."""
+    if _A_MINUTE.fullmatch(unit.text) and _ALIASES.get(other.text, other.text) == "rpm":
+        return Unit(unit.text, *_SYMBOLS["rpm"])
     if unit.text in _GRAMS and other.dimension == _ACCELERATION and unit.dimension == (1, 0, 0, 0, 0, 0):
         return Unit(unit.text, unit.factor / 1e-3 * _SYMBOLS["gn"][0], _ACCELERATION)
     return unit

@@ -172,6 +172,15 @@ def test_a_gram_is_a_fall_where_it_meets_an_acceleration() -> None:
         conversion("kg", "m/s2", "")
 
 
+@pytest.mark.parametrize("one", ["1/min", "min^-1", "min-1"])
+def test_a_minute_counts_turns_where_it_meets_them(one) -> None:
+    """As German loggers write revolutions."""
+    assert conversion(one, "rpm", "") == 1.0
+    assert conversion("U/min", one, "") == 1.0
+    with pytest.raises(SignalError, match="radians or turns"):
+        conversion(one, "deg/s", "")
+
+
 @pytest.mark.parametrize(("one", "other"), [("Hz", "rad/s"), ("rpm", "Hz"), ("1/min", "rad/s"), ("Hz", "rpm")])
 def test_turns_and_radians_are_not_confounded(one, other) -> None:
     with pytest.raises(SignalError, match="radians or turns"):
