@@ -279,8 +279,8 @@ def in_base_units(dimension: Dimension) -> str:
 
 
 def _as_meant(unit: Unit, other: Unit) -> Unit:
-    """Gram as acceleration of free fall, where it meets an acceleration; 1/min as turns, where it meets rpm (DIN 1301 writes them
-    so; nobody counts radians by the minute)."""
+    """Gram as acceleration of free fall, where it meets an acceleration; 1/min as turns, where it meets rpm: loggers write
+    these so (DIN 1301), and nobody counts radians by the minute."""
     if _A_MINUTE.fullmatch(unit.text) and _ALIASES.get(other.text, other.text) == "rpm":
         return Unit(unit.text, *_SYMBOLS["rpm"])
     if unit.text in _GRAMS and other.dimension == _ACCELERATION and unit.dimension == (1, 0, 0, 0, 0, 0):

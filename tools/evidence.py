@@ -403,8 +403,7 @@ def second_generator() -> str:
 Quarter car, geared drive, beam, swaying body and crane, their FMUs by another exporter, laws from textbooks with located events,
 filtered, sampled and rounded logs: a generator that shares no code with the one below
 (`python tools/second_generator/run.py --out DIR --seed {found["seed"]} --keep`, [how](../../tools/second_generator/README.md)).
-{found["run"]} of the draw's {found["planned"]} cases were run, single effects first; nobody had looked at one of them before, and nothing was
-changed for them.
+{found["run"]} of the draw's {found["planned"]} cases were run, in the order of their names, which are hashes; nothing was changed for them.
 
 {table(["", "", "target"], rows)}
 
