@@ -70,14 +70,9 @@ def seal(model: str | Path | onnx.ModelProto, study: Study, path: str | Path) ->
         trial.write_bytes(bundle.completed(graph, info, inputs, where))
         judged = [evaluate(item, bundle.load(trial)) for item in pairs]
     left = np.concatenate([(item.measured - item.corrected)[item.scored] for item in judged])
-    scores = {"NRMSE in development": "after", "NRMSE in development, simulated": "before"}
-    info = replace(
-        info,
-        evaluation={
-            words: {item.condition.name: round(getattr(item, when).mean_nrmse, 4) for item in judged}
-            for words, when in scores.items()
-        },
-    )
+    figures = {item.condition.name: round(item.after.mean_nrmse, 4) for item in judged}
+    bare = {item.condition.name: round(item.before.mean_nrmse, 4) for item in judged}
+    info = replace(info, evaluation={"NRMSE in development": figures, "NRMSE in development, simulated": bare})
     outputs.write(path, bundle.completed(network.filled(info, _rms(left)), info, inputs, where))
     return bundle.load(path)
 

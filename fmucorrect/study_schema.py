@@ -289,11 +289,8 @@ def _columns_twice(table: StudyTable, places: Places) -> Found:
             for key in some:
                 loc, column = ("channels", i, key), getattr(row, key)
                 first = owners.setdefault(column, loc)
-                if (
-                    column
-                    and first != loc
-                    and (len(first) < 3 or first[1] == i or table.channels[int(first[1])].name != row.name)
-                ):
+                other = None if first[0] == "excitation" else table.channels[int(first[1])]
+                if column and first != loc and (other is None or other is row or other.name != row.name):
                     yield (
                         loc,
                         f"column {column!r} is taken by {place(places, first)}; each channel has its own",

@@ -129,9 +129,9 @@ _GRAMS = ("g", "mg", "ug", "µg", "μg")
 """Weights of a gram, which are accelerations too."""
 _BASE = ("kg", "m", "s", "A", "K", "rad")
 _ACCELERATION: Dimension = (0, 1, -2, 0, 0, 0)
-_CYCLES = re.compile(r"Hz|1/min|min\^?-1")
-"""What counts turns as well as radians: nothing tells which where it meets an angle."""
 _A_MINUTE = re.compile(r"1/min|min\^?-1")
+_CYCLES = re.compile(f"Hz|{_A_MINUTE.pattern}")
+"""What counts turns as well as radians: nothing tells which where it meets an angle."""
 _FACTOR = re.compile(r"([A-Za-zµμΩ°%‰]+|[1-])(?:\^?(-?\d+))?$")
 
 

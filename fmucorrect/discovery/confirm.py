@@ -140,7 +140,7 @@ def _gap(
         measured,
         before,
         shown,
-        sigma if known else np.full_like(sigma, np.nan),
+        np.where(known, sigma, np.nan),
         was.mean_nrmse,
         now.mean_nrmse,
         floor.mean_nrmse if known else np.nan,

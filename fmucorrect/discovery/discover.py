@@ -219,14 +219,9 @@ def _report(
     start = problem.responses(problem.nominal)
     step = study.simulation.step_size
     residuals = [
-        Residual(
-            t.condition,
-            np.arange(t.rows.start, t.rows.stop) * step,
-            y,
-            t.measured,
-            t.sigma if t.known else t.sigma * np.nan,
-        )
+        Residual(t.condition, np.arange(t.rows.start, t.rows.stop) * step, y, t.measured, sigma)
         for t, y in zip(problem.trials, start, strict=True)
+        for sigma in [np.where(t.known, t.sigma, np.nan)]
     ]
     adjusted = output.adjusted(problem, best.model.base)
     places, shares_of = _joints(problem, naming, verdict != "unexplained")

@@ -137,9 +137,8 @@ class Workshop:
                 for future in waiting:
                     self._tell(futures[future], _progress(folder / f"{futures[future]}.progress"))
         finally:
-            if (
-                self.scheduler
-            ):  # processes of this machine are ended; their pool's thread stumbles over what was cancelled
+            # processes of this machine are ended, and their pool's thread stumbles over what was cancelled
+            if self.scheduler:
                 for future in waiting:
                     future.cancel()
 

@@ -138,6 +138,13 @@ def shares(problem, model: Model | None = None):
     return found
 
 
+def forces_and_laws(problem, term, own):
+    """Of each condition the located force, and the law's along the motion that it makes."""
+    model = Model((term,), problem.nominal.base)
+    for trial, force in zip(problem.trials, own.forces, strict=True):
+        yield force, law_along(term, along(problem, model, trial, term.joints[0]), STEP)[trial.rows]
+
+
 LAWS = {
     "coulomb_friction": {"friction_force": 5.0},
     "cubic_stiffness": {"cubic_stiffness": 2e4},
@@ -154,10 +161,7 @@ def test_the_joint_of_the_law_explains_the_residual_by_the_laws_force(measured, 
     own = found[where - 1].share
     assert own > 0.9
     assert all(one.share < own - 0.02 for i, one in enumerate(found) if i != where - 1)
-    model = Model((term,), problem.nominal.base)
-    for trial, force in zip(problem.trials, found[where - 1].forces, strict=True):
-        moved = along(problem, model, trial, term.joints[0])
-        law = law_along(term, moved, STEP)[trial.rows]
+    for force, law in forces_and_laws(problem, term, found[where - 1]):
         if effect == "preload":
             assert np.median(force) == pytest.approx(20.0, rel=0.05)
         else:
@@ -172,9 +176,7 @@ def test_a_force_at_a_body_without_a_spring_is_located_too(measured, effect):
     own, *others = shares(problem)
     assert own.share > 0.9
     assert all(one.share < own.share for one in others)
-    model = Model((term,), problem.nominal.base)
-    for trial, force in zip(problem.trials, own.forces, strict=True):
-        law = law_along(term, along(problem, model, trial, term.joints[0]), STEP)[trial.rows]
+    for force, law in forces_and_laws(problem, term, own):
         assert force @ law / (law @ law) == pytest.approx(1.0, abs=0.15)
         assert np.sqrt(np.mean((force - law) ** 2)) < 0.35 * np.sqrt(np.mean(law**2))
 
@@ -185,9 +187,7 @@ def test_a_force_where_pushes_ring_on_is_located_too(measured):
     own, *others = shares(problem)
     assert own.share > 0.9
     assert all(one.share < own.share for one in others)
-    model = Model((term,), problem.nominal.base)
-    for trial, force in zip(problem.trials, own.forces, strict=True):
-        law = law_along(term, along(problem, model, trial, term.joints[0]), STEP)[trial.rows]
+    for force, law in forces_and_laws(problem, term, own):
         assert force @ law / (law @ law) == pytest.approx(1.0, abs=0.25)  # no more than the prior's shrinking
 
 
