@@ -19,6 +19,8 @@ from fmucorrect.stepper import Status
 Response = Float64[np.ndarray, "N J"]
 BAND_90 = 1.645
 """Half the width of a 90 % band in sigmas, were errors normal: a calibrated sigma is stated so that this one holds 90 %."""
+REST = 0.05
+"""Share of its largest deflection from its median within which a signal is at rest."""
 ORACLE_LIMIT = 250
 """Most samples by which the oracle may shift the corrected response."""
 
@@ -88,13 +90,17 @@ class Comparison:
 
     @cached_property
     def excited(self) -> slice:
-        """The scored rows from the first to the last in which the excitation moves; all scored ones without a record of it."""
-        start, stop = self.scored.start, self.scored.stop
-        if self.excitation is None:
+        """The scored rows from the first to the last in which the excitation moves; without a record of it, the simulation.
+        What is before and after counts as rest only where it lasts longer than any pause between: what always moves may
+        begin and end near its middle."""
+        seen = self.simulated if self.excitation is None else self.excitation[:, None]
+        swing = np.abs(seen - np.median(seen, axis=0))
+        moving = np.flatnonzero((swing > REST * swing.max(axis=0)).any(axis=1))
+        if not len(moving):
             return self.scored
-        swing = np.abs(self.excitation - np.median(self.excitation))
-        moving = np.flatnonzero(swing > 0.05 * swing.max())
-        return slice(max(start, int(moving[0])), min(stop, int(moving[-1]) + 1)) if len(moving) else self.scored
+        first, last, pause = int(moving[0]), int(moving[-1]) + 1, int(np.diff(moving).max(initial=1))
+        first, last = first if first > pause else 0, last if len(seen) - last > pause else len(seen)
+        return slice(max(self.scored.start, first), min(self.scored.stop, last))
 
     def within(self, width: float = 2.0, rows: slice | None = None) -> Float64[np.ndarray, " J"]:
         """Share of the measured samples inside corrected +- width * sigma, a value a channel; of all scored rows, or `rows`."""

@@ -28,13 +28,27 @@ Values = Float64[np.ndarray, "T C"]
 
 NANOSECONDS = 1_000_000_000
 
+QUANTITIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "displacement": ("m",),
+        "velocity": ("m/s", "rad/s"),
+        "acceleration": ("m/s2", "rad/s2"),
+        "force": ("N", "N.m"),
+        "angle": ("rad",),
+        "pressure": ("Pa",),
+        "strain": ("1",),
+        "current": ("A",),
+    }
+)
+"""What a channel may be, and the SI units of it."""
+
 
 @dataclass(frozen=True)
 class Channel:
     """One row of the sensor dictionary.
 
     name: what the channel is called everywhere. unit: of the values that carry this channel.
-    quantity: displacement, velocity, acceleration, force or angle. axis, positive, frame: where it points, in words.
+    quantity: one of QUANTITIES. axis, positive, frame: where it points, in words.
     simulation: FMU variable or column of a simulated record; measurement: column of a measured record;
     acceleration: column of the paired accelerometer. noise: known sensor noise (rms, in the unit).
     measurement_sign: -1 where the sensor's positive direction is the other way.

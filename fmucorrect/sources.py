@@ -270,7 +270,9 @@ def log_inputs(
         log, names, topic=chosen, repair=repair, reading=reading, rows=ROWS, allow_damaged=allow_damaged
     ):
         if conversions is None:
-            pairs = zip(chunk.channels, channels, strict=True)
+            pairs = list(zip(chunk.channels, channels, strict=True))
+            if unit is None:
+                _all_said(pairs, log)
             conversions = [_conversion(have, want, log, unit, known) for have, want in pairs]
         scaling = units.Scaling.of(conversions)
         yield chunk if scaling is None else replace(chunk, values=scaling(chunk.values))
@@ -333,18 +335,33 @@ def default_topic(log: Path, reading: Reading = AS_IT_IS) -> str | None:
     return SIMULATION if len(names) > 1 and SIMULATION in names else None
 
 
+def _all_said(pairs: Sequence[tuple[Channel, Channel]], log: Path) -> None:
+    """Raises SignalError that names the columns without a unit, each with that of its channel."""
+    unsaid = [(have.name, want.unit) for have, want in pairs if _unsaid(have, want)]
+    if not unsaid:
+        return
+    name, unit = unsaid[0]
+    asked = {unit for _, unit in unsaid}
+    options = [f"--unit {unit}"] if len(asked) == 1 else [f"--unit '{name}={unit}'" for name, unit in unsaid]
+    raise SignalError(
+        f"column {name!r} has no unit"
+        if len(unsaid) == 1
+        else f"columns {few([repr(name) for name, _ in unsaid])} have no unit",
+        where=str(log),
+        expected=f"a unit like {few([repr(unit) for unit in sorted(asked)])}",
+        remedy=f"Name it in the file (in CSV: '{name} [{unit}]'), or give {' '.join(options)}.",
+    )
+
+
+def _unsaid(have: Channel, want: Channel) -> bool:
+    return have.unit in ("", "1") and want.unit not in ("", "1")
+
+
 def _conversion(
     have: Channel, want: Channel, log: Path, unit: str | None, known: Mapping[str, units.Unit]
 ) -> units.Conversion:
     if want.unit == "":
         return units.Conversion()
-    if have.unit in ("", "1") and want.unit not in ("", "1"):
-        if unit is None:
-            raise SignalError(
-                f"column {have.name!r} has no unit",
-                where=str(log),
-                expected=f"a unit like {want.unit!r}",
-                remedy=f"Name it in the file (in CSV: '{have.name} [{want.unit}]'), or give --unit {want.unit}.",
-            )
+    if unit is not None and _unsaid(have, want):
         return units.convert(unit, want.unit, f"--unit for column {have.name}", known)
     return units.convert(have.unit, want.unit, f"{log}, column {have.name}", known)

@@ -12,19 +12,12 @@ from typing import Annotated, Any, Literal
 from annotated_types import Gt, Interval, Le, MinLen
 
 from fmucorrect import study_training, units
-from fmucorrect.signals import DELIMITERS, RULES, Reading
+from fmucorrect.signals import DELIMITERS, QUANTITIES, RULES, Reading
 from fmucorrect.study_places import Location, Places, missing_file, nearest, place, unknown_unit
 from fmucorrect.study_training import Training
 from fmucorrect.toml_table import Found, NotNegative, Positive, Sign, Text, doubted, named, read, repeated, shown, those
 
-_QUANTITIES = {
-    "displacement": ("m",),
-    "velocity": ("m/s", "rad/s"),
-    "acceleration": ("m/s2", "rad/s2"),
-    "force": ("N", "N.m"),
-    "angle": ("rad",),
-}
-Quantity = Literal["displacement", "velocity", "acceleration", "force", "angle"]
+Quantity = Literal["displacement", "velocity", "acceleration", "force", "angle", "pressure", "strain", "current"]
 
 
 LONGEST_STEP = 86_400.0
@@ -100,7 +93,7 @@ class ChannelRow:
     name: Annotated[Text, "what the channel is called"]
     simulation: Annotated[Text, "FMU output variable, or column of the simulated record"]
     measurement: Annotated[Text, "column of the measured record"]
-    quantity: Annotated[Quantity, f"one of {', '.join(_QUANTITIES)}"]
+    quantity: Annotated[Quantity, f"one of {', '.join(QUANTITIES)}"]
     unit: Annotated[str, "unit of the corrected output, as 'mm'"]
     axis: str = ""
     positive: str = ""
@@ -323,7 +316,7 @@ def _unknown_units(table: StudyTable) -> Found:
 def _other_quantities(table: StudyTable) -> Found:
     """Units that are none of their channel's quantity."""
     for i, row in enumerate(table.channels):
-        known = _QUANTITIES.get(row.quantity, ())
+        known = QUANTITIES.get(row.quantity, ())
         if known and not unknown_unit(row.unit):
             dimension = units.parse(row.unit).dimension[:5]
             if all(units.parse(k).dimension[:5] != dimension for k in known):

@@ -282,11 +282,31 @@ def test_replay_names_nan_by_column_and_time_and_repairs_it_when_told(model: Pat
     refused(call(*arguments, "--repair", "magic"), "no repair rule 'magic'")
 
 
+def test_columns_of_several_units_are_asked_for_one_by_one(tmp_path: Path) -> None:
+    channels = (Channel("angle", "rad", simulation="angle"), Channel("torque", "N.m", simulation="torque"))
+    model, source = bundles.make(tmp_path / "shaft.onnx", channels, declared=False), tmp_path / "log.csv"
+    values = np.stack([np.sin(np.arange(200) / 9.0), np.cos(np.arange(200) / 9.0)], axis=1)
+    with records.writer(source) as file:
+        t_ns = np.arange(200, dtype=np.int64) * 1_000_000
+        file.write("/log", Record(t_ns, values, (Channel("angle"), Channel("torque"))))
+    arguments = ["replay", source, "--corrector", model, "-o", tmp_path / "out.mcap"]
+    each = ["--unit", "angle=deg", "--unit", "torque=kN.m"]
+    refused(call(*arguments), "--unit 'angle=rad' --unit 'torque=N.m'")
+    assert call(*arguments, *each).exit_code == 0
+    found = records.read(tmp_path / "out.mcap", ["angle", "torque"])
+    assert np.abs(found.values).max(axis=0) == pytest.approx([np.deg2rad(1.0), 1000.0], rel=0.01)
+
+
 def test_replay_guesses_no_unit(model: Path, tmp_path: Path) -> None:
     source, out = log(tmp_path / "log.csv", unit="1"), tmp_path / "out.mcap"
     arguments = ["replay", source, "--corrector", model, *CONDITION, "-o", out]
-    refused(call(*arguments), "column 'FW' has no unit", "--unit mm")
+    refused(call(*arguments), "columns 'FW', 'FB', 'RW', 'RB' have no unit", "--unit mm")
     assert call(*arguments, "--unit", "mm").exit_code == 0
+    assert call(*arguments, *(part for n in ("FW", "FB", "RW", "RB") for part in ("--unit", f"{n}=mm"))).exit_code == 0
+    refused(call(*arguments, "--unit", "FW=mm"), "'FB', 'RW', 'RB' have no unit", "--unit mm")
+    refused(call(*arguments, "--unit", "mm", "--unit", "um"), "one unit of all columns")
+    refused(call(*arguments, "--unit", "FX=mm"), "FX", "FW")
+    refused(call(*arguments, "--unit", "FW=smoot"), "smoot")
     refused(call("replay", log(tmp_path / "n.csv", unit="N"), *arguments[2:]), "units do not fit", "'mm'", "'N'")
 
 

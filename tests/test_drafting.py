@@ -114,6 +114,14 @@ def test_a_quarter_car_whose_exporter_writes_no_units(car: Path, logs: list[Path
     assert text.count("# guess:") > 10
 
 
+def test_why_a_column_is_used_for_nothing(car: Path, logs: list[Path], tmp_path: Path):
+    names, units = {"Oil": "Line", "Body acc": "travel"}, {"Oil": "bar", "Body acc": "degC", "Susp.travel": "mm"}
+    path = relabelled(logs[0], names, units, tmp_path / "log.csv", moving="Oil")
+    text = draft(car, [path]).text(tmp_path / "study.toml")
+    assert "# used for nothing: column travel, in degC, of which no channel of a study can be" in text
+    assert "# used for nothing: column Line" in text
+
+
 def test_a_sensor_for_which_no_name_speaks(car: Path, logs: list[Path], tmp_path: Path):
     """Found by what it shows."""
     path = relabelled(logs[0], {"Susp.travel": "AI03", "Body acc": "AI01"}, {}, tmp_path / "log.csv")
@@ -124,11 +132,13 @@ def test_a_sensor_for_which_no_name_speaks(car: Path, logs: list[Path], tmp_path
     }
 
 
-def relabelled(log: Path, names: dict[str, str], units: dict[str, str], path: Path) -> Path:
-    """The same log as CSV, by another name and unit of its columns, and their values as they are."""
+def relabelled(log: Path, names: dict[str, str], units: dict[str, str], path: Path, moving: str = "") -> Path:
+    """The same log as CSV, by another name and unit of its columns, and their values as they are; `moving` drifts."""
     from fmucorrect.records import read
 
     record = read(log)
+    if moving:
+        record = replace(record, values=record.values + np.outer(np.arange(ROWS), np.array(record.names) == moving))
     channels = tuple(Channel(names.get(c.name, c.name), units.get(c.name, c.unit)) for c in record.channels)
     with writer(path) as file:
         file.write("/log", replace(record, channels=channels))

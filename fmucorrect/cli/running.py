@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Callable, Collection, Generator
+from collections.abc import Callable, Collection, Generator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
@@ -164,7 +164,12 @@ def run(
 @click.option("--start", type=float, help="s on the log's clock, when the excitation begins")
 @click.option("--topic", help="Topic of the log to read; default: /simulation where there is one.")
 @click.option("--repair", help="Rules for a log with flaws: sort, drop, interpolate, clock, resample; as 'sort,drop'.")
-@click.option("--unit", help="Unit of the columns for which the log says none, as 'mm'.")
+@click.option(
+    "--unit",
+    "units",
+    multiple=True,
+    help="Unit of the columns for which the log says none, as 'mm', or of one, as 'FW=mm'.",
+)
 @reading_options
 @click.option("-o", "--out", type=PATH, required=True, help="Record file to write; .mcap takes several topics.")
 @OVERWRITE
@@ -178,7 +183,7 @@ def replay(
     condition: str | None,
     topic: str | None,
     repair: str | None,
-    unit: str | None,
+    units: tuple[str, ...],
     time: str,
     rate: float,
     delimiter: str,
@@ -202,11 +207,14 @@ def replay(
     """
     from fmucorrect import bundle, records, runs, sources
 
-    reading = reading_of(time, rate, delimiter, decimal, encoding)
+    unit, of_columns = _units(units)
+    reading = replace(reading_of(time, rate, delimiter, decimal, encoding), units=of_columns)
     model = bundle.load(corrector)
     needed = {*model.info.features, *model.info.envelope}
     of_no_use = {key: value for key, value in features.items() if key not in needed}
     ignored(of_no_use, "no condition of the corrector's training had it; it is only noted in what is written")
+    for name in of_columns:  # an error names those that there are
+        records.find(records.topics(log, reading), name, str(log), reading)
     for text in records.unused(log, reading):
         say(f"ignored: --{text}", err=True)
     if sources.units_said(log, (*model.channels, *model.sees), topic, reading):
@@ -295,6 +303,22 @@ def _costs(found: Inspection) -> list[Estimate]:
         with suppress(FmucorrectError):  # discover says what it cannot take
             costs.append(estimate(load_study(path), pairs))
     return [cost for cost in costs if cost is not None]
+
+
+def _units(options: Sequence[str]) -> tuple[str | None, dict[str, str]]:
+    """The unit of all columns that have none, and those of single ones. Raises UserError."""
+    from fmucorrect.study_places import unknown_unit
+
+    single = [text for text in options if "=" not in text]
+    if len(single) > 1:
+        both = " and ".join(single)
+        raise UserError(f"--unit: one unit of all columns is expected, or 'column=unit' of each; got {both}")
+    parts = [text.rpartition("=") for text in options if "=" in text]
+    named = {column.strip(): unit.strip() for column, _, unit in parts}
+    for text in (*single, *named.values()):
+        if wrong := unknown_unit(text):
+            raise UserError(f"--unit: {wrong}")
+    return (single[0] if single else None), named
 
 
 def _condition(

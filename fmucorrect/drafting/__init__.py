@@ -11,7 +11,7 @@ stiffness, damping and inertia, `written` is the text.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
@@ -19,6 +19,7 @@ from pathlib import Path
 from fmucorrect import records
 from fmucorrect.clocks import overlapping
 from fmucorrect.drafting.driving import find_driving
+from fmucorrect.drafting.guess import likeness, quantity
 from fmucorrect.drafting.joints import find_joints, joint_units
 from fmucorrect.drafting.pairing import (
     UNITLESS,
@@ -28,6 +29,7 @@ from fmucorrect.drafting.pairing import (
     beside,
     find_channels,
     input_units,
+    may_be,
     quiet,
     read_run,
     step_of,
@@ -36,9 +38,10 @@ from fmucorrect.drafting.parameters import find_parameters
 from fmucorrect.drafting.starts import find_starts, in_motion
 from fmucorrect.drafting.written import Draft, DraftedRun
 from fmucorrect.errors import FmuError, RecordError, few
-from fmucorrect.fmu import open_fmu
+from fmucorrect.fmu import Variable, open_fmu
 from fmucorrect.records.timebase import seconds_text
 from fmucorrect.signals import AS_IT_IS, Reading
+from fmucorrect.units import Unit
 
 __all__ = ["STEPS", "Draft", "draft"]
 
@@ -97,7 +100,7 @@ def draft(
             f"no column shows an output of the FMU, by its name or by what it holds{still}",
             where=str(first.path),
             expected=f"measurements of {few([v.name for v in trial.outputs])}",
-            got=f"{few([*_described(first, trial).values()])}{beside_them}",
+            got=f"{few([*_described(first, trial, model.defined).values()])}{beside_them}",
             remedy="Write the study by hand (fmucorrect/README.md), or give the columns the names of the outputs.",
         )
     progress(STEPS[2])
@@ -143,7 +146,7 @@ def draft(
         units=units,
         unpaired=tuple(
             text
-            for column, text in _described(first, trial).items()
+            for column, text in _described(first, trial, model.defined).items()
             if column not in {guess.column for guess in channels}
         ),
         left_out=first.left_out,
@@ -154,13 +157,25 @@ def draft(
     )
 
 
-def _described(log: Run, trial: Trial) -> dict[str, str]:
+def _described(log: Run, trial: Trial, defined: Mapping[str, Unit]) -> dict[str, str]:
     """Columns in words, by name: why one shows no output, where that is known."""
     told: dict[str, str] = {}
     for column, values in zip(trial.columns, trial.measured.T, strict=True):
         command = ", the same in two runs to the last digit: a command" if column in log.repeated else ""
-        told[column] = column + (command or ", which never moves" * bool((values == values[:1]).all()))
+        still = ", which never moves" * bool((values == values[:1]).all())
+        told[column] = column + (command or still or _of_no_output(log.columns[column], column, trial.outputs, defined))
     return told
+
+
+def _of_no_output(unit: str, column: str, outputs: Sequence[Variable], defined: Mapping[str, Unit]) -> str:
+    """Why a column in this unit can show no output, where the unit alone tells."""
+    fits = [may_be(unit, output.unit, defined) for output in outputs]
+    named = [o.unit for o, fit in zip(outputs, fits, strict=True) if not fit and likeness(column, o.name) == 1.0]
+    if named:
+        return f", in {unit}; the output of this name is in {named[0]}"
+    if unit not in UNITLESS and quantity(unit, defined) is None:
+        return f", in {unit}, of which no channel of a study can be"
+    return "" if any(fits) else f", in {unit}; no output is in a unit of that kind"
 
 
 def _read(runs: Sequence[str | PathLike[str]], reading: Reading) -> list[Run]:

@@ -8,15 +8,7 @@ from difflib import SequenceMatcher
 
 from fmucorrect import units
 from fmucorrect.errors import SignalError
-
-KINDS = {
-    "displacement": "m",
-    "velocity": "m/s",
-    "acceleration": "m/s2",
-    "force": "N",
-    "angle": "rad",
-}
-"""Quantities of channels, and the unit that each is one of."""
+from fmucorrect.signals import QUANTITIES
 
 _FILLING = frozenset("meas measured sensor signal raw ch channel act actual cmd in input out output".split())  # noqa: SIM905
 """Words of a name that say nothing of what it is."""
@@ -35,9 +27,9 @@ def quantity(unit: str, defined: Mapping[str, units.Unit] = units.NONE) -> str |
         dimension = units.explained(unit, "", defined).dimension
     except SignalError:
         return None
-    known = {units.parse(text).dimension: name for name, text in KINDS.items()}
-    known |= {units.parse("rad/s").dimension: "velocity", units.parse("rad/s2").dimension: "acceleration"}
-    known |= {units.parse("N.m").dimension: "force"}
+    if not any(dimension):  # a strain, a ratio, a percentage: no unit tells
+        return None
+    known = {units.parse(text).dimension: name for name, texts in QUANTITIES.items() for text in texts}
     return known.get(dimension)
 
 
@@ -49,8 +41,7 @@ def si(unit: str) -> str:
         return unit
     if unit == "g":
         return "m/s2"
-    known = ("m", "m/s", "rad/s", "m/s2", "rad/s2", "N", "N.m", "rad")
-    return next(other for other in known if units.parse(other).dimension == units.parse(unit).dimension)
+    return next(o for o in QUANTITIES[kind] if units.parse(o).dimension == units.parse(unit).dimension)
 
 
 def likeness(one: str, other: str) -> float:

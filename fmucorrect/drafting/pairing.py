@@ -456,6 +456,8 @@ _FAMILIES = {
     "acceleration": ("m/s2", "gn", "mm/s2"),
     "force": ("N", "kN"),
     "angle": ("rad", "deg", "mrad"),
+    "pressure": ("Pa", "bar", "MPa"),
+    "current": ("A", "mA"),
 }
 FAR = 1.5
 """Powers of ten by which a model may be off in its own SI units: half of a factor of 1000."""

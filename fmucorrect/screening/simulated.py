@@ -24,7 +24,7 @@ NEAR = 0.2
 ALIKE = 0.9
 """Correlation from which any factor between sizes is told: below it the model may be wrong in size as well."""
 SIZED = {"angle": DEGREE, "displacement": INCH, "velocity": INCH, "acceleration": GRAVITY, "force": GRAVITY}
-"""The other factor that a quantity may be wrong by, for channels that are not ALIKE."""
+"""The other factor that a quantity may be wrong by, for channels that are not ALIKE; none of the rest."""
 FAR = np.log(4.0)
 """A factor of 1000 is told of any channel whose size is this near to it: midway to the next factor, 57.3."""
 MIDWAY = np.log(1.5)
@@ -334,7 +334,7 @@ def _sizes(study: Study, pairs: Sequence[Pair], tables: Sequence[Table]) -> Iter
         sure = {name for name, r in zip(near, own, strict=True) if abs(r) > ALIKE}
         large = [_factor(ratio, (THOUSAND,), FAR) for ratio in ratios[:, j]]
         wide = [_factor(ratio, near=MIDWAY) for ratio in ratios[:, j]]
-        likely = [name if name.endswith(SIZED[channel.quantity]) else "" for name in wide]
+        likely = [name if name.endswith(SIZED.get(channel.quantity, ())) else "" for name in wide]
         sure |= {*large, *_beside_others(ratios, j, likely)}
         for factor in sorted(sure - {""}):
             having = [c for c in range(len(pairs)) if factor in (wide[c], large[c])]

@@ -23,6 +23,7 @@ import numpy as np
 from jaxtyping import Bool, Float64
 from scipy.signal import lfilter
 
+from fmucorrect.comparison import REST
 from fmucorrect.training.data import FLOOR, Samples, sizes
 from fmucorrect.training.nearby import paced
 
@@ -49,8 +50,8 @@ NARROWEST = 0.27
 proof allows between ONNX Runtime and C."""
 NEAR = 0.1
 """Of the strongest frequency, what counts to it: as wide as the resonance of a damping ratio of 5 %, as most are that ring."""
-REST = 0.05
-"""Share of its largest deflection from its median within which a channel is at rest, as `Comparison.excited` has it."""
+ALONE = 0.01
+"""Share of the power, of all that moves, less than which is noise and no frequency of its own."""
 
 
 @dataclass(frozen=True)
@@ -204,7 +205,7 @@ def in_motion(item: Samples, stride: int) -> Bool[np.ndarray, " N"]:
 
 def strangers(development: Sequence[Samples]) -> dict[str, list[Samples]]:
     """Simulated motions of development made into others, as a linear model would move if its excitation were changed so; the
-    last of them of those that are not of one frequency anyway."""
+    last of them of those whose excitation is not said to be of one frequency."""
 
     def random(q: Float64[np.ndarray, "T J"]) -> Float64[np.ndarray, "T J"]:
         """All channels turned alike: what they have to do with one another stays (Prichard and Theiler, Generating surrogate
@@ -214,13 +215,19 @@ def strangers(development: Sequence[Samples]) -> dict[str, list[Samples]]:
         return np.fft.irfft(spectrum * turn[:, None], len(q), axis=0)
 
     def tone(q: Float64[np.ndarray, "T J"]) -> Float64[np.ndarray, "T J"]:
-        """What lies near the strongest frequency, alone; as it is where that is the greater part already."""
+        """What lies near the strongest frequency, alone; where that is the greater part already, as of a resonance, near the
+        strongest of the rest. As it is where there is no rest."""
         spectrum = np.fft.rfft(q, axis=0)
+        spectrum[0] = 0.0
         power = (np.abs(spectrum) ** 2 / (q.var(axis=0) + 1e-300)).sum(axis=1)
-        strongest = 1 + int(power[1:].argmax())
-        near = np.abs(np.arange(len(power)) - strongest) <= NEAR * strongest
-        share = power[near].sum() / power[1:].sum()
-        return q if share > 0.5 else np.fft.irfft(spectrum * near[:, None], len(q), axis=0) / np.sqrt(share)
+        whole, rows = power.sum(), np.arange(len(power))
+        for _ in range(2):
+            near = (np.abs(rows - power.argmax()) <= NEAR * power.argmax()) & (power > 0.0)
+            share = power[near].sum() / (whole + 1e-300)
+            if ALONE < share <= 0.5:
+                return np.fft.irfft(spectrum * near[:, None], len(q), axis=0) / np.sqrt(share)
+            power = np.where(near, 0.0, power)
+        return q
 
     changes = {
         "half the size": lambda q: 0.5 * q,
@@ -234,7 +241,7 @@ def strangers(development: Sequence[Samples]) -> dict[str, list[Samples]]:
         middle = np.median(item.whole, axis=0)
         for name, change in changes.items():
             moved = item.whole - middle
-            other = change(moved)
+            other = moved if change is tone and item.condition[2] > 0.0 else change(moved)
             if other is not moved:
                 made[name].append(_moved(item, middle + other))
     return {name: items for name, items in made.items() if items}

@@ -52,12 +52,16 @@ def verdict(selection: Selection, evaluations: Sequence[Comparison] = (), guard:
             text += f" At {named}, held out of everything: {100 * (1.0 - after / before):.0f} %."
     if worse := [found for item in unseen if (found := _worse(item))]:
         text += f" WORSE than the simulation at {', '.join(worse)}, which nothing was fitted to: do not use it there."
-    if narrow := [item for item in unseen if item.within(BAND_90, item.excited).mean() < _NARROW]:
-        named = ", ".join(
-            f"{item.condition.name} ({100 * item.within(BAND_90, item.excited).mean():.0f} % in motion)"
-            for item in narrow
-        )
-        text += f" Its 90 % band is too narrow at {named}."
+    narrow = [
+        f"{name} ({100 * held:.0f} %) when it was left out"
+        for name, held in selection.covered.items()
+        if held < _NARROW
+    ]
+    for item in unseen:
+        held = item.within(BAND_90, item.excited).mean()
+        narrow += [f"{item.condition.name} ({100 * held:.0f} % in motion)"] * bool(held < _NARROW)
+    if narrow:
+        text += f" Its 90 % band is too narrow at {', '.join(narrow)}."
     if guard is not None and guard.misses > _UNNOTICED:
         text += (
             f" Under another excitation it may not notice that it is elsewhere: {100 * guard.misses:.0f} % of the rows of "

@@ -127,7 +127,7 @@ def test_the_band_is_told_in_motion_and_at_rest() -> None:
     assert moving < 1.0 < 40.0 < inside < 60.0
     assert f"385 km/h {inside:.0f} {moving:.0f} 100" in text
     still = words(page([replace(item, excitation=None)]))
-    assert "at rest" not in still.split("The band")[1].split("Every condition")[0].split("moves.")[1]
+    assert "at rest" not in still.split("The band")[1].split("Every condition")[0].split("simulation.")[1]
 
 
 def test_where_it_ends_is_a_map() -> None:

@@ -137,6 +137,23 @@ def sees(oscillators: Bank) -> Look:
     return look
 
 
+def test_a_resonance_is_no_excitation_of_one_frequency() -> None:
+    """Random motion, most of which lies near a resonance, is made into a motion of another frequency; a sine is not."""
+    rng, t = np.random.default_rng(3), np.arange(8000) * STEP
+    pole = 0.994 * np.exp(2j * np.pi * 9.0 * STEP)
+    rings = lfilter([1.0], [1.0, -2.0 * pole.real, abs(pole) ** 2], rng.standard_normal(len(t)))
+    ringing, sine = (np.stack([q, 0.5 * q], axis=1) for q in (rings, np.sin(2.0 * np.pi * t)))
+    name = "one frequency, of the same power"
+    (made,) = strangers([condition("random", ringing)])[name]
+    spectrum = np.abs(np.fft.rfft(made.simulated[:, 0]))
+    strongest = np.fft.rfftfreq(len(made.simulated), STEP)[spectrum.argmax()]
+    assert abs(strongest - 9.0) > 0.8
+    assert made.simulated.std() == pytest.approx(ringing[WINDOW:].std(), rel=0.1)
+    assert name not in strangers([condition("sine", sine)])
+    said = replace(condition("said to be one", ringing), condition=np.array([0.0, 1.0, 9.0], np.float32))
+    assert name not in strangers([said])
+
+
 def test_a_sine_is_new_to_a_memory_of_random_roads_although_it_passes_through_known_states() -> None:
     development = [condition(f"road {seed}", road(seed)) for seed in range(4)]
     oscillators = bank(development, pace(development), 6)

@@ -154,7 +154,8 @@ def _band(page: Page, comparisons: Sequence[Comparison], guarded: Guarded | None
     page.section(
         "The band",
         "Share of the measured samples inside the stated 90 % band (1.645 sigma), in %, mean of the channels: 90 would be "
-        "exact, far more is timid, less is too sure. In motion: from the first to the last row in which the excitation moves.",
+        "exact, far more is timid, less is too sure. In motion: from the first to the last row in which the excitation moves, "
+        "or, where none was recorded, the simulation.",
     )
     rows: list[Row] = []
     left = [(name, held) for name, _, held in (guarded.rows if guarded else ()) if name.endswith(", left out")]
