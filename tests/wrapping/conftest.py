@@ -79,7 +79,8 @@ def host(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
             command = list(with_compiler) or ZIG
             made[key] = folder / f"host{len(made)}{suffix}"
             headers = compiler.fmi_headers(fmi)[0].parent
-            libraries = ["-s"] if suffix else ["-ldl"]  # zig builds the C library of Windows for stripped programs anyway
+            # stripped, as what is wrapped, or zig builds the C library of Windows once more
+            libraries = ["-s"] if suffix else ["-ldl"]
             subprocess.run(
                 [*command, "-std=c11", "-O1", "-Wall", "-Wextra", "-Wno-unused-parameter", f"-DFMI={fmi}", f"-I{headers}",
                  *flags, str(HERE / "host.c"), "-o", str(made[key]), *libraries],
