@@ -188,7 +188,7 @@ def test_replay_says_which_options_nothing_comes_of(model: Path, ran: Path, tmp_
     assert speed.startswith("ignored: --speed 300.0: no condition of the corrector's training had it")
     assert start.startswith("ignored: --start 0.0: ")
     (unit,) = told(source, "--corrector", road, "--unit", "mm")
-    assert unit == "ignored: --unit mm: the log says the unit of every column that is read"
+    assert unit == "ignored: --unit mm: the unit of every column that is read is said"
     (rate,) = told(source, "--corrector", road, "--rate", 500)
     assert rate == "ignored: --rate = 500: the file has a time of its own"
     assert len(told(ran, "--corrector", model, "--delimiter", ";", "--encoding", "cp1250", "--time", "clock")) == 3
@@ -295,6 +295,25 @@ def test_columns_of_several_units_are_asked_for_one_by_one(tmp_path: Path) -> No
     assert call(*arguments, *each).exit_code == 0
     found = records.read(tmp_path / "out.mcap", ["angle", "torque"])
     assert np.abs(found.values).max(axis=0) == pytest.approx([np.deg2rad(1.0), 1000.0], rel=0.01)
+
+
+def test_a_studys_own_record_is_read_as_the_study_says(tmp_path: Path) -> None:
+    channels = (Channel("x", "mm", simulation="x"),)
+    model = bundles.make(tmp_path / "x.onnx", channels, declared=False)
+    rows = "\n".join(f"{i * 0.001:.3f};{np.sin(i / 9.0):.6f}".replace(".", ",") for i in range(200))
+    (tmp_path / "sim.txt").write_text(f"Zeit;x\n{rows}\n", encoding="utf-8")
+    (tmp_path / "study.toml").write_text(
+        'format = 1\nname = "s"\n[simulation]\nstep_size = 0.001\n[records]\ndelimiter = ";"\ndecimal = ","\ntime = "Zeit"\n'
+        'units = { x = "um" }\n[[channels]]\nname = "x"\nsimulation = "x"\nmeasurement = "x"\nquantity = "displacement"\n'
+        'unit = "mm"\n[[conditions]]\nname = "a"\nrole = "development"\nsimulated = "sim.txt"\nmeasurement = "sim.txt"\n',
+        encoding="utf-8",
+    )
+    arguments = ["replay", tmp_path / "sim.txt", "--corrector", model, "-o", tmp_path / "out.mcap"]
+    of_study = ["--study", tmp_path / "study.toml", "--condition", "a"]
+    assert call(*arguments, *of_study).exit_code == 0
+    assert np.abs(records.read(tmp_path / "out.mcap", ["x"]).values).max() == pytest.approx(1e-3, rel=0.01)
+    assert call(*arguments, *of_study, "--unit", "x=mm").exit_code == 0
+    assert np.abs(records.read(tmp_path / "out.mcap", ["x"]).values).max() == pytest.approx(1.0, rel=0.01)
 
 
 def test_replay_guesses_no_unit(model: Path, tmp_path: Path) -> None:

@@ -208,18 +208,19 @@ def replay(
     from fmucorrect import bundle, records, runs, sources
 
     unit, of_columns = _units(units)
-    reading = replace(reading_of(time, rate, delimiter, decimal, encoding), units=of_columns)
+    told = replace(reading_of(time, rate, delimiter, decimal, encoding), units=of_columns)
     model = bundle.load(corrector)
     needed = {*model.info.features, *model.info.envelope}
     of_no_use = {key: value for key, value in features.items() if key not in needed}
     ignored(of_no_use, "no condition of the corrector's training had it; it is only noted in what is written")
     for name in of_columns:  # an error names those that there are
-        records.find(records.topics(log, reading), name, str(log), reading)
-    for text in records.unused(log, reading):
+        records.find(records.topics(log, told), name, str(log), told)
+    for text in records.unused(log, told):
         say(f"ignored: --{text}", err=True)
+    chosen, also_read = _condition(log, topic, study, condition, features, told, needed)
+    reading = _reading(log, chosen, told)
     if sources.units_said(log, (*model.channels, *model.sees), topic, reading):
-        ignored({"unit": unit}, "the log says the unit of every column that is read")
-    chosen, also_read = _condition(log, topic, study, condition, features, reading, needed)
+        ignored({"unit": unit}, "the unit of every column that is read is said")
     rows = sources.logged_rows(log, topic, reading)
     with _watching(live, listen, out) as view, progress_bar(rows, "sample", log.name) as advance:
         summary = runs.replay_log(
@@ -228,7 +229,7 @@ def replay(
             out,
             model,
             topic=topic,
-            repair=repair,
+            repair=repair or reading.repair or None,
             unit=unit,
             reading=reading,
             allow_damaged=allow_damaged,
@@ -319,6 +320,17 @@ def _units(options: Sequence[str]) -> tuple[str | None, dict[str, str]]:
         if wrong := unknown_unit(text):
             raise UserError(f"--unit: {wrong}")
     return (single[0] if single else None), named
+
+
+def _reading(log: Path, condition: Condition, told: Reading) -> Reading:
+    """How the log is read: as its study says, where it is the simulated record of that condition; what is told goes before."""
+    if condition.simulated is None or condition.simulated.resolve() != log.resolve():
+        return told
+    known = condition.reading
+    given = {
+        key: value for key in ("time", "rate", "delimiter", "decimal", "encoding") if (value := getattr(told, key))
+    }
+    return replace(known, units={**known.units, **told.units}, **given)
 
 
 def _condition(

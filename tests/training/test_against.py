@@ -73,6 +73,9 @@ def test_a_band_that_holds_too_little_is_told(study: Study, briefly: Trained, tm
     wide = replace(said, sigma=said.sigma * 1e3)
     assert "too narrow at 385" in verdict(briefly.selection, [tight])
     assert "too narrow" not in verdict(briefly.selection, [wide])
+    name = next(iter(briefly.selection.covered))
+    left = replace(briefly.selection, covered={**briefly.selection.covered, name: 0.7})
+    assert f"too narrow at {name} (70 %) when it was left out." in verdict(left, [wide])
     speeds = [replace(said, condition=condition) for condition in study.conditions]
     assert "at speeds it had not seen" in verdict(briefly.selection, speeds)
 
