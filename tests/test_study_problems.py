@@ -48,7 +48,8 @@ SINGLE = [
     (
         'quantity = "displacement" ',
         'quantity = "displacment" ',
-        f"{CHANNEL}, key quantity: must be 'displacement', 'velocity', 'acceleration', 'force' or 'angle', "
+        f"{CHANNEL}, key quantity: must be 'displacement', 'velocity', 'acceleration', 'force', 'angle', "
+        "'pressure', 'strain' or 'current', "
         "got 'displacment'; did you mean 'displacement'?",
     ),
     (
