@@ -71,7 +71,8 @@ def train(study: Study, training: Training | None = None, workshop: Workshop | N
     Raises StudyError where fewer than two development conditions leave nothing to hold out, and what simulation and
     registration raise.
     """
-    training, workshop = training or study.training, workshop or Workshop()
+    study = replace(study, training=training or study.training)  # which also says what is simulated beside the channels
+    training, workshop = study.training, workshop or Workshop()
     checked = screened(study)
     sees = training.corrector.sees
     development = [samples(item, training.window, sees) for item in checked.pairs]

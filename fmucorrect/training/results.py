@@ -49,7 +49,8 @@ def train_into(folder: Path, study: Study, training: Training, command: str, wor
     command: what the card names as its maker. A compare.json of the same study in `folder` goes into the card. Raises what
     `protocol.train` raises; files of an earlier training are replaced one by one, each at once.
     """
-    trained = train(study, training, workshop)
+    study = replace(study, training=training)
+    trained = train(study, None, workshop)
     folder.mkdir(parents=True, exist_ok=True)
     model = bundle.load(save(trained, folder))
     pairs = [pair(study, condition) for condition in study.conditions]

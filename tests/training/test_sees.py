@@ -26,7 +26,8 @@ from fmucorrect.study import Study, load_study
 from fmucorrect.study_training import Corrector, Family
 from fmucorrect.training.data import samples
 from fmucorrect.training.protocol import Trained, train
-from fmucorrect.training.results import save
+from fmucorrect.training.results import save, train_into
+from fmucorrect.training.tasks import Workshop
 
 Models = Callable[[Family], tuple[Trained, Path]]
 SEES = '\n[training.corrector]\nsees = ["wind", "flag"]\n'
@@ -94,6 +95,16 @@ def test_what_it_sees_makes_it_better(study: Study, model_of: Models, tmp_path: 
     seeing = evaluate(item, bundle.load(model_of("linear")[1]))
     assert seeing.after.mean_nrmse < 0.3 * blind.after.mean_nrmse
     assert (seeing.status == Status.OK).mean() > 0.95
+
+
+def test_settings_may_see_other_columns_than_the_study_says(study: Study, tmp_path: Path) -> None:
+    """Fewer, more, and in another order."""
+    blind = replace(study, training=replace(study.training, corrector=replace(study.training.corrector, sees=())))
+    for known, sees in ((study, ("wind",)), (study, (SLOW, "wind")), (blind, ("wind",))):
+        settings = replace(road.QUICK, corrector=Corrector(sees=sees, families=("linear",)))
+        found = train_into(tmp_path / "-".join(sees), known, settings, "test", Workshop())
+        assert tuple(channel.name for channel in bundle.load(found.folder / "corrector.onnx").sees) == sees
+        assert found.evaluations[-1].after.mean_nrmse < 0.5 * found.evaluations[-1].before.mean_nrmse
 
 
 @pytest.mark.parametrize("family", ["linear", "window", "recurrent", "feedback"])
