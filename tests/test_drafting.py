@@ -54,6 +54,26 @@ class QuarterCar(Fmi2Slave):
         self.travel, self.travel_rate = self.zs - self.zu, self.vs - self.vu
         return True
 """
+CYLINDER = """
+from pythonfmu import Fmi2Causality, Fmi2Slave, Real
+
+
+class Cylinder(Fmi2Slave):
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        self.q = self.p = self.x = self.v = self.i = 0.0
+        self.register_variable(Real("q", causality=Fmi2Causality.input))
+        for name in ("p", "x", "i"):
+            self.register_variable(Real(name, causality=Fmi2Causality.output))
+
+    def do_step(self, time, step):
+        for _ in range(20):
+            self.p += step / 20 * 1.2e11 * (self.q - 2e-3 * self.v - 1e-9 * self.p)
+            self.v += step / 20 * (2e-3 * self.p - 2e5 * self.x - 800.0 * self.v) / 50.0
+            self.x += step / 20 * self.v
+        self.i = 1e3 * self.q
+        return True
+"""
 STEP, ROWS, BEGINS = 2_000_000, 1500, 1_767_225_600_000_000_000
 
 
@@ -112,6 +132,39 @@ def test_a_quarter_car_whose_exporter_writes_no_units(car: Path, logs: list[Path
     text = path.read_text(encoding="utf-8")
     assert "# used for nothing: column Oil" in text
     assert text.count("# guess:") > 10
+
+
+def test_a_hydraulic_cylinder_whose_exporter_writes_no_units(tmp_path: Path):
+    """Flow in l/min, pressure in bar, current in mA, as its logger has them; the model computes in SI."""
+    cylinder = by_pythonfmu(tmp_path, "Cylinder", CYLINDER)
+    t = np.arange(ROWS) * STEP / 1e9
+    flow = 2e-5 * np.clip(t - 0.5, 0.0, 1.0) * np.sin(2.0 * np.pi * np.outer(t, [0.7, 2.3, 3.9]) + 1.0).mean(axis=1)
+    channels = tuple(Channel(name, "") for name in ("p", "x", "i"))
+    with IsolatedStepper(cylinder, channels, inputs=("q",)) as stepper:
+        result = run(stepper, Condition("a"), [Record(np.arange(ROWS) * STEP, flow[:, None], (Channel("q"),))])
+    assert result is not None
+    columns = {
+        Channel("flow q", "l/min"): 6e4 * flow,
+        Channel("line pressure", "bar"): result["p"] / 1e5,
+        Channel("stroke x", "mm"): 1e3 * result["x"],
+        Channel("valve i", "mA"): 1e3 * result["i"],
+        Channel("oil", "degC"): 40.0 + 0.1 * t,
+    }
+    log = tmp_path / "run.parquet"
+    with writer(log) as file:
+        file.write("/log", Record(np.arange(ROWS) * STEP, np.stack(list(columns.values()), axis=1), tuple(columns)))
+    path = tmp_path / "study.toml"
+    path.write_text(draft(cylinder, [log]).text(path), encoding="utf-8")
+    study = load_study(path)
+    assert study.simulation.units == {"q": "m3/s", "p": "Pa", "x": "m", "i": "A"}
+    assert [(c.name, c.quantity, c.unit) for c in study.channels] == [
+        ("p", "pressure", "bar"),
+        ("x", "displacement", "mm"),
+        ("i", "current", "mA"),
+    ]
+    item = pair(study, study.conditions[0])
+    assert (np.abs(item.measured - item.response).max(axis=0) < 0.02 * np.abs(item.measured).max(axis=0)).all()
+    assert "# used for nothing: column oil, in degC, of which no channel of a study can be" in path.read_text("utf-8")
 
 
 def test_why_a_column_is_used_for_nothing(car: Path, logs: list[Path], tmp_path: Path):

@@ -34,14 +34,19 @@ def quantity(unit: str, defined: Mapping[str, units.Unit] = units.NONE) -> str |
 
 
 def si(unit: str) -> str:
-    """The SI unit of the same quantity, in which a model without units is likely to compute; the unit itself where it is of no
-    quantity of a channel."""
-    kind = quantity(unit)
-    if kind is None:
-        return unit
+    """The SI unit of the same dimension, in which a model without units is likely to compute; the unit itself where nothing
+    says that it would: of a temperature, a frequency, a ratio, and one that nobody knows."""
     if unit == "g":
         return "m/s2"
-    return next(o for o in QUANTITIES[kind] if units.parse(o).dimension == units.parse(unit).dimension)
+    try:
+        dimension = units.parse(unit).dimension
+    except SignalError:
+        return unit
+    if dimension in [units.parse(text).dimension for text in ("1", "K", "Hz")]:
+        return unit
+    known = (*(text for texts in QUANTITIES.values() for text in texts), "m3/s", "V", "W", "Ohm")
+    same = (text for text in known if units.parse(text).dimension == dimension)
+    return next(same, units.in_base_units(dimension))
 
 
 def likeness(one: str, other: str) -> float:
