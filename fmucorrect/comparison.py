@@ -92,7 +92,7 @@ class Comparison:
     def excited(self) -> slice:
         """The scored rows from the first to the last in which the excitation moves; without a record of it, the simulation.
         What is before and after counts as rest only where it lasts longer than any pause between: what always moves may
-        begin and end near its middle."""
+        begin and end near its middle. All scored ones where none of them moves."""
         seen = self.simulated if self.excitation is None else self.excitation[:, None]
         swing = np.abs(seen - np.median(seen, axis=0))
         moving = np.flatnonzero((swing > REST * swing.max(axis=0)).any(axis=1))
@@ -100,7 +100,8 @@ class Comparison:
             return self.scored
         first, last, pause = int(moving[0]), int(moving[-1]) + 1, int(np.diff(moving).max(initial=1))
         first, last = first if first > pause else 0, last if len(seen) - last > pause else len(seen)
-        return slice(max(self.scored.start, first), min(self.scored.stop, last))
+        first, last = max(self.scored.start, first), min(self.scored.stop, last)
+        return slice(first, last) if first < last else self.scored
 
     def within(self, width: float = 2.0, rows: slice | None = None) -> Float64[np.ndarray, " J"]:
         """Share of the measured samples inside corrected +- width * sigma, a value a channel; of all scored rows, or `rows`."""

@@ -41,4 +41,6 @@ def test_what_always_moves_is_in_motion_wherever_it_begins_and_ends(seed: int) -
 
 
 def test_what_never_moves_has_no_rest() -> None:
+    """Nor what moves while the corrector warms up, and never again."""
     assert comparison(np.full(ROWS, 3.0)).excited == slice(50, ROWS)
+    assert comparison(np.where(np.arange(ROWS) < 40, np.sin(np.arange(ROWS)), 0.0)).excited == slice(50, ROWS)
