@@ -10,7 +10,7 @@ from jaxtyping import Float64, Int64
 
 from fmucorrect import sketch
 from fmucorrect.brief import brief
-from fmucorrect.metrics import OracleLag, Scores, oracle_lag, score
+from fmucorrect.metrics import OracleLag, Scores, in_motion, oracle_lag, score
 from fmucorrect.pairs import Pair
 from fmucorrect.registration import Offset
 from fmucorrect.signals import Channel, Condition, Record
@@ -19,8 +19,6 @@ from fmucorrect.stepper import Status
 Response = Float64[np.ndarray, "N J"]
 BAND_90 = 1.645
 """Half the width of a 90 % band in sigmas, were errors normal: a calibrated sigma is stated so that this one holds 90 %."""
-REST = 0.05
-"""Share of its largest deflection from its median within which a signal is at rest."""
 ORACLE_LIMIT = 250
 """Most samples by which the oracle may shift the corrected response."""
 
@@ -94,8 +92,7 @@ class Comparison:
         What is before and after counts as rest only where it lasts longer than any pause between: what always moves may
         begin and end near its middle. All scored ones where none of them moves."""
         seen = self.simulated if self.excitation is None else self.excitation[:, None]
-        swing = np.abs(seen - np.median(seen, axis=0))
-        moving = np.flatnonzero((swing > REST * swing.max(axis=0)).any(axis=1))
+        moving = np.flatnonzero(in_motion(seen))
         if not len(moving):
             return self.scored
         first, last, pause = int(moving[0]), int(moving[-1]) + 1, int(np.diff(moving).max(initial=1))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Bool, Float64
 
 from fmucorrect.errors import SignalError
 
@@ -13,6 +13,15 @@ Response = Float64[np.ndarray, "T J"]
 """One row a sample, one column a channel; prediction and measurement in the same units."""
 
 PerChannel = Float64[np.ndarray, " J"]
+
+REST = 0.05
+"""Share of its largest deflection from its median within which a signal is at rest."""
+
+
+def in_motion(values: Response) -> Bool[np.ndarray, " T"]:
+    """Rows in which a channel is farther from its median than at rest."""
+    swing = np.abs(values - np.median(values, axis=0))
+    return (swing > REST * swing.max(axis=0)).any(axis=1)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from jaxtyping import Float64, Int64
@@ -28,7 +28,8 @@ Values = Float64[np.ndarray, "T C"]
 
 NANOSECONDS = 1_000_000_000
 
-QUANTITIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
+Quantity = Literal["displacement", "velocity", "acceleration", "force", "angle", "pressure", "strain", "current"]
+QUANTITIES: Mapping[Quantity, tuple[str, ...]] = MappingProxyType(
     {
         "displacement": ("m",),
         "velocity": ("m/s", "rad/s"),

@@ -325,8 +325,8 @@ def units_said(log: Path, channels: tuple[Channel, ...], topic: str | None = Non
     chosen = topic or default_topic(log, reading)
     topics = [one for one in records.topics(log, reading) if chosen in (None, one.name)]
     named = zip(columns(log, channels, chosen, reading), channels, strict=True)
-    wanted = [name for name, channel in named if channel.unit not in ("", "1") and records.has(topics, name, reading)]
-    return all(records.find(topics, name, str(log), reading)[1].unit not in ("", "1") for name in wanted)
+    there = [(name, channel.unit) for name, channel in named if records.has(topics, name, reading)]
+    return not any(_unsaid(records.find(topics, name, str(log), reading)[1].unit, unit) for name, unit in there)
 
 
 def default_topic(log: Path, reading: Reading = AS_IT_IS) -> str | None:
@@ -337,7 +337,7 @@ def default_topic(log: Path, reading: Reading = AS_IT_IS) -> str | None:
 
 def _all_said(pairs: Sequence[tuple[Channel, Channel]], log: Path) -> None:
     """Raises SignalError that names the columns without a unit, each with that of its channel."""
-    unsaid = [(have.name, want.unit) for have, want in pairs if _unsaid(have, want)]
+    unsaid = [(have.name, want.unit) for have, want in pairs if _unsaid(have.unit, want.unit)]
     if not unsaid:
         return
     name, unit = unsaid[0]
@@ -353,8 +353,9 @@ def _all_said(pairs: Sequence[tuple[Channel, Channel]], log: Path) -> None:
     )
 
 
-def _unsaid(have: Channel, want: Channel) -> bool:
-    return have.unit in ("", "1") and want.unit not in ("", "1")
+def _unsaid(have: str, want: str) -> bool:
+    """Whether nobody says the unit of a column that is wanted in one."""
+    return have in ("", "1") and want not in ("", "1")
 
 
 def _conversion(
@@ -362,6 +363,6 @@ def _conversion(
 ) -> units.Conversion:
     if want.unit == "":
         return units.Conversion()
-    if unit is not None and _unsaid(have, want):
+    if unit is not None and _unsaid(have.unit, want.unit):
         return units.convert(unit, want.unit, f"--unit for column {have.name}", known)
     return units.convert(have.unit, want.unit, f"{log}, column {have.name}", known)

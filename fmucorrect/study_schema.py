@@ -12,13 +12,10 @@ from typing import Annotated, Any, Literal
 from annotated_types import Gt, Interval, Le, MinLen
 
 from fmucorrect import study_training, units
-from fmucorrect.signals import DELIMITERS, QUANTITIES, RULES, Reading
+from fmucorrect.signals import DELIMITERS, QUANTITIES, RULES, Quantity, Reading
 from fmucorrect.study_places import Location, Places, missing_file, nearest, place, unknown_unit
 from fmucorrect.study_training import Training
 from fmucorrect.toml_table import Found, NotNegative, Positive, Sign, Text, doubted, named, read, repeated, shown, those
-
-Quantity = Literal["displacement", "velocity", "acceleration", "force", "angle", "pressure", "strain", "current"]
-
 
 LONGEST_STEP = 86_400.0
 """s; a communication step is milliseconds, a day is a mistake."""

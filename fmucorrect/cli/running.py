@@ -213,8 +213,10 @@ def replay(
     needed = {*model.info.features, *model.info.envelope}
     of_no_use = {key: value for key, value in features.items() if key not in needed}
     ignored(of_no_use, "no condition of the corrector's training had it; it is only noted in what is written")
-    for name in of_columns:  # an error names those that there are
-        records.find(records.topics(log, told), name, str(log), told)
+    if of_columns:
+        topics = records.topics(log, told)
+        for name in of_columns:  # an error names those that there are
+            records.find(topics, name, str(log), told)
     for text in records.unused(log, told):
         say(f"ignored: --{text}", err=True)
     chosen, also_read = _condition(log, topic, study, condition, features, told, needed)

@@ -23,7 +23,7 @@ import numpy as np
 from jaxtyping import Bool, Float64
 from scipy.signal import lfilter
 
-from fmucorrect.comparison import REST
+from fmucorrect import metrics
 from fmucorrect.training.data import FLOOR, Samples, sizes
 from fmucorrect.training.nearby import paced
 
@@ -198,8 +198,7 @@ def units_of(
 
 def in_motion(item: Samples, stride: int) -> Bool[np.ndarray, " N"]:
     """Of every stride-th row whether a channel is farther from its median than at rest; all, where none is."""
-    swing = np.abs(item.simulated - np.median(item.simulated, axis=0))
-    moving = (swing > REST * swing.max(axis=0)).any(axis=1)[::stride]
+    moving = metrics.in_motion(item.simulated)[::stride]
     return moving if moving.any() else ~moving
 
 

@@ -50,7 +50,7 @@ def train_into(folder: Path, study: Study, training: Training, command: str, wor
     `protocol.train` raises; files of an earlier training are replaced one by one, each at once.
     """
     study = replace(study, training=training)
-    trained = train(study, None, workshop)
+    trained = train(study, workshop=workshop)
     folder.mkdir(parents=True, exist_ok=True)
     model = bundle.load(save(trained, folder))
     pairs = [pair(study, condition) for condition in study.conditions]

@@ -57,9 +57,8 @@ def verdict(selection: Selection, evaluations: Sequence[Comparison] = (), guard:
         for name, held in selection.covered.items()
         if held < _NARROW
     ]
-    for item in unseen:
-        held = item.within(BAND_90, item.excited).mean()
-        narrow += [f"{item.condition.name} ({100 * held:.0f} % in motion)"] * bool(held < _NARROW)
+    in_motion = [(item.condition.name, item.within(BAND_90, item.excited).mean()) for item in unseen]
+    narrow += [f"{name} ({100 * held:.0f} % in motion)" for name, held in in_motion if held < _NARROW]
     if narrow:
         text += f" Its 90 % band is too narrow at {', '.join(narrow)}."
     if guard is not None and guard.misses > _UNNOTICED:
