@@ -11,9 +11,10 @@ from jaxtyping import Float64, Int64
 from fmucorrect import sketch
 from fmucorrect.brief import brief
 from fmucorrect.metrics import OracleLag, Scores, in_motion, oracle_lag, score
+from fmucorrect.noise import noise_floor, of_sensors
 from fmucorrect.pairs import Pair
 from fmucorrect.registration import Offset
-from fmucorrect.signals import Channel, Condition, Record
+from fmucorrect.signals import NANOSECONDS, Channel, Condition, Record
 from fmucorrect.stepper import Status
 
 Response = Float64[np.ndarray, "N J"]
@@ -69,6 +70,13 @@ class Comparison:
     def after(self) -> Scores:
         """Of the corrected simulation."""
         return score(self.corrected[self.scored], self.measured[self.scored])
+
+    @cached_property
+    def noise(self) -> Float64[np.ndarray, " J"]:
+        """NRMSE (J,), %, that the sensors' noise alone makes on the scored rows; NaN where it is not known."""
+        step, begins = float(self.t_ns[1] - self.t_ns[0]) / NANOSECONDS, float(self.t_ns[0]) / NANOSECONDS
+        found = of_sensors(self.channels, self.condition, self.measured, self.simulated, step, begins)
+        return noise_floor(self.measured[self.scored], found.sigma)
 
     def _repr_html_(self) -> str:
         """What a notebook shows: the scores of every channel, as it is and corrected."""

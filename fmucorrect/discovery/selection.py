@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from fmucorrect.discovery.noise import independent_share
+from fmucorrect.noise import independent_share
 
 Columns = dict[str, list[np.ndarray]]
 """A series a condition, by the name of the shape."""

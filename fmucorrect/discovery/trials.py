@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from fmucorrect import pairs
-from fmucorrect.discovery.noise import estimate
+from fmucorrect.noise import of_sensors
 from fmucorrect.signals import Condition
 from fmucorrect.study import Study
 
@@ -93,14 +93,6 @@ def sensor_noise(
     begins: float,
 ) -> tuple[Float64[np.ndarray, " J"], bool, tuple[str, ...]]:
     """Noise a sample (J,), whether it is known, and why not. As the study says it, else from the measurement."""
-    step = study.simulation.step_size
-    quiet = None
-    if condition.quiet is not None:
-        low, high = (max(round((t - begins) / step), 0) for t in condition.quiet)
-        quiet = slice(low, high) if high - low >= 64 else None
-    said = np.array([np.nan if c.noise is None else c.noise for c in study.channels])
-    found = estimate(measured, step, quiet, response)
-    sigma = np.where(np.isfinite(said), said, found.sigma)
-    known = bool(np.isfinite(sigma).all())
+    found = of_sensors(study.channels, condition, measured, response, study.simulation.step_size, begins)
     floor = FAINT * measured.std(0) + 1e-300
-    return np.maximum(np.where(np.isfinite(sigma), sigma, floor), floor), known, () if known else found.doubt
+    return np.maximum(np.where(np.isfinite(found.sigma), found.sigma, floor), floor), found.known, found.doubt

@@ -12,9 +12,9 @@ import numpy as np
 from jaxtyping import Float64
 
 from fmucorrect import metrics
-from fmucorrect.discovery.noise import noise_floor
 from fmucorrect.discovery.orders import Spectrum, order_energies, spectrum
 from fmucorrect.errors import SignalError
+from fmucorrect.noise import noise_floor
 from fmucorrect.registration import steady_segment
 from fmucorrect.signals import Channel, Condition
 from fmucorrect.study import Rotation

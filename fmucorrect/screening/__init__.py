@@ -5,9 +5,10 @@
 
 finding.py says what a finding is, recorded.py looks at files alone, lifeless.py at whether a channel lives, same.py finds
 one record inside another, floor.py the noise that a changed copy keeps, simulated.py holds simulation and measurement
-against each other, repeatable.py a run against the same run once more. Of evaluation conditions only what no training could
-use is looked at, and nothing but a finding comes of it: whether they are held out at all, whether their channels live,
-their inputs cover the run, and their sensors, signs and units are those of the others.
+against each other, repeatable.py a run against the same run once more, load_cells.py pushes where a load cell should feel
+it. Of evaluation conditions only what no training could use is looked at, and nothing but a finding comes of it: whether
+they are held out at all, whether their channels live, their inputs cover the run, and their sensors, signs and units are
+those of the others.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from dataclasses import dataclass
 from fmucorrect.errors import FmucorrectError, StudyError
 from fmucorrect.pairs import Pair, pair
 from fmucorrect.screening.finding import Finding
+from fmucorrect.screening.load_cells import unfelt
 from fmucorrect.screening.recorded import of_records
 from fmucorrect.screening.repeatable import unrepeated
 from fmucorrect.screening.simulated import of_pairs
@@ -59,7 +61,7 @@ def screen(study: Study, advance: Callable[[int], object] = lambda _: None) -> S
                 held.append(pair(study, condition))
             except FmucorrectError as error:
                 found = (*found, _unpaired(condition, error))
-    found = (*found, *of_pairs(study, [*pairs, *held]), *unrepeated(study, pairs))
+    found = (*found, *of_pairs(study, [*pairs, *held]), *unrepeated(study, pairs), *unfelt(study))
     _refuse(study, found)
     for finding in found:
         _log.warning("%s", finding.text)

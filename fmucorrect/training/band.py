@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float, Float64
 
 from fmucorrect.comparison import BAND_90
 from fmucorrect.metrics import score
+from fmucorrect.noise import noise_floor
 from fmucorrect.training.data import Samples, quantile
 from fmucorrect.training.deployed import Band
 from fmucorrect.training.novelty import in_motion
@@ -18,14 +19,21 @@ from fmucorrect.training.novelty import in_motion
 @dataclass(frozen=True)
 class LeftOut:
     """What one fold said of a condition that it had not seen. name: its. mean: (N, J). error: measured - mean. deviation:
-    (N, J) mean absolute deviation of the members from their mean. moving: (N,) rows that are not at rest."""
+    (N, J) mean absolute deviation of the members from their mean. moving: (N,) rows that are not at rest. each: (J,) NRMSE, %,
+    of the channels; noise: (J,) the same of the sensors' noise alone, NaN where it is not known."""
 
     name: str
     mean: Float[np.ndarray, "N J"]
     error: Float[np.ndarray, "N J"]
     deviation: Float[np.ndarray, "N J"]
     moving: Bool[np.ndarray, " N"]
-    nrmse: float
+    each: Float64[np.ndarray, " J"]
+    noise: Float64[np.ndarray, " J"]
+
+    @property
+    def nrmse(self) -> float:
+        """Mean over the channels, %."""
+        return float(self.each.mean())
 
 
 def left_out(responses: Float[np.ndarray, "K N J"], item: Samples) -> LeftOut:
@@ -37,7 +45,8 @@ def left_out(responses: Float[np.ndarray, "K N J"], item: Samples) -> LeftOut:
         item.measured - mean,
         np.abs(responses - mean).mean(axis=0),
         in_motion(item, 1),
-        score(mean, item.measured).mean_nrmse,
+        score(mean, item.measured).nrmse,
+        noise_floor(item.measured, item.noise),
     )
 
 

@@ -10,6 +10,7 @@ from jaxtyping import Float32, Float64
 
 from fmucorrect import units
 from fmucorrect.errors import SignalError
+from fmucorrect.noise import of_sensors
 from fmucorrect.pairs import Pair
 from fmucorrect.signals import NANOSECONDS
 from fmucorrect.stepper import Window
@@ -23,7 +24,8 @@ class Samples:
     then what else a corrector sees. history: (W - 1 + N, V), the simulated rows that the windows are made of. window: W.
     condition: (3,) speed km/h, amplitude deg, frequency Hz. seconds: (N,) since the excitation began. simulated, measured:
     (N, J) at the last rows. acceleration: (N, A) m/s2, of the channels `equipped`, their numbers. channels: names. metres:
-    (J,) what one of each channel's units is in SI, the paper's gamma_q. step: s between rows.
+    (J,) what one of each channel's units is in SI, the paper's gamma_q. step: s between rows. noise: (J,) the sensors', rms a
+    sample, NaN where it cannot be told.
     """
 
     name: str
@@ -39,6 +41,7 @@ class Samples:
     channels: tuple[str, ...]
     metres: tuple[float, ...]
     step: float
+    noise: Float64[np.ndarray, " J"]
 
     @property
     def windows(self) -> Float32[np.ndarray, "N W V"]:
@@ -67,6 +70,9 @@ def samples(pair: Pair, rows: int, sees: Sequence[str] = ()) -> Samples:
     if last <= first:
         raise SignalError(f"condition {pair.condition.name!r} is shorter than one window of {rows} samples")
     t_ns = pair.simulated.t_ns
+    step = float(t_ns[1] - t_ns[0]) / NANOSECONDS
+    sensors = pair.simulated.channels[:channels]
+    noise = of_sensors(sensors, pair.condition, pair.measured, pair.response, step, pair.rows.start * step)
     kept = slice(first - pair.rows.start, None)
     return Samples(
         name=pair.condition.name,
@@ -79,12 +85,10 @@ def samples(pair: Pair, rows: int, sees: Sequence[str] = ()) -> Samples:
         measured=pair.measured[kept],
         acceleration=pair.acceleration[kept],
         equipped=pair.equipped,
-        channels=tuple(channel.name for channel in pair.simulated.channels[:channels]),
-        metres=tuple(
-            units.explained(channel.unit, channel.name, pair.defined).factor
-            for channel in pair.simulated.channels[:channels]
-        ),
-        step=float(t_ns[1] - t_ns[0]) / NANOSECONDS,
+        channels=tuple(channel.name for channel in sensors),
+        metres=tuple(units.explained(channel.unit, channel.name, pair.defined).factor for channel in sensors),
+        step=step,
+        noise=noise.sigma,
     )
 
 

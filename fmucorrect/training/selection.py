@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fmucorrect.noise import beyond, known_floor
 from fmucorrect.study_training import FAMILIES, Family, Training
 from fmucorrect.training.band import LeftOut, calibrate, left_out, share_inside
 from fmucorrect.training.data import Samples
@@ -34,7 +35,8 @@ class Selection:
     simplest first. family: the one that was taken. covered: share of the samples of each of these conditions that its band
     holds. by_fold: of the window family, NRMSE of each condition by number of epochs;
     empty where it was not tried. epochs: of the family that was taken; 0 where it has none. band: calibrated on the errors
-    of the family that was taken."""
+    of the family that was taken. noise: NRMSE (%) that the sensors' noise alone makes, mean over these conditions; 0 where
+    it is not known. learned: share of what the simulation lacks beyond it that was found at these conditions, at most 1."""
 
     tried: Mapping[Family, Mapping[str, float]]
     family: Family
@@ -42,6 +44,8 @@ class Selection:
     by_fold: Mapping[str, Mapping[int, float]]
     epochs: int
     band: Band
+    noise: float
+    learned: float
 
     @property
     def errors(self) -> dict[int, float]:
@@ -58,11 +62,6 @@ class Selection:
     def means(self) -> dict[Family, float]:
         """Mean held-out NRMSE (%) of each family."""
         return {family: float(np.mean(list(scores.values()))) for family, scores in self.tried.items()}
-
-    @property
-    def learned(self) -> float:
-        """Share of what the simulation lacked that was found at conditions that were left out; 0 to 1."""
-        return 1.0 - self.means[self.family] / self.means["nothing"]
 
 
 def families(training: Training) -> tuple[Family, ...]:
@@ -140,7 +139,18 @@ def select(development: Sequence[Samples], training: Training, workshop: Worksho
     }
     band = calibrate(tried[taken])
     covered = {item.name: share_inside(band, item) for item in tried[taken]}
-    return Selection(scores, taken, covered, by_fold, length, band)
+    noise, learned = _beyond_noise(tried, taken)
+    return Selection(scores, taken, covered, by_fold, length, band, noise, learned)
+
+
+def _beyond_noise(tried: Mapping[Family, Sequence[LeftOut]], taken: Family) -> tuple[float, float]:
+    """NRMSE, %, that noise alone makes, mean over the conditions; and the share of what is beyond it that was learned."""
+    floors = [known_floor(items[0].noise, [item.each for item in items]) for items in zip(*tried.values(), strict=True)]
+    bare, left = (
+        float(np.mean([beyond(item.each, floor) for item, floor in zip(tried[family], floors, strict=True)]))
+        for family in ("nothing", taken)
+    )
+    return float(np.mean(floors)), 1.0 - left / bare if bare > 0.0 else 0.0
 
 
 def _all_errors(found: Mapping[Family, Mapping[int, Sequence[LeftOut]]]) -> dict[Family, dict[int, float]]:

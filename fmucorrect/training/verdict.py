@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from fmucorrect.comparison import BAND_90, Comparison
+from fmucorrect.noise import beyond, known_floor
 from fmucorrect.stepper import Status
 from fmucorrect.study_training import Family
 from fmucorrect.training.fallback import Fallback
@@ -25,31 +26,17 @@ def headline(selection: Selection) -> str:
     """For a page's title."""
     if selection.family == "nothing":
         return "no better than the simulation"
-    return f"learned {100 * selection.learned:.0f}\u00a0% of what the simulation lacked"
+    found = _found(selection.learned, selection.noise, selection.means[selection.family]).replace(" %", "\u00a0%")
+    return f"learned {found} of what the simulation lacked"
 
 
 def verdict(selection: Selection, evaluations: Sequence[Comparison] = (), guard: Guard | None = None) -> str:
     """One to four sentences. evaluations: of all conditions, those of development say what was left out at a time. guard: None
     where nothing is corrected, or it is not to be spoken of."""
-    bare, left = selection.means["nothing"], selection.means[selection.family]
-    others = [WORDS[family] for family in selection.tried if family != "nothing"]
-    if selection.family == "nothing":
-        text = (
-            f"No better than the simulation: at conditions that were left out in turn none of what was tried "
-            f"({', '.join(others) or 'nothing else'}) beats it by more than its standard error and {100 * HARDLY:.0f} %. "
-            "corrector.onnx gives the simulation as it is, with a band; `fmucorrect discover` may find what it lacks."
-        )
-    else:
-        text = (
-            f"Learned {100 * selection.learned:.0f} % of what the simulation lacked at {_places(evaluations)} it had not seen "
-            f"(each left out of the fit in turn; error, NRMSE, {bare:.2f} -> {left:.2f} %). Taken: {WORDS[selection.family]}."
-        )
     unseen = [item for item in evaluations if item.condition.role == "evaluation"]
+    text = _when_left_out(selection, evaluations)
     if unseen and selection.family != "nothing":
-        before, after = (sum(getattr(item, side).mean_nrmse for item in unseen) for side in ("before", "after"))
-        named = ", ".join(item.condition.name for item in unseen)
-        if after < before:
-            text += f" At {named}, held out of everything: {100 * (1.0 - after / before):.0f} %."
+        text += _held_out(unseen)
     if worse := [found for item in unseen if (found := _worse(item))]:
         text += f" WORSE than the simulation at {', '.join(worse)}, which nothing was fitted to: do not use it there."
     narrow = [
@@ -68,6 +55,44 @@ def verdict(selection: Selection, evaluations: Sequence[Comparison] = (), guard:
             "these excitations alone."
         )
     return text
+
+
+def _when_left_out(selection: Selection, evaluations: Sequence[Comparison]) -> str:
+    """What leaving conditions out said."""
+    bare, left, noise = selection.means["nothing"], selection.means[selection.family], ""
+    if selection.noise > _TELLING * left:
+        noise = f"the sensors' noise alone makes {selection.noise:.2f} %"
+    if selection.family == "nothing":
+        others = [WORDS[family] for family in selection.tried if family != "nothing"]
+        return (
+            f"No better than the simulation: at conditions that were left out in turn none of what was tried "
+            f"({', '.join(others) or 'nothing else'}) beats it by more than its standard error and {100 * HARDLY:.0f} %. "
+            + f"Of its error (NRMSE {bare:.2f} %) {noise}. " * bool(noise)
+            + "corrector.onnx gives the simulation as it is, with a band; `fmucorrect discover` may find what it lacks."
+        )
+    return (
+        f"Learned {_found(selection.learned, selection.noise, left)} of what the simulation lacked at {_places(evaluations)} "
+        f"it had not seen (each left out of the fit in turn; error, NRMSE, {bare:.2f} -> {left:.2f} %"
+        + f", of which {noise}" * bool(noise)
+        + f"). Taken: {WORDS[selection.family]}."
+    )
+
+
+def _held_out(unseen: Sequence[Comparison]) -> str:
+    """What was learned of what nothing was fitted to; nothing where it has not become better."""
+    errors = [(item.before.nrmse, item.after.nrmse) for item in unseen]
+    floors = [known_floor(item.noise, both) for item, both in zip(unseen, errors, strict=True)]
+    bare, left = (sum(map(beyond, side, floors)) for side in zip(*errors, strict=True))
+    if left >= bare:
+        return ""
+    noise, named = sum(floor.mean() for floor in floors), ", ".join(item.condition.name for item in unseen)
+    found = _found(1.0 - left / bare, noise, sum(item.after.mean_nrmse for item in unseen))
+    return f" At {named}, held out of everything: {found}."
+
+
+def _found(share: float, noise: float, left: float) -> str:
+    """How much was learned, in words. noise: of the error that is left, both NRMSE in %."""
+    return "all but the sensors' noise" if noise > _NOISE * left else f"{100 * share:.0f} %"
 
 
 def _worse(item: Comparison) -> str:
@@ -93,6 +118,10 @@ def _places(evaluations: Sequence[Comparison]) -> str:
     return "speeds" if len(speeds) > 1 else "conditions"
 
 
+_TELLING = 0.3
+"""Share of what is left that noise makes, from which it is told: below, the error without it is the same within 5 %."""
+_NOISE = 0.95
+"""Share of what is left that noise makes, from which nothing is said of the rest: noise itself is known no better."""
 _NARROW = 0.8
 """Share of the measured samples in motion below which a band that is stated as 90 % is told to be too narrow."""
 _UNNOTICED = 0.5

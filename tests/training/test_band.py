@@ -16,6 +16,9 @@ from fmucorrect.training.data import samples, sizes
 from fmucorrect.training.deployed import Band, Corrector
 from fmucorrect.training.protocol import Trained
 
+NONE = np.full(2, np.nan)
+"""Scores, which no band asks for."""
+
 
 def fold(seed: int, rows: int = 4000, scale: float = 1.0) -> LeftOut:
     """A quiet half with errors of 0.02 and a loud half with errors that follow the response and the deviations."""
@@ -26,7 +29,7 @@ def fold(seed: int, rows: int = 4000, scale: float = 1.0) -> LeftOut:
     deviation = loud * np.abs(rng.normal(size=(rows, 2))) * 0.05
     level = np.abs(mean).mean(axis=1, keepdims=True)
     error = rng.normal(size=(rows, 2)) * (0.02 + 0.05 * level + 2.0 * deviation)
-    return LeftOut(f"{seed}", scale * mean, scale * error, scale * deviation, loud[:, 0], 0.0)
+    return LeftOut(f"{seed}", scale * mean, scale * error, scale * deviation, loud[:, 0], NONE, NONE)
 
 
 def sigma(band: Band, item: LeftOut) -> np.ndarray:
@@ -56,7 +59,7 @@ def test_so_do_the_quiet_and_the_loud_half_of_a_new_one() -> None:
 
 def test_every_condition_counts_alike_however_long() -> None:
     long, short = fold(0, 40_000), fold(1, 400)
-    band = calibrate([long, LeftOut("x", short.mean, 5.0 * short.error, short.deviation, short.moving, 0.0)])
+    band = calibrate([long, LeftOut("x", short.mean, 5.0 * short.error, short.deviation, short.moving, NONE, NONE)])
     alone = calibrate([long])
     assert np.all(sigma(band, long).mean(axis=0) > 1.5 * sigma(alone, long).mean(axis=0))
 
@@ -94,7 +97,9 @@ def test_where_members_differ_more_than_they_err_the_floor_goes_with_the_units(s
     """In records without rest, of which the deviations alone hold everything."""
     folds = [fold(seed, scale=scale) for seed in range(3)]
     wide = [
-        LeftOut(f.name, f.mean, 1e-3 * f.error, np.full_like(f.error, 5.0 * scale), np.ones(len(f.error), bool), 0.0)
+        LeftOut(
+            f.name, f.mean, 1e-3 * f.error, np.full_like(f.error, 5.0 * scale), np.ones(len(f.error), bool), NONE, NONE
+        )
         for f in folds
     ]
     assert max(calibrate(wide).floor) < 1e-6 * scale

@@ -22,7 +22,7 @@ def condition(speed: float, frequency: float = 2.0, rows: int = 400, bend: float
     none = np.zeros((rows, 2))
     features = np.array([speed, 0.03, frequency], np.float32)
     return Samples("a", none[:0].astype(np.float32), none.astype(np.float32), 1, features, seconds, none, measured, none[:, :0],
-                   (), ("FW", "FB"), (1e-3, 1e-3), STEP)  # fmt: skip
+                   (), ("FW", "FB"), (1e-3, 1e-3), STEP, np.full(2, np.nan))  # fmt: skip
 
 
 @pytest.mark.parametrize(

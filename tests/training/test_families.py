@@ -23,10 +23,12 @@ from fmucorrect.training.protocol import Trained, train
 from fmucorrect.training.results import save
 from fmucorrect.training.selection import simplest
 from fmucorrect.training.tasks import Workshop
-from fmucorrect.training.verdict import verdict
+from fmucorrect.training.verdict import headline, verdict
 from fmucorrect.wrapping.package import wrap
 
 Case = tuple[Study, Trained]
+LOUD = 5.0
+"""mm, noise of a sensor that makes most of the error of what is only filtered."""
 
 
 def trained(folder: Path, what: str, unit: str = "mm") -> Case:
@@ -95,6 +97,26 @@ def test_where_nothing_is_missing_nothing_is_changed(nothing: Case, tmp_path: Pa
     assert np.array_equal(result.corrected, result.simulated)
     assert 0.85 < result.within(1.645).mean() < 0.95  # its band holds all the same
     assert verdict(made.selection).startswith("No better than the simulation")
+
+
+@pytest.mark.parametrize("said", [False, True], ids=["from its spectrum", "as the study says it"])
+def test_noise_is_nothing_that_could_be_learned(said: bool, tmp_path: Path) -> None:
+    """All but the noise is learned, which makes most of the error before and after."""
+    path = road.make(tmp_path, "filtered", noise=LOUD)
+    if said:
+        path.write_text(path.read_text(encoding="utf-8").replace('"mm"\n', f'"mm"\nnoise = {LOUD}\n'), encoding="utf-8")
+    study = load_study(path)
+    made = train(study, replace(road.QUICK, corrector=replace(road.QUICK.corrector, families=("linear",))))
+    bare, left = made.selection.means["nothing"], made.selection.means["linear"]
+    assert left > 0.75 * bare
+    assert made.selection.noise == pytest.approx(left, rel=0.05)
+    assert made.selection.learned > 0.5
+    model = bundle.load(save(made, tmp_path))
+    told = verdict(made.selection, [evaluate(pair(study, condition), model) for condition in study.conditions])
+    assert f"{left:.2f} %, of which the sensors' noise alone makes {made.selection.noise:.2f} %" in told
+    assert told.startswith("Learned all but the sensors' noise of what the simulation lacked at conditions")
+    assert "held out of everything: all but the sensors' noise." in told
+    assert headline(made.selection) == "learned all but the sensors' noise of what the simulation lacked"
 
 
 @pytest.mark.parametrize("name", ["friction", "filtered", "nothing"])

@@ -34,6 +34,7 @@ def condition(rows: int, name: str = "a", speed: float = 300.0, frequency: float
         ("FW", "FB"),
         (1e-3, 1e-3),
         STEP,
+        np.full(2, np.nan),
     )
 
 

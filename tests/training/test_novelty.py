@@ -31,6 +31,7 @@ def condition(name: str, q: np.ndarray, first: int = 0) -> Samples:
         channels=("a", "b"),
         metres=(1e-3, 1e-3),
         step=STEP,
+        noise=np.full(2, np.nan),
     )
 
 

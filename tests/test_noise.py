@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from fmucorrect.discovery.noise import estimate, independent_share, noise, noise_floor
 from fmucorrect.errors import SignalError
 from fmucorrect.metrics import score
+from fmucorrect.noise import estimate, independent_share, noise, noise_floor
 from fmucorrect.registration import resample
 from fmucorrect.signals import Channel, Record
 

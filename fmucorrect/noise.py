@@ -1,4 +1,5 @@
-"""How much a sensor's noise is: from a quiet interval, from repeats, or from what lies above the response's band."""
+"""How much a sensor's noise is: as the study says, from a quiet interval, from repeats, or from what lies above the response's
+band; and what of an error it makes."""
 
 from __future__ import annotations
 
@@ -10,6 +11,7 @@ from jaxtyping import Float64
 
 from fmucorrect import metrics
 from fmucorrect.errors import SignalError
+from fmucorrect.signals import Channel, Condition
 
 Rows = Float64[np.ndarray, "T J"]
 PerChannel = Float64[np.ndarray, " J"]
@@ -24,12 +26,17 @@ ABOVE = 3.0
 """How far the residual's power must stand above the response's own for noise to be the reason."""
 SHORTEST = 512
 """Samples below which a spectrum is not looked at."""
+QUIET = 64
+"""Samples below which a quiet interval is not looked at."""
+GOOD_TO = 0.1
+"""Share to which an estimate is good, and a study's word is taken: what left an error smaller than that knew of less noise."""
 
 
 @dataclass(frozen=True)
 class Noise:
-    """sigma: (J,) rms per sample in the channels' units, NaN where it cannot be told. source: "quiet interval",
-    "repeats", "above the response's band" or "". doubt: why it cannot be told, a line a channel that it concerns."""
+    """sigma: (J,) rms per sample in the channels' units, NaN where it cannot be told. source: "as the study says" (of every
+    channel), "quiet interval", "repeats", "above the response's band" or "". doubt: why it cannot be told, a line a channel
+    that it concerns."""
 
     sigma: PerChannel
     source: str
@@ -90,10 +97,40 @@ def estimate(
     return Noise(sigma, "above the response's band" if np.isfinite(sigma).any() else "", doubt)
 
 
+def of_sensors(
+    channels: Sequence[Channel], condition: Condition, measured: Rows, response: Rows, step: float, begins: float
+) -> Noise:
+    """The noise of a condition's sensors: as their channels say it, else from the condition's quiet interval or from what lies
+    above the simulated response's band. measured, response: (T, J), from `begins` s of the run on, `step` s apart."""
+    quiet = None
+    if condition.quiet is not None:
+        low, high = (max(round((t - begins) / step), 0) for t in condition.quiet)
+        quiet = slice(low, high) if high - low >= QUIET else None
+    said = np.array([np.nan if channel.noise is None else channel.noise for channel in channels])
+    if np.isfinite(said).all():
+        return Noise(said, "as the study says")
+    found = estimate(measured, step, quiet, response)
+    sigma = np.where(np.isfinite(said), said, found.sigma)
+    return Noise(sigma, found.source, () if np.isfinite(sigma).all() else found.doubt)
+
+
 def noise_floor(measured: Rows, sigma: PerChannel) -> PerChannel:
-    """The NRMSE (J,), % of the measured range, of a response whose only error is the noise. Raises SignalError for a
-    channel whose measurement does not vary, and where sigma is not finite."""
-    return metrics.score(measured + sigma, measured).nrmse
+    """The NRMSE (J,), % of the measured range, of a response whose only error is the noise; NaN where sigma is. Raises
+    SignalError for a channel whose measurement does not vary."""
+    return sigma * metrics.score(measured + 1.0, measured).nrmse
+
+
+def known_floor(noise: PerChannel, errors: Sequence[PerChannel]) -> PerChannel:
+    """What of every one of these errors noise makes: `noise`, but no more than the least of them; 0 where it is not known, or
+    where the least of them says that it is much less. All (J,), NRMSE in %."""
+    least = np.min(errors, axis=0)
+    believed = np.isfinite(noise) & (least >= (1.0 - GOOD_TO) * noise)
+    return np.where(believed, np.minimum(noise, least), 0.0)
+
+
+def beyond(errors: PerChannel, floor: PerChannel) -> float:
+    """What an error would be without noise, mean over the channels: noise adds to it in squares. All NRMSE in %."""
+    return float(np.sqrt(np.maximum(errors**2 - floor**2, 0.0)).mean())
 
 
 def _quiet(measured: Rows, step: float, quiet: slice | None) -> PerChannel | None:
