@@ -5,9 +5,11 @@ from __future__ import annotations
 import importlib.util
 import os
 import platform
+import shutil
 import struct
 import subprocess
 import sys
+import tempfile
 import zipfile
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -81,7 +83,11 @@ def host() -> tuple[str, str, str]:
 def compile_library(
     sources: Path, names: Sequence[str], target: str, output: Path, flags: Sequence[str] = EXACT
 ) -> None:
-    """Compiles the files `names` of the folder `sources` to a shared library; zig caches what has not changed.
+    """Compiles the files `names` of the folder `sources` to a shared library.
+
+    zig caches what has not changed, which it knows by the name relative to where it runs, and only behind the same first file:
+    it runs in `sources`, a network's files first, so that files of the same content are known in every folder, and those of a
+    network whatever stands beside it.
 
     Raises WrapError with the compiler's own words, MissingExtra where there is no zig.
     """
@@ -93,14 +99,16 @@ def compile_library(
         extra = [f"-Wl,-install_name,@rpath/{output.name}"]
     elif "linux" in target:
         extra = ["-lm", "-ldl", "-Wl,--build-id=none"]
-    command = [
-        *(sys.executable, "-m", "ziglang", "cc", "-target", target),
-        *(*_FLAGS, *flags, *extra, "-o", output.name),  # no path: zig takes "%41" in it for "A"
-        *(str(sources.resolve() / name) for name in names),
-    ]
-    result = subprocess.run(command, cwd=output.parent, capture_output=True, text=True)
-    if result.returncode:
-        raise WrapError(f"the C compiler refused: {' '.join(command[1:])}\n{result.stderr}", where=str(sources))
+    with tempfile.TemporaryDirectory(prefix="made_", dir=sources) as made:
+        ordered = sorted(names, key=lambda name: (not name.startswith("network"), name))
+        command = [
+            *(sys.executable, "-m", "ziglang", "cc", "-target", target, *_FLAGS, *flags, *extra, *ordered),
+            *("-o", f"{Path(made).name}/{output.name}"),  # no path of the caller's: zig takes "%41" in it for "A"
+        ]
+        result = subprocess.run(command, cwd=sources, capture_output=True, text=True)
+        if result.returncode:
+            raise WrapError(f"the C compiler refused: {' '.join(command[1:])}\n{result.stderr}", where=str(sources))
+        shutil.move(Path(made) / output.name, output)
     if result.stderr:
         print(result.stderr, file=sys.stderr)
 
