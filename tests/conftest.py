@@ -5,7 +5,7 @@ import functools
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import jaxtyping
@@ -84,6 +84,14 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 def pytest_sessionfinish() -> None:
     solvers.close()
     libraries.close()
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_node_collection_finished(node: Any, ids: Sequence[str]) -> None:
+    """Ends the run where pytest-xdist lost the groups, as it does without a word under a pytest that it does not know: what
+    tests share would be made in each process, which takes twice as long."""
+    if node.config.getoption("dist") == "loadgroup" and not all("@" in name for name in ids):
+        pytest.exit("tests are in no group under pytest-xdist: take a pytest that it knows", returncode=4)
 
 
 @pytest.hookimpl(tryfirst=True)  # before pytest-xdist looks for groups, or there are none
