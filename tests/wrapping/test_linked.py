@@ -170,7 +170,7 @@ def test_every_name_has_the_prefix(inner: int, outer: int, wrapped: Wrap, unpack
 
 @pytest.mark.parametrize("command", [GCC, ZIG], ids=["gcc", "zig"])
 @pytest.mark.parametrize(
-    ("model", "inner", "outer"), [(RIG, 2, 2), (RIG, 3, 3), (OSCILLATOR, 2, 3), (OSCILLATOR, 3, 2)]
+    ("model", "inner", "outer"), [(RIG, 3, 3), (OSCILLATOR, 2, 2), (OSCILLATOR, 2, 3), (OSCILLATOR, 3, 2)]
 )
 def test_strict_compilers_have_nothing_to_say(
     command: Sequence[str], model: str, inner: int, outer: int, wrapped: Wrap, unpacked: Unpacked, tmp_path: Path
@@ -183,13 +183,10 @@ def test_strict_compilers_have_nothing_to_say(
     compiled(own, tmp_path / "linked.o", command, ["-O1", *STRICT, *prefix(fmu)])  # the solver's code is its exporter's
 
 
-@pytest.mark.parametrize("command", [GCC, ZIG], ids=["gcc", "zig"])
-def test_nor_of_effects_and_of_a_network_alone(
-    command: Sequence[str], unpacked: Unpacked, tmp_path_factory: pytest.TempPathFactory
-) -> None:
-    if shutil.which(command[0]) is None:
-        pytest.skip("there is no gcc")
-    place = tmp_path_factory.mktemp("strict")
+@pytest.fixture(scope="module")
+def halves(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """A solver with effects alone, and a network alone."""
+    place = tmp_path_factory.mktemp("halves")
     heavy = Joint("spring", "joint1.f", "joint1.d", "joint1.v", acceleration="mass1.a")
     laws = (
         ForceEffect("added_mass", "spring", {"mass": 0.1}),
@@ -197,20 +194,27 @@ def test_nor_of_effects_and_of_a_network_alone(
     )
     write(Effects(laws, joints=(heavy,)), place / "effects.toml")
     bundle = bundles.make(place / "toy.onnx", SWING, rows=12)
-    made = [
-        wrap(
-            shipped(OSCILLATOR, 2),
-            None,
-            place / "effects.fmu",
-            effects_file=place / "effects.toml",
-            platforms=["linux64"],
-        ),
-        *(wrap(None, bundle, place / f"alone{fmi}.fmu", fmi=fmi, platforms=["linux64"]) for fmi in (2, 3)),
-    ]
-    for fmu in (one.path for one in made):
+    with_effects = wrap(
+        shipped(OSCILLATOR, 2),
+        None,
+        place / "effects.fmu",
+        effects_file=place / "effects.toml",
+        platforms=["linux64"],
+    )
+    alone = [wrap(None, bundle, place / f"alone{fmi}.fmu", fmi=fmi, platforms=["linux64"]) for fmi in (2, 3)]
+    return [one.path for one in (with_effects, *alone)]
+
+
+@pytest.mark.parametrize("command", [GCC, ZIG], ids=["gcc", "zig"])
+def test_nor_of_effects_and_of_a_network_alone(
+    command: Sequence[str], unpacked: Unpacked, halves: list[Path], tmp_path: Path
+) -> None:
+    if shutil.which(command[0]) is None:
+        pytest.skip("there is no gcc")
+    for fmu in halves:
         own, _ = files(fmu, unpacked(fmu))
-        compiled(own, place / "library.o", command, ["-O1", *STRICT])
-        compiled(own, place / "linked.o", command, ["-O1", *STRICT, *prefix(fmu)])
+        compiled(own, tmp_path / "library.o", command, ["-O1", *STRICT])
+        compiled(own, tmp_path / "linked.o", command, ["-O1", *STRICT, *prefix(fmu)])
 
 
 @each_way

@@ -7,6 +7,7 @@ from pathlib import Path
 from fmucorrect.effects import Effects, ForceEffect, ParameterOffset, write
 from fmucorrect.fmu import open_fmu
 from fmucorrect.study import Study
+from fmucorrect.wrapping.compiler import TARGETS, host
 from fmucorrect.wrapping.package import wrap
 
 LAWS = {
@@ -20,8 +21,8 @@ COUPLINGS = 4
 
 
 def augment(rig: dict, study: Study, folder: Path) -> None:
-    """effects.toml and augmented.fmu in `folder`: of the rig's parameters those that the study calls adjustable, of its
-    effects those that a wrapped FMU can have. The platform, the sensors and what is left stay unknown."""
+    """effects.toml and augmented.fmu, for this machine alone: of the rig's parameters those that the study calls
+    adjustable, of its effects those that a wrapped FMU can have. The platform, the sensors and what is left stay unknown."""
     folder.mkdir(parents=True, exist_ok=True)
     assert study.fmu is not None
     fmu = open_fmu(study.fmu)
@@ -39,4 +40,5 @@ def augment(rig: dict, study: Study, folder: Path) -> None:
     joints = tuple(joint for joint in study.joints if joint.name in used)
     effects = Effects(tuple(forces), tuple(offsets), joints, coupling_step=study.simulation.step_size / COUPLINGS)
     write(effects, folder / "effects.toml")
-    wrap(study.fmu, None, folder / "augmented.fmu", effects_file=folder / "effects.toml")
+    here = [name for name, machines in TARGETS.items() if host() in machines]
+    wrap(study.fmu, None, folder / "augmented.fmu", effects_file=folder / "effects.toml", platforms=here)
