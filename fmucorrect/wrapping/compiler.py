@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 import importlib.util
 import os
 import platform
+import re
 import shutil
 import struct
 import subprocess
@@ -85,9 +87,9 @@ def compile_library(
 ) -> None:
     """Compiles the files `names` of the folder `sources` to a shared library.
 
-    zig caches what has not changed, which it knows by the name relative to where it runs, and only behind the same first file:
-    it runs in `sources`, a network's files first, so that files of the same content are known in every folder, and those of a
-    network whatever stands beside it.
+    zig caches what has not changed, which it knows by its path from where it runs, and only behind the same first file: it runs
+    in a folder where each file's path tells its content, a network's files first, so that what was compiled once is known
+    wherever it comes again. Were another content at the same path, two at a time could wait for each other's locks for ever.
 
     Raises WrapError with the compiler's own words, MissingExtra where there is no zig.
     """
@@ -99,18 +101,39 @@ def compile_library(
         extra = [f"-Wl,-install_name,@rpath/{output.name}"]
     elif "linux" in target:
         extra = ["-lm", "-ldl", "-Wl,--build-id=none"]
-    with tempfile.TemporaryDirectory(prefix="made_", dir=sources) as made:
-        ordered = sorted(names, key=lambda name: (not name.startswith("network"), name))
+    ordered = sorted(names, key=lambda name: (not name.startswith("network"), name))
+    with tempfile.TemporaryDirectory(dir=sources) as made:
+        copies = [_by_content(sources, name, Path(made)) for name in ordered]
         command = [
-            *(sys.executable, "-m", "ziglang", "cc", "-target", target, *_FLAGS, *flags, *extra, *ordered),
-            *("-o", f"{Path(made).name}/{output.name}"),  # no path of the caller's: zig takes "%41" in it for "A"
+            *(sys.executable, "-m", "ziglang", "cc", "-target", target, *_FLAGS, *flags, *extra, *copies),
+            *("-o", output.name),  # no path: zig takes "%41" in it for "A"
         ]
-        result = subprocess.run(command, cwd=sources, capture_output=True, text=True)
+        result = subprocess.run(command, cwd=made, capture_output=True, text=True)
         if result.returncode:
             raise WrapError(f"the C compiler refused: {' '.join(command[1:])}\n{result.stderr}", where=str(sources))
         shutil.move(Path(made) / output.name, output)
     if result.stderr:
         print(result.stderr, file=sys.stderr)
+
+
+_INCLUDE = re.compile(rb'^\s*#\s*include\s*"([^"]+)"', re.MULTILINE)
+
+
+def _by_content(sources: Path, name: str, folder: Path) -> str:
+    """A copy of a file of `sources` in `folder`, with all that it includes from there; its path in `folder`."""
+    contents: dict[str, bytes] = {}
+    left = [name]
+    while left:
+        file = left.pop()
+        contents[file] = (sources / file).read_bytes()
+        included = {found.decode() for found in _INCLUDE.findall(contents[file])}
+        left += [file for file in included - contents.keys() if (sources / file).is_file()]
+    told = hashlib.sha256(b"".join(file.encode() + b"\0" + contents[file] + b"\0" for file in sorted(contents)))
+    place = folder / told.hexdigest()[:16]
+    for file, content in contents.items():
+        (place / file).parent.mkdir(parents=True, exist_ok=True)
+        (place / file).write_bytes(content)
+    return f"{place.name}/{name}"
 
 
 def fmi_headers(version: int) -> list[Path]:
