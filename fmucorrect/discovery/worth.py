@@ -113,12 +113,28 @@ def complete(setting: Setting, base: Fitted, found: Sequence[Fitted], best: Fitt
 def simpler_ones(setting: Setting, found: Sequence[Fitted], more: Fitted) -> list[Fitted]:
     """The sets beside which further effects of a larger one, or its law in the place of a special case, take away little
     against what it leaves above the noise: next to a rest that nothing explains, a small further effect may be any. Not so
-    a parameter or a sensor that is off: what it takes away had been taken on by what is expected of all of them."""
+    a parameter or a sensor that is off: what it takes away had been taken on by what is expected of all of them. Of sensors
+    that is known, so that beside a large rest, too, one that is off by much is told."""
     rest = _rest(setting, more)
-    near = [less for less in found if _simpler(less, more) and less.s2 - more.s2 < DOUBT * rest]
+    near = [less for less in found if _simpler(less, more) and _taken_away(setting, less, more) < DOUBT * rest]
     if more.s2 < OPEN * setting.floor:
         near = [less for less in near if not _beside(less, more, OffsetTerm | SignalTerm)]
     return near if rest > 0.0 else []
+
+
+def _taken_away(setting: Setting, less: Fitted, more: Fitted) -> float:
+    """Mean square, in units of the noise, that a larger set takes away: of the error, and where errors of sensors are all
+    that it has beside, of what sensors had to take on."""
+    taken = less.s2 - more.s2
+    if _beside(less, more, SignalTerm):
+        taken += _taken_on(setting, less) - _taken_on(setting, more)
+    return taken
+
+
+def _taken_on(setting: Setting, fitted: Fitted) -> float:
+    """What of the residual is taken for sensors that are a little off."""
+    fitted_to = setting.sensors.believe(fitted.residual, setting.share, setting.floor).fitted
+    return float(np.mean((setting.sensors.columns @ fitted_to) ** 2))
 
 
 def credible(setting: Setting, found: Sequence[Fitted], doubted: Doubted | None = None) -> list[Fitted]:

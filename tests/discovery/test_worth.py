@@ -141,6 +141,18 @@ def test_a_sensor_that_is_off_need_not_take_away_what_all_of_them_had_taken_on(r
     assert credible(setting(), [one, two]) == ([one, two] if is_believed else [one])
 
 
+@pytest.mark.parametrize(("off", "is_believed"), [(2.0, False), (50.0, True)])
+def test_beside_a_large_rest_too_a_sensor_is_told_that_is_off_by_much(off, is_believed):
+    """off: the gain, in what is expected of it; a set without it leaves no more, since that was taken for the sensor's."""
+    gain = SignalTerm(SIGNALS["sensor_gain"][0], "x1", (0,), {"gain": 1.2})
+    expected = 0.5 * np.sin(np.arange(ROWS) / 50.0)[:, None]
+    known = replace(setting(), sensors=Nuisances(expected))
+    one = replace(made(3.0, ("joint 1", STOP)), residual=off * expected[:, 0])
+    more = replace(one.model, terms=(*one.model.terms, gain))
+    two = replace(one, model=more, residual=np.zeros(ROWS), surprise=one.surprise - 700.0)
+    assert credible(known, [one, two]) == ([one, two] if is_believed else [one])
+
+
 def test_nothing_is_left_when_no_further_effect_could_be_worth_it():
     base = made(1000.0)
     for s2, finished in ((1.1, True), (1.4, False)):
