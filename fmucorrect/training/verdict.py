@@ -26,8 +26,9 @@ def headline(selection: Selection) -> str:
     """For a page's title."""
     if selection.family == "nothing":
         return "no better than the simulation"
-    found = _found(selection.learned, selection.noise, selection.means[selection.family]).replace(" %", "\u00a0%")
-    return f"learned {found} of what the simulation lacked"
+    if _is_noise(selection.noise, selection.means[selection.family]):
+        return "learned what the simulation lacked, down to the sensors' noise"
+    return f"learned {100 * selection.learned:.0f}\u00a0% of what the simulation lacked"
 
 
 def verdict(selection: Selection, evaluations: Sequence[Comparison] = (), guard: Guard | None = None) -> str:
@@ -70,11 +71,12 @@ def _when_left_out(selection: Selection, evaluations: Sequence[Comparison]) -> s
             + f"Of its error (NRMSE {bare:.2f} %) {noise}. " * bool(noise)
             + "corrector.onnx gives the simulation as it is, with a band; `fmucorrect discover` may find what it lacks."
         )
+    found = f"{100 * selection.learned:.0f} % of what the simulation lacked"
+    if _is_noise(selection.noise, left):
+        found = "what the simulation lacked, down to the sensors' noise,"
     return (
-        f"Learned {_found(selection.learned, selection.noise, left)} of what the simulation lacked at {_places(evaluations)} "
-        f"it had not seen (each left out of the fit in turn; error, NRMSE, {bare:.2f} -> {left:.2f} %"
-        + f", of which {noise}" * bool(noise)
-        + f"). Taken: {WORDS[selection.family]}."
+        f"Learned {found} at {_places(evaluations)} it had not seen (each left out of the fit in turn; error, NRMSE, "
+        f"{bare:.2f} -> {left:.2f} %" + f", of which {noise}" * bool(noise) + f"). Taken: {WORDS[selection.family]}."
     )
 
 
@@ -85,14 +87,16 @@ def _held_out(unseen: Sequence[Comparison]) -> str:
     bare, left = (sum(map(beyond, side, floors)) for side in zip(*errors, strict=True))
     if left >= bare:
         return ""
-    noise, named = sum(floor.mean() for floor in floors), ", ".join(item.condition.name for item in unseen)
-    found = _found(1.0 - left / bare, noise, sum(item.after.mean_nrmse for item in unseen))
+    noise, named = sum(float(floor.mean()) for floor in floors), ", ".join(item.condition.name for item in unseen)
+    found = f"{100 * (1.0 - left / bare):.0f} %"
+    if _is_noise(noise, sum(item.after.mean_nrmse for item in unseen)):
+        found = "down to the sensors' noise"
     return f" At {named}, held out of everything: {found}."
 
 
-def _found(share: float, noise: float, left: float) -> str:
-    """How much was learned, in words. noise: of the error that is left, both NRMSE in %."""
-    return "all but the sensors' noise" if noise > _NOISE * left else f"{100 * share:.0f} %"
+def _is_noise(noise: float, left: float) -> bool:
+    """Whether the error that is left is the sensors' noise, as far as that is known; both NRMSE in %."""
+    return noise > _NOISE * left
 
 
 def _worse(item: Comparison) -> str:

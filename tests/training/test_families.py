@@ -114,9 +114,11 @@ def test_noise_is_nothing_that_could_be_learned(said: bool, tmp_path: Path) -> N
     model = bundle.load(save(made, tmp_path))
     told = verdict(made.selection, [evaluate(pair(study, condition), model) for condition in study.conditions])
     assert f"{left:.2f} %, of which the sensors' noise alone makes {made.selection.noise:.2f} %" in told
-    assert told.startswith("Learned all but the sensors' noise of what the simulation lacked at conditions")
-    assert "held out of everything: all but the sensors' noise." in told
-    assert headline(made.selection) == "learned all but the sensors' noise of what the simulation lacked"
+    assert told.startswith(
+        "Learned what the simulation lacked, down to the sensors' noise, at conditions it had not seen"
+    )
+    assert "held out of everything: down to the sensors' noise." in told
+    assert headline(made.selection) == "learned what the simulation lacked, down to the sensors' noise"
 
 
 @pytest.mark.parametrize("name", ["friction", "filtered", "nothing"])
