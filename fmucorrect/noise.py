@@ -4,7 +4,7 @@ band; and what of an error it makes."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float64
@@ -26,8 +26,6 @@ ABOVE = 3.0
 """How far the residual's power must stand above the response's own for noise to be the reason."""
 SHORTEST = 512
 """Samples below which a spectrum is not looked at."""
-QUIET = 64
-"""Samples below which a quiet interval is not looked at."""
 GOOD_TO = 0.1
 """Share to which an estimate is good, and a study's word is taken: what left an error smaller than that knew of less noise."""
 
@@ -46,17 +44,6 @@ class Noise:
     def known(self) -> bool:
         """Whether every channel's noise is known."""
         return bool(np.isfinite(self.sigma).all())
-
-
-def noise(
-    measured: Rows,
-    step: float,
-    quiet: slice | None = None,
-    response: Rows | None = None,
-    repeats: Sequence[np.ndarray] = (),
-) -> PerChannel:
-    """The sensor noise (J,) a sample, NaN where it cannot be told; see `estimate`, which also says why."""
-    return estimate(measured, step, quiet, response, repeats).sigma
 
 
 def estimate(
@@ -102,16 +89,17 @@ def of_sensors(
 ) -> Noise:
     """The noise of a condition's sensors: as their channels say it, else from the condition's quiet interval or from what lies
     above the simulated response's band. measured, response: (T, J), from `begins` s of the run on, `step` s apart."""
+    said = Noise(
+        np.array([np.nan if channel.noise is None else channel.noise for channel in channels]), "as the study says"
+    )
+    if said.known:
+        return said
     quiet = None
     if condition.quiet is not None:
-        low, high = (max(round((t - begins) / step), 0) for t in condition.quiet)
-        quiet = slice(low, high) if high - low >= QUIET else None
-    said = np.array([np.nan if channel.noise is None else channel.noise for channel in channels])
-    if np.isfinite(said).all():
-        return Noise(said, "as the study says")
+        quiet = slice(*(max(round((t - begins) / step), 0) for t in condition.quiet))
     found = estimate(measured, step, quiet, response)
-    sigma = np.where(np.isfinite(said), said, found.sigma)
-    return Noise(sigma, found.source, () if np.isfinite(sigma).all() else found.doubt)
+    whole = replace(found, sigma=np.where(np.isfinite(said.sigma), said.sigma, found.sigma))
+    return replace(whole, doubt=()) if whole.known else whole
 
 
 def noise_floor(measured: Rows, sigma: PerChannel) -> PerChannel:
@@ -128,9 +116,17 @@ def known_floor(noise: PerChannel, errors: Sequence[PerChannel]) -> PerChannel:
     return np.where(believed, np.minimum(noise, least), 0.0)
 
 
-def beyond(errors: PerChannel, floor: PerChannel) -> float:
-    """What an error would be without noise, mean over the channels: noise adds to it in squares. All NRMSE in %."""
-    return float(np.sqrt(np.maximum(errors**2 - floor**2, 0.0)).mean())
+def removed(bare: Sequence[PerChannel], left: Sequence[PerChannel], floors: Sequence[PerChannel]) -> float:
+    """The share of the errors `bare`, of several conditions, that is gone in `left`, but for what noise (floors) makes of
+    either: it adds to them in squares. All (J,), NRMSE in %."""
+    before, after = (
+        sum(
+            float(np.sqrt(np.maximum(error**2 - floor**2, 0.0)).mean())
+            for error, floor in zip(side, floors, strict=True)
+        )
+        for side in (bare, left)
+    )
+    return 1.0 - after / before if before > 0.0 else 0.0
 
 
 def _quiet(measured: Rows, step: float, quiet: slice | None) -> PerChannel | None:

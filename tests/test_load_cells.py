@@ -38,7 +38,7 @@ STUDY = """format = 1
 [simulation]
 fmu = "Strut.fmu"
 step_size = 0.001
-units = {{ push = "N", base = "m", gap = "m", rate = "m/s", element = "{unit}", cell = "{unit}" }}
+units = {{ push = "{push}", base = "m", gap = "m", rate = "m/s", element = "{unit}", cell = "{unit}" }}
 [[channels]]
 name = "gap"
 simulation = "gap"
@@ -65,12 +65,12 @@ measurement = "log.csv"
 """
 
 
-@pytest.mark.parametrize("unit", ["N", "kN"])
+@pytest.mark.parametrize(("push", "unit"), [("N", "N"), ("N", "kN"), ("1", "N")])
 @pytest.mark.parametrize(
     ("shown", "nominal", "told"), [("element", "element", True), ("cell", "cell", False), ("cell", "element", False)]
 )
 def test_a_load_cell_that_feels_no_added_force_is_told(
-    tmp_path: Path, unit: str, shown: str, nominal: str, told: bool
+    tmp_path: Path, push: str, unit: str, shown: str, nominal: str, told: bool
 ) -> None:
     by_pythonfmu(tmp_path, "Strut", STRUT.replace("SCALE", {"N": "1.0", "kN": "1e-3"}[unit]))
     t = np.arange(3000) * 0.001
@@ -90,7 +90,9 @@ def test_a_load_cell_that_feels_no_added_force_is_told(
                 np.arange(3000) * 1_000_000, values, (Channel("base", "m"), Channel("gap", "m"), Channel("cell", "N"))
             ),
         )
-    (tmp_path / "study.toml").write_text(STUDY.format(unit=unit, shown=shown, nominal=nominal), encoding="utf-8")
+    (tmp_path / "study.toml").write_text(
+        STUDY.format(push=push, unit=unit, shown=shown, nominal=nominal), encoding="utf-8"
+    )
     warnings = screen(load_study(tmp_path / "study.toml")).warnings
     found = [item for item in warnings if item.kind.startswith("load cell")]
     assert [item.where for item in found] == ["channel 'load cell'"] * told

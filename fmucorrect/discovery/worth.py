@@ -93,12 +93,12 @@ def _worth(setting: Setting, less: Fitted, more: Fitted, energy: float) -> bool:
 
 def _far(setting: Setting, fitted: Fitted) -> float:
     """How far base parameters and sensors are from what is expected of them: a sum of squares, in standard deviations."""
-    return float(np.sum(np.square(fitted.model.base)) + np.sum(_sensed(setting, fitted)))
+    return float(np.sum(np.square(fitted.model.base)) + np.sum(np.square(_sensed(setting, fitted))))
 
 
 def _sensed(setting: Setting, fitted: Fitted) -> np.ndarray:
-    """The same of each thing that may be off at the sensors."""
-    return np.square(setting.sensors.believe(fitted.residual, setting.share, setting.floor).fitted)
+    """By how much each thing that may be off at the sensors is so, in what is expected of it."""
+    return setting.sensors.believe(fitted.residual, setting.share, setting.floor).fitted
 
 
 def complete(setting: Setting, base: Fitted, found: Sequence[Fitted], best: Fitted) -> bool:
@@ -106,7 +106,7 @@ def complete(setting: Setting, base: Fitted, found: Sequence[Fitted], best: Fitt
     are far from their start values, or in a sensor that would be off by more than it costs to say so."""
     energy = min(fitted.s2 for fitted in (base, *found) if _exact(fitted) and names(fitted) <= names(best))
     far = float(np.sum(np.square(best.model.base)))
-    sensed = float(_sensed(setting, best).max(initial=0.0))
+    sensed = float(np.square(_sensed(setting, best)).max(initial=0.0))
     return best.s2 - setting.floor < SMALL**2 * energy and max(far, sensed) < price(setting, 1)
 
 
@@ -133,8 +133,7 @@ def _taken_away(setting: Setting, less: Fitted, more: Fitted) -> float:
 
 def _taken_on(setting: Setting, fitted: Fitted) -> float:
     """What of the residual is taken for sensors that are a little off."""
-    fitted_to = setting.sensors.believe(fitted.residual, setting.share, setting.floor).fitted
-    return float(np.mean((setting.sensors.columns @ fitted_to) ** 2))
+    return float(np.mean((setting.sensors.columns @ _sensed(setting, fitted)) ** 2))
 
 
 def credible(setting: Setting, found: Sequence[Fitted], doubted: Doubted | None = None) -> list[Fitted]:

@@ -33,7 +33,7 @@ def unfelt(study: Study) -> Iterator[Finding]:
                 continue
             (answer,) = feedthrough(study.fmu, [joint.force], [shown], simulation.step_ns, simulation.parameters)[0]
             source, target = units.get(joint.force, ""), units.get(shown, "")
-            if source and target:
+            if not {source, target} & {"", "1"}:  # else taken to be SI
                 answer /= conversion(source, target, f"joint {joint.name!r}", fmu.defined)
             if abs(answer) < FELT:
                 yield Finding(

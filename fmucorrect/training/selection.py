@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fmucorrect.noise import beyond, known_floor
+from fmucorrect.noise import known_floor, removed
 from fmucorrect.study_training import FAMILIES, Family, Training
 from fmucorrect.training.band import LeftOut, calibrate, left_out, share_inside
 from fmucorrect.training.data import Samples
@@ -146,11 +146,8 @@ def select(development: Sequence[Samples], training: Training, workshop: Worksho
 def _beyond_noise(tried: Mapping[Family, Sequence[LeftOut]], taken: Family) -> tuple[float, float]:
     """NRMSE, %, that noise alone makes, mean over the conditions; and the share of what is beyond it that was learned."""
     floors = [known_floor(items[0].noise, [item.each for item in items]) for items in zip(*tried.values(), strict=True)]
-    bare, left = (
-        float(np.mean([beyond(item.each, floor) for item, floor in zip(tried[family], floors, strict=True)]))
-        for family in ("nothing", taken)
-    )
-    return float(np.mean(floors)), 1.0 - left / bare if bare > 0.0 else 0.0
+    bare, left = ([item.each for item in tried[family]] for family in ("nothing", taken))
+    return float(np.mean(floors)), removed(bare, left, floors)
 
 
 def _all_errors(found: Mapping[Family, Mapping[int, Sequence[LeftOut]]]) -> dict[Family, dict[int, float]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from fmucorrect.comparison import BAND_90, Comparison
-from fmucorrect.noise import beyond, known_floor
+from fmucorrect.noise import known_floor, removed
 from fmucorrect.stepper import Status
 from fmucorrect.study_training import Family
 from fmucorrect.training.fallback import Fallback
@@ -82,13 +82,13 @@ def _when_left_out(selection: Selection, evaluations: Sequence[Comparison]) -> s
 
 def _held_out(unseen: Sequence[Comparison]) -> str:
     """What was learned of what nothing was fitted to; nothing where it has not become better."""
-    errors = [(item.before.nrmse, item.after.nrmse) for item in unseen]
-    floors = [known_floor(item.noise, both) for item, both in zip(unseen, errors, strict=True)]
-    bare, left = (sum(map(beyond, side, floors)) for side in zip(*errors, strict=True))
-    if left >= bare:
+    bare, left = [item.before.nrmse for item in unseen], [item.after.nrmse for item in unseen]
+    floors = [known_floor(item.noise, [item.before.nrmse, item.after.nrmse]) for item in unseen]
+    share = removed(bare, left, floors)
+    if share <= 0.0:
         return ""
     noise, named = sum(float(floor.mean()) for floor in floors), ", ".join(item.condition.name for item in unseen)
-    found = f"{100 * (1.0 - left / bare):.0f} %"
+    found = f"{100 * share:.0f} %"
     if _is_noise(noise, sum(item.after.mean_nrmse for item in unseen)):
         found = "down to the sensors' noise"
     return f" At {named}, held out of everything: {found}."

@@ -111,7 +111,7 @@ def compile_library(
         result = subprocess.run(command, cwd=made, capture_output=True, text=True)
         if result.returncode:
             raise WrapError(f"the C compiler refused: {' '.join(command[1:])}\n{result.stderr}", where=str(sources))
-        shutil.move(Path(made) / output.name, output)
+        shutil.copy(Path(made) / output.name, output)  # over an older one, on Windows too
     if result.stderr:
         print(result.stderr, file=sys.stderr)
 
