@@ -107,9 +107,9 @@ def _stamps(extents: Sequence[Extent]) -> tuple[int, int]:
 def _given(study: Study, condition: Condition, path: Path) -> tuple[int, int]:
     """First and last stamp of inputs, of the topics that hold some; of a simulated record, and where none does, of all."""
     topics = records.describe(path, condition.reading).topics
-    names = (
-        [v.name for v in open_fmu(study.fmu).of("input")] if study.fmu is not None and path == condition.inputs else []
-    )
+    names: list[str] = []
+    if study.fmu is not None and path == condition.inputs:
+        names = [variable.name for variable in open_fmu(study.fmu, warn=False).of("input")]
     holding = [
         item.extent for item in topics if any(records.has([item.topic], name, condition.reading) for name in names)
     ]

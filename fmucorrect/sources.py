@@ -110,7 +110,7 @@ def driving(study: Study, condition: Condition) -> tuple[Variable, ...]:
     if condition.inputs is None or study.fmu is None:
         return ()
     topics = records.topics(condition.inputs, condition.reading)
-    every = open_fmu(study.fmu).of("input")
+    every = open_fmu(study.fmu, warn=False).of("input")
     for loc, text in renamed_for_nothing(study, condition, [variable.name for variable in every]):
         raise RecordError(text, where=f"{study.path}, {place(study.places, loc)}")
     found = tuple(variable for variable in every if records.has(topics, variable.name, condition.reading))

@@ -77,6 +77,32 @@ class Cylinder(Fmi2Slave):
 STEP, ROWS, BEGINS = 2_000_000, 1500, 1_767_225_600_000_000_000
 
 
+ROTOR = """
+from pythonfmu import Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
+
+
+class Rotor(Fmi2Slave):
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        self.drive = self.brakeTorque = self.theta = self.speed = self.w = 0.0
+        self.J, self.k, self.c = 0.002, 0.5, 0.01
+        for name in ("drive", "brakeTorque"):
+            self.register_variable(Real(name, causality=Fmi2Causality.input))
+        for name in ("theta", "speed"):
+            self.register_variable(Real(name, causality=Fmi2Causality.output))
+        for name in ("J", "k", "c"):
+            self.register_variable(Real(name, causality=Fmi2Causality.parameter, variability=Fmi2Variability.tunable))
+
+    def do_step(self, time, step):
+        for _ in range(10):
+            push = self.drive + self.brakeTorque - self.k * self.theta - self.c * self.w
+            self.w += step / 10 * push / self.J
+            self.theta += step / 10 * self.w
+        self.speed = self.w * 30.0 / 3.141592653589793
+        return True
+"""
+
+
 @pytest.fixture(scope="module")
 def car(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return by_pythonfmu(tmp_path_factory.mktemp("car"), "QuarterCar", QUARTER_CAR)
@@ -165,6 +191,36 @@ def test_a_hydraulic_cylinder_whose_exporter_writes_no_units(tmp_path: Path):
     item = pair(study, study.conditions[0])
     assert (np.abs(item.measured - item.response).max(axis=0) < 0.02 * np.abs(item.measured).max(axis=0)).all()
     assert "# used for nothing: column oil, in degC, of which no channel of a study can be" in path.read_text("utf-8")
+
+
+def test_a_rotor_whose_exporter_writes_no_units(tmp_path: Path):
+    """It turns: torques and angles by their names, and a speed in rpm by its numbers, of a model that is not quite right."""
+    rotor = by_pythonfmu(tmp_path, "Rotor", ROTOR)
+    t = np.arange(ROWS) * STEP / 1e9
+    torque = np.clip(t - 0.5, 0.0, 1.0) * np.sin(2.0 * np.pi * np.outer(t, [0.7, 2.3, 3.9]) + 1.0).mean(axis=1)
+    channels = tuple(Channel(name, "") for name in ("theta", "speed"))
+    with IsolatedStepper(rotor, channels, inputs=("drive",), parameters={"c": 0.013}) as stepper:
+        result = run(stepper, Condition("a"), [Record(np.arange(ROWS) * STEP, torque[:, None], (Channel("drive"),))])
+    assert result is not None
+    columns = {
+        Channel("drive", "Nm"): torque,
+        Channel("Theta enc", "deg"): np.degrees(result["theta"]),
+        Channel("Speed tach", "rpm"): result["speed"],
+    }
+    log = tmp_path / "run.parquet"
+    with writer(log) as file:
+        file.write("/log", Record(np.arange(ROWS) * STEP, np.stack(list(columns.values()), axis=1), tuple(columns)))
+    path = tmp_path / "study.toml"
+    path.write_text(draft(rotor, [log]).text(path), encoding="utf-8")
+    study = load_study(path)
+    assert study.simulation.units == {"drive": "N.m", "brakeTorque": "N.m", "theta": "rad", "speed": "rpm"}
+    assert [(c.name, c.quantity, c.unit) for c in study.channels] == [
+        ("theta", "angle", "deg"),
+        ("speed", "velocity", "rpm"),
+    ]
+    assert [(j.force, j.displacement) for j in study.joints] == [("brakeTorque", "theta")]
+    item = pair(study, study.conditions[0])
+    assert (np.abs(item.measured - item.response).max(axis=0) < 0.5 * np.abs(item.measured).max(axis=0)).all()
 
 
 def test_why_a_column_is_used_for_nothing(car: Path, logs: list[Path], tmp_path: Path):

@@ -19,10 +19,9 @@ from pathlib import Path
 from fmucorrect import records
 from fmucorrect.clocks import overlapping
 from fmucorrect.drafting.driving import find_driving
-from fmucorrect.drafting.guess import likeness, quantity
+from fmucorrect.drafting.guess import UNITLESS, likeness, quantity
 from fmucorrect.drafting.joints import find_joints, joint_units
 from fmucorrect.drafting.pairing import (
-    UNITLESS,
     ChannelGuess,
     Run,
     Trial,

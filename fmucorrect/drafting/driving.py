@@ -10,12 +10,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fmucorrect import units
-from fmucorrect.drafting.guess import likeness, quantity
+from fmucorrect.drafting.guess import UNITLESS, likeness, quantity
 from fmucorrect.drafting.joints import find_joints, kind
 from fmucorrect.drafting.pairing import (
     NAMED,
     SHOWS,
-    UNITLESS,
     ChannelGuess,
     Plant,
     Run,

@@ -16,10 +16,14 @@ WITHIN = 0.9
 """Likeness of `zr` and `road_zr`."""
 
 
+UNITLESS = ("", "1", "-")
+"""What stands for a unit where none is said."""
+
+
 def quantity(unit: str, defined: Mapping[str, units.Unit] = units.NONE) -> str | None:
     """What a channel in this unit is, which `defined` explains first; None where a study has no such quantity, or the unit is
     not known."""
-    if unit in ("", "1", "-"):
+    if unit in UNITLESS:
         return None
     if unit == "g":  # of a sensor: no channel of a machine's motion is a mass
         return "acceleration"

@@ -6,24 +6,27 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from fmucorrect.drafting.guess import quantity, words
+from fmucorrect.drafting.guess import UNITLESS, quantity, si, words
 from fmucorrect.fmu import FmuDescription, Variable
 from fmucorrect.fmu.feedthrough import feedthrough
-from fmucorrect.units import parse
 
 PUSH_NS = 20_000_000
 """For how long an input is pushed: long enough to be seen in a displacement, short against any period."""
 SI = {"displacement": "m", "velocity": "m/s", "force": "N", "acceleration": "m/s2"}
-"""Units of what has none, by its kind."""
+TURNING = {"displacement": "rad", "velocity": "rad/s", "force": "N.m", "acceleration": "rad/s2"}
+"""Units of what has none, by its kind: of what moves along, and of what turns."""
 _WORDS = {
-    "force": frozenset(["f", "fx", "fy", "fz", "force", "torque", "moment", "mx", "my", "mz"]),
+    "force": frozenset(["f", "fx", "fy", "fz", "force", "torque", "trq", "moment", "mx", "my", "mz", "tau"]),
     "velocity": frozenset(["v", "vel", "velocity", "rate", "omega", "speed"]),
     "acceleration": frozenset(["a", "acc", "accel", "acceleration"]),
     "displacement": frozenset(
-        ["d", "disp", "displacement", "deflection", "travel", "stroke", "x", "y", "z", "angle", "phi"]
+        ["d", "disp", "displacement", "deflection", "travel", "stroke", "x", "y", "z", "angle", "phi", "theta", "twist"]
     ),
 }
 """The last word of a name, or the first, that tells what a variable without a unit is."""
+_TURNS = frozenset(["torque", "trq", "moment", "mx", "my", "mz", "tau", "omega", "angle", "phi", "theta", "twist"])
+"""Of these words, those of what turns."""
+_ALL = frozenset().union(*_WORDS.values())
 
 
 @dataclass(frozen=True)
@@ -73,26 +76,41 @@ def find_joints(fmu: FmuDescription, driven: Sequence[str]) -> tuple[JointGuess,
 
 
 def joint_units(fmu: FmuDescription, joints: Sequence[JointGuess]) -> dict[str, str]:
-    """The units of their variables that the FMU leaves without one: SI."""
-    return {
-        name: SI[kind(fmu.variables[name])]
-        for joint in joints
-        for name in (joint.force, joint.displacement, joint.velocity, joint.nominal_force, joint.acceleration)
-        if name and not fmu.variables[name].unit
-    }
+    """The units of their variables that the FMU leaves without one: SI, of what turns where one of a joint's variables does."""
+    found: dict[str, str] = {}
+    for joint in joints:
+        names = (joint.force, joint.displacement, joint.velocity, joint.nominal_force, joint.acceleration)
+        own = [fmu.variables[name] for name in names if name]
+        known = TURNING if any(map(turns, own)) else SI
+        found |= {variable.name: known[kind(variable)] for variable in own if not variable.unit}
+    return found
 
 
 def kind(variable: Variable) -> str:
     """What a variable is: by its unit, else by the last word of its name or the first; "" for neither."""
-    if variable.unit not in ("", "1", "-"):
+    if variable.unit not in UNITLESS:
         found = quantity(variable.unit) or ""
         return "displacement" if found == "angle" else found
-    parts = words(re.split(r"[./]", variable.name)[-1])
-    for word in (parts[-1], parts[0]) if parts else ():
-        for what, known in _WORDS.items():
-            if word.rstrip("0123456789") in known:
-                return what
-    return ""
+    told = _telling(variable)
+    return next((what for what, known in _WORDS.items() if told in known), "")
+
+
+def turns(variable: Variable) -> bool:
+    """Whether it is a torque or of an angle: by its unit, else by that word of its name."""
+    if variable.unit not in UNITLESS:
+        return si(variable.unit) in TURNING.values()
+    return _telling(variable) in _TURNS
+
+
+def unit_of(variable: Variable) -> str:
+    """The SI unit that the name of a variable without one tells; "" where it tells none."""
+    return (TURNING if turns(variable) else SI).get(kind(variable), "")
+
+
+def _telling(variable: Variable) -> str:
+    """The word of its name that tells what it is; "" where none does."""
+    parts = [word.rstrip("0123456789") for word in words(re.split(r"[./]", variable.name)[-1])]
+    return next((word for word in (*parts[-1:], *parts[:1]) if word in _ALL), "")
 
 
 def stem(name: str) -> str:
@@ -100,17 +118,17 @@ def stem(name: str) -> str:
     head = re.match(r"(.*)[./][^./]+$", name)
     if head:
         return head.group(1)
-    known = frozenset().union(*_WORDS.values())
-    return " ".join(word for word in words(name) if word.rstrip("0123456789") not in known)
+    return " ".join(word for word in words(name) if word.rstrip("0123456789") not in _ALL)
 
 
 def _belong(force: Variable, moved: Variable) -> bool:
-    """A force moves metres, a moment radians; where a unit is not said, either may be."""
-    if "" in (force.unit, moved.unit):
-        return True
-    return (parse(force.unit).dimension[:5] == parse("N.m").dimension[:5]) == (
-        parse(moved.unit).dimension == parse("rad").dimension
-    )
+    """A force moves metres, a moment radians; where neither a unit nor a name says it, either may be."""
+    return turns(force) == turns(moved) or not (_says(force) and _says(moved))
+
+
+def _says(variable: Variable) -> bool:
+    """Whether something tells that it turns, or that it does not."""
+    return variable.unit not in UNITLESS or turns(variable)
 
 
 def _of(outputs: Sequence[Variable], what: str, name: str) -> str:

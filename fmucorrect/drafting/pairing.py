@@ -12,8 +12,8 @@ from jaxtyping import Float64
 
 from fmucorrect import records, units
 from fmucorrect.clocks import overlapping
-from fmucorrect.drafting.guess import likeness, quantity, si
-from fmucorrect.drafting.joints import SI, kind
+from fmucorrect.drafting.guess import UNITLESS, likeness, quantity, si
+from fmucorrect.drafting.joints import unit_of
 from fmucorrect.errors import RecordError, few
 from fmucorrect.fmu import FmuDescription, IsolatedStepper, Variable, input_record
 from fmucorrect.records import timebase
@@ -55,7 +55,6 @@ OUTPUTS = 500
 """Outputs of an FMU that are looked at."""
 
 Series = Float64[np.ndarray, " T"]
-UNITLESS = ("", "1", "-")
 
 
 @dataclass(frozen=True)
@@ -432,7 +431,7 @@ def _units(column: str, variable: Variable, ratio: float) -> tuple[str, str, str
     if column not in UNITLESS:
         unit = "gn" if column == "g" else column
         return unit, "" if output not in UNITLESS else _model_unit(unit, ratio), ""
-    unit = output if output not in UNITLESS else SI[kind(variable) or "displacement"]
+    unit = output if output not in UNITLESS else unit_of(variable) or "m"
     told = min(family(unit), key=lambda other: abs(np.log(max(ratio, 1e-300) * units.conversion(other, unit, ""))))
     return told, "" if output not in UNITLESS else unit, told
 
@@ -440,7 +439,7 @@ def _units(column: str, variable: Variable, ratio: float) -> tuple[str, str, str
 def _model_unit(unit: str, ratio: float) -> str:
     """The unit of an output whose numbers are `ratio` times smaller than a measurement in `unit`."""
     away = {other: abs(np.log10(max(ratio, 1e-300) * units.conversion(unit, other, ""))) for other in family(unit)}
-    return si(unit) if away[si(unit)] < FAR else min(away, key=lambda other: away[other])
+    return min(away, key=lambda other: away[other] + RARE * (other != si(unit)))
 
 
 def family(unit: str) -> list[str]:
@@ -459,8 +458,9 @@ _FAMILIES = {
     "pressure": ("Pa", "bar", "MPa"),
     "current": ("A", "mA"),
 }
-FAR = 1.5
-"""Powers of ten by which a model may be off in its own SI units: half of a factor of 1000."""
+RARE = 0.15
+"""Powers of ten by which numbers have to speak more for another unit than for SI: a model in m/s is taken for one in km/h if it
+is 2.3 times too slow, one in rad/s for one in rpm if it is 3.6 times too slow."""
 
 
 def correlations(

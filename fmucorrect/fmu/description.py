@@ -218,7 +218,7 @@ class FmuDescription:
 
 def open_fmu(path: str | Path, *, warn: bool = True) -> FmuDescription:
     """Read and check the model description of the FMU at `path`; nothing is unpacked or loaded. warn: its faults go to the log,
-    too.
+    too, once for a file as it is.
 
     Raises FmuError when the file is no FMU of FMI 2 or 3 for co-simulation or model exchange, is damaged, or is not safe to
     open. One that offers both is stepped by its own solver, in co-simulation.
@@ -227,10 +227,13 @@ def open_fmu(path: str | Path, *, warn: bool = True) -> FmuDescription:
     now = unchanged.state(path)
     found = _described.__wrapped__(path, ()) if now is None else _described(path, now)
     if found.faults and warn:
-        logging.getLogger("fmucorrect.fmu").warning(
-            "%s: the model description breaks the FMI standard: %s", path, "; ".join(found.faults)
-        )
+        _warn(path.resolve(), now, "; ".join(found.faults))
     return found
+
+
+@lru_cache(maxsize=16)
+def _warn(path: Path, now: tuple[int, ...] | None, faults: str) -> None:
+    logging.getLogger("fmucorrect.fmu").warning("%s: the model description breaks the FMI standard: %s", path, faults)
 
 
 @lru_cache(maxsize=16)

@@ -98,10 +98,11 @@ def match(
     input_names: Sequence[str],
     units: Mapping[str, str] = MappingProxyType({}),
     tolerance: float | None = None,
+    warn: bool = True,
 ) -> Matched:
     """The variables behind channels and inputs; units: of variables that the FMU leaves without one. tolerance: of the solver.
-    Raises FmuError (the file, its platforms, names) and SignalError (units)."""
-    description = open_fmu(path).known(units, tolerance)
+    warn: of faults in its description. Raises FmuError (the file, its platforms, names) and SignalError (units)."""
+    description = open_fmu(path, warn=warn).known(units, tolerance)
     _ = description.binaries  # refused now rather than when it is started
     variables, complete = outputs(description, channels)
     scaling = output_scaling(description, variables, complete)

@@ -85,7 +85,8 @@ class FmuStepper(Opened):
         log: logging.Logger | None = None,
         place: Place | None = None,
     ) -> None:
-        self._matched = match(path, channels, inputs, units, tolerance)
+        told = place is not None  # by whoever unpacked it
+        self._matched = match(path, channels, inputs, units, tolerance, warn=not told)
         super().__init__(self._matched.description, self._matched.outputs, log, place)
         self._channels, self._scaling = self._matched.channels, self._matched.scaling
         self._parameters, self._choosy = parameters, self._matched.choosy
