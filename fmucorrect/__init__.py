@@ -15,6 +15,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING
 
+import_module("fmucorrect.places")  # as sys.path is now, before a solver adds to it
+
 if TYPE_CHECKING:
     from fmucorrect.bundle import Bundle
     from fmucorrect.bundle import load as load_bundle

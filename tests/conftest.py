@@ -67,7 +67,7 @@ WITH = dict.fromkeys(("test_elsewhere", "test_resuming", "test_time_limit", "tes
 FIRST = ("training", "wrapping", "test_discover")
 """Groups that take longest, in the order in which they are begun: what begins last keeps one process busy alone."""
 
-START = ("test_isolated", "test_trouble", "test_mutations", "test_the_child")
+START = ("test_places", "test_isolated", "test_trouble", "test_mutations", "test_the_child")
 """Files and tests of the processes that solvers and libraries for logs have: only there is each a Python begun anew."""
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from fmucorrect.cli.group import OVERWRITE, PATH, STEP_TIMEOUT, say
+from fmucorrect.cli.group import OVERWRITE, PATH, STEP_TIMEOUT, say, stages
 
 SECTIONS = {"preload": ("preload",), "critical-speed": ("critical_speed",), "safety": ("safety",)}
 
@@ -27,8 +27,6 @@ def assess(what: str, mapping: Path, out: Path, step_timeout: float | None, over
 
     Example: fmucorrect assess all fmus/full_vehicle/assess.toml -o assessment
     """
-    from tqdm import tqdm
-
     from fmucorrect import outputs
     from fmucorrect.railway.assess import assess as run
     from fmucorrect.railway.assessment import load_assessment
@@ -38,15 +36,7 @@ def assess(what: str, mapping: Path, out: Path, step_timeout: float | None, over
     assessment = load_assessment(mapping)
     read = [("the mapping", mapping), ("the FMU", assessment.fmu)]
     outputs.check_folder(out, ("assessment.html", "assessment.json"), read, "assess", overwrite)
-    with tqdm(
-        total=1, desc="assess", disable=None, leave=False, bar_format="{desc}: {n_fmt}/{total_fmt} {elapsed}"
-    ) as bar:
-
-        def progress(stage: str, done: int, total: int) -> None:
-            bar.set_description_str(stage, refresh=False)
-            bar.total, bar.n = max(total, 1), done
-            bar.update(0)
-
+    with stages("assess") as progress:
         sections = SECTIONS.get(what, tuple(name for some in SECTIONS.values() for name in some))
         found = run(assessment, sections, progress, step_timeout)
     outputs.make_folder(out, "assess")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from fmucorrect.cli.group import ALLOW_DAMAGED, OVERWRITE, PATH, STEP_TIMEOUT, Span, say
+from fmucorrect.cli.group import ALLOW_DAMAGED, OVERWRITE, PATH, STEP_TIMEOUT, Span, say, stages
 
 
 @click.command()
@@ -47,30 +47,19 @@ def discover(
 
     Example: fmucorrect discover study.toml -o found
     """
-    from tqdm import tqdm
-
     from fmucorrect.discovery import discover as run
 
-    with tqdm(
-        total=1, desc="discover", disable=None, leave=False, bar_format="{desc}: {n_fmt}/{total_fmt} {elapsed}"
-    ) as bar:
-
-        def progress(stage: str, done: int, total: int) -> None:
-            bar.set_description_str(stage, refresh=False)
-            bar.total, bar.n = max(total, 1), done
-            bar.update(0)
-
-        with _executor(scheduler) as executor:
-            report = run(
-                study,
-                out,
-                progress=progress,
-                executor=executor,
-                step_timeout=step_timeout,
-                allow_damaged=allow_damaged,
-                overwrite=overwrite,
-                time_limit=time_limit,
-            )
+    with stages("discover") as progress, _executor(scheduler) as executor:
+        report = run(
+            study,
+            out,
+            progress=progress,
+            executor=executor,
+            step_timeout=step_timeout,
+            allow_damaged=allow_damaged,
+            overwrite=overwrite,
+            time_limit=time_limit,
+        )
     if as_json:
         say((out / "report.json").read_text(encoding="utf-8"))
         return

@@ -9,6 +9,7 @@ import re
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
@@ -204,13 +205,60 @@ def open_study(path: Path, allow_damaged: bool, step_timeout: float | None = Non
     return study
 
 
+MINUTE = 60.0
+"""s between lines about a command's progress, where there is no terminal: a log that is read later stays short."""
+
+
 @contextmanager
 def progress_bar(total: int | None, unit: str, what: str) -> Generator[Callable[[int], object]]:
-    """A progress bar on standard error, off where that is no terminal."""
+    """What is told how much more was done: a progress bar on standard error, a line a minute where that is no terminal."""
     from tqdm import tqdm
 
-    with tqdm(total=total, unit=unit, desc=what, unit_scale=unit == "sample", disable=None, leave=False) as bar:
-        yield bar.update
+    if sys.stderr.isatty():
+        with tqdm(total=total, unit=unit, desc=what, unit_scale=unit == "sample", leave=False) as bar:
+            yield bar.update
+        return
+    tell, done = _minutely(), 0
+
+    def advance(more: int) -> None:
+        nonlocal done
+        done += more
+        tell(f"{what}: {done}{f' of {total}' if total else ''} {unit}s")
+
+    yield advance
+
+
+@contextmanager
+def stages(what: str) -> Generator[Callable[[str, int, int], None]]:
+    """The same for work in stages, of which progress(stage, done, total) is told."""
+    from tqdm import tqdm
+
+    if not sys.stderr.isatty():
+        tell = _minutely()
+        yield lambda stage, done, total: tell(f"{what}, {stage}: {done} of {max(total, 1)}")
+        return
+    with tqdm(total=1, desc=what, leave=False, bar_format="{desc}: {n_fmt}/{total_fmt} {elapsed}") as bar:
+
+        def progress(stage: str, done: int, total: int) -> None:
+            bar.set_description_str(stage, refresh=False)
+            bar.total, bar.n = max(total, 1), done
+            bar.update(0)
+
+        yield progress
+
+
+def _minutely() -> Callable[[str], None]:
+    """Writes what it is told to standard error, with the time since, if the last line is a minute old."""
+    begun = last = time.monotonic()
+
+    def tell(text: str) -> None:
+        nonlocal last
+        now = time.monotonic()
+        if now - last >= MINUTE:
+            last = now
+            click.echo(f"{text}, {(now - begun) / 60.0:.0f} min", err=True)
+
+    return tell
 
 
 def note(text: str) -> None:

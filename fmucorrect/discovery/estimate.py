@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import closing, nullcontext
+from contextlib import ExitStack, closing, nullcontext
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from pathlib import Path
@@ -34,7 +34,7 @@ LOOKS = (1.5, 4.5)
 
 @dataclass(frozen=True)
 class Estimate:
-    """runs: of the FMU, from and to. seconds: that one takes here, by the clock. workers: runs at a time."""
+    """runs: of the FMU, from and to. seconds: that one takes here, by the clock, beside others. workers: runs at a time."""
 
     runs: tuple[int, int]
     seconds: float
@@ -71,7 +71,7 @@ def estimate(study: Study, pairs: Sequence[Pair]) -> Estimate | None:
             1, get_context("spawn")
         ) as child:  # a solver that dies takes that process with it alone
             try:
-                pace = child.submit(_pace, study.path, problem.trials[0].rows.stop).result()
+                pace = child.submit(_pace, study.path, problem.trials[0].rows.stop, problem.workers).result()
             except BrokenProcessPool:
                 return None
         return (
@@ -79,16 +79,21 @@ def estimate(study: Study, pairs: Sequence[Pair]) -> Estimate | None:
         )
 
 
-def _pace(path: Path, rows: int) -> float | None:
-    """Seconds by the clock for one that is simulated, over so many rows of the first development condition; None where the FMU
-    does not run."""
-    study, budget = load_study(path), Budget()
+def _pace(path: Path, rows: int, workers: int) -> float | None:
+    """Seconds by the clock for one that is simulated, over so many rows of the first development condition, of as many runs at
+    a time as the search makes: solvers in Python wait for each other. None where the FMU does not run."""
+    study, budgets = load_study(path), [Budget() for _ in range(workers)]
     condition = study.development[0]
     try:
-        with closing(runner(study, condition, library(), rows, budget=budget)) as item:
+        with ExitStack() as opened, ThreadPoolExecutor(workers) as pool:
+            items = [
+                opened.enter_context(closing(runner(study, condition, library(), rows, budget=budget)))
+                for budget in budgets
+            ]
             begun = time.perf_counter()
-            simulate(study, item, condition, Model(), ())
-            return (time.perf_counter() - begun) / budget.seconds if budget.seconds > 0.0 else None
+            list(pool.map(lambda item: simulate(study, item, condition, Model(), ()), items))
+            took, simulated = time.perf_counter() - begun, sum(budget.seconds for budget in budgets) / workers
+            return took / simulated if simulated > 0.0 else None
     except (FmucorrectError, ImportError):
         return None
 

@@ -22,6 +22,7 @@ from typing import IO, Any, cast, final
 from fmucorrect.errors import FmuError, SolverDied
 from fmucorrect.fmu import archive
 from fmucorrect.fmu.description import FmuDescription
+from fmucorrect.places import PLACES
 from fmucorrect.workfolder import WorkFolder
 
 _BEGIN_TIMEOUT = 120.0
@@ -123,7 +124,7 @@ class SolverProcess:
             memory = mmap.mmap(opened.fileno(), size)
         level = self._log.getEffectiveLevel()
         numbers = level, self._limits.memory, os.getpid()
-        command = [sys.executable, "-c", _RUN, str(self._fmu), str(file), *map(str, numbers), *sys.path]
+        command = [sys.executable, "-c", _RUN, str(self._fmu), str(file), *map(str, numbers), *PLACES]
         # a group of its own: Ctrl-C is for us, and what the solver itself started ends with it
         alone: dict[str, Any] = (
             {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}

@@ -25,6 +25,7 @@ from typing import IO, Any
 import numpy as np
 
 from fmucorrect.errors import FmucorrectError, RecordError
+from fmucorrect.places import PLACES
 from fmucorrect.records.contents import Column, Extent, Topic
 from fmucorrect.records.guarded import Guarded
 from fmucorrect.records.source import TOLD, Block
@@ -56,8 +57,6 @@ class ChildSource:
         self._asked = count()
         self._limit = ANSWER_S + ANSWER_S_PER_BYTE * Path(path).stat().st_size
         told_reading = json.dumps({key: getattr(reading, key) for key in TOLD})
-        root = str(Path(__file__).resolve().parents[2])
-        places = json.dumps([*(str(Path(place).resolve()) for place in sys.path if place), root])
         # one thread, and no arena of a gigabyte kept ready: the bound on memory counts what is kept, too
         environment = os.environ | dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
         environment["ARROW_DEFAULT_MEMORY_POOL"] = "system"
@@ -66,7 +65,17 @@ class ChildSource:
         environment |= dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(self._temporary.path))
         # -I: no module of the working directory or the user's can take the place of an installed one
         self._process = subprocess.Popen(
-            [sys.executable, "-I", "-c", _START, places, opened, str(Path(path).resolve()), path, told_reading],
+            [
+                sys.executable,
+                "-I",
+                "-c",
+                _START,
+                json.dumps(PLACES),
+                opened,
+                str(Path(path).resolve()),
+                path,
+                told_reading,
+            ],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,

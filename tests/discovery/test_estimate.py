@@ -41,7 +41,7 @@ def test_a_solver_that_does_not_run_so_has_no_estimate(found, monkeypatch):
     assert estimate.estimate(load_study(folder / "study.toml"), ()) is None
 
 
-def os_exit(path, rows):
+def os_exit(path, rows, workers):
     import os
 
     os._exit(3)

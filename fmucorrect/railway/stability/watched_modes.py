@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Complex128
 
 from fmucorrect.errors import FmucorrectError, FmuError
+from fmucorrect.places import PLACES
 from fmucorrect.railway.stability.linearisation import Lineariser
 from fmucorrect.signals import Channel
 from fmucorrect.workfolder import WorkFolder
@@ -55,7 +56,7 @@ def watched_modes(
         answer = folder.path / "modes.json"
         try:
             ended = subprocess.run(
-                [sys.executable, "-c", _RUN, str(answer), *sys.path],
+                [sys.executable, "-c", _RUN, str(answer), *PLACES],
                 input=json.dumps(asked),
                 text=True,
                 stdout=subprocess.DEVNULL,

@@ -1,0 +1,28 @@
+"""How far a command is, where no terminal shows a bar."""
+
+import pytest
+
+from fmucorrect.cli import group
+
+
+def test_a_line_a_minute(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    now = [100.0]
+    monkeypatch.setattr(group.time, "monotonic", lambda: now[0])
+    with group.progress_bar(10, "epoch", "train") as advance, group.stages("discover") as progress:
+        for _ in range(10):
+            now[0] += 20.0
+            advance(1)
+            progress("fit", 3, 7)
+    told = capsys.readouterr()
+    assert told.out == ""
+    assert told.err.splitlines() == [
+        *("train: 3 of 10 epochs, 1 min", "discover, fit: 3 of 7, 1 min"),
+        *("train: 6 of 10 epochs, 2 min", "discover, fit: 3 of 7, 2 min"),
+        *("train: 9 of 10 epochs, 3 min", "discover, fit: 3 of 7, 3 min"),
+    ]
+
+
+def test_a_short_command_says_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+    with group.progress_bar(None, "sample", "385") as advance:
+        advance(1000)
+    assert capsys.readouterr().err == ""
