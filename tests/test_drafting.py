@@ -22,7 +22,7 @@ from fmucorrect.pairs import pair
 from fmucorrect.records import read, writer
 from fmucorrect.signals import Channel, Condition, Record
 from fmucorrect.stepper import grid, run
-from fmucorrect.study import load_study
+from fmucorrect.study import Study, load_study
 
 OSCILLATOR = Path(__file__).resolve().parent.parent / "fmus" / "oscillator" / "oscillator.fmu"
 QUARTER_CAR = """
@@ -160,6 +160,15 @@ def test_a_quarter_car_whose_exporter_writes_no_units(car: Path, logs: list[Path
     assert text.count("# guess:") > 10
 
 
+def drafted(fmu: Path, columns: dict[Channel, np.ndarray]) -> Study:
+    """The draft for an FMU and one log, both in one folder, as a study."""
+    log, path = fmu.with_name("run.parquet"), fmu.with_name("study.toml")
+    with writer(log) as file:
+        file.write("/log", Record(np.arange(ROWS) * STEP, np.stack(list(columns.values()), axis=1), tuple(columns)))
+    path.write_text(draft(fmu, [log]).text(path), encoding="utf-8")
+    return load_study(path)
+
+
 def test_a_hydraulic_cylinder_whose_exporter_writes_no_units(tmp_path: Path):
     """Flow in l/min, pressure in bar, current in mA, as its logger has them; the model computes in SI."""
     cylinder = by_pythonfmu(tmp_path, "Cylinder", CYLINDER)
@@ -176,12 +185,7 @@ def test_a_hydraulic_cylinder_whose_exporter_writes_no_units(tmp_path: Path):
         Channel("valve i", "mA"): 1e3 * result["i"],
         Channel("oil", "degC"): 40.0 + 0.1 * t,
     }
-    log = tmp_path / "run.parquet"
-    with writer(log) as file:
-        file.write("/log", Record(np.arange(ROWS) * STEP, np.stack(list(columns.values()), axis=1), tuple(columns)))
-    path = tmp_path / "study.toml"
-    path.write_text(draft(cylinder, [log]).text(path), encoding="utf-8")
-    study = load_study(path)
+    study = drafted(cylinder, columns)
     assert study.simulation.units == {"q": "m3/s", "p": "Pa", "x": "m", "i": "A"}
     assert [(c.name, c.quantity, c.unit) for c in study.channels] == [
         ("p", "pressure", "bar"),
@@ -190,7 +194,7 @@ def test_a_hydraulic_cylinder_whose_exporter_writes_no_units(tmp_path: Path):
     ]
     item = pair(study, study.conditions[0])
     assert (np.abs(item.measured - item.response).max(axis=0) < 0.02 * np.abs(item.measured).max(axis=0)).all()
-    assert "# used for nothing: column oil, in degC, of which no channel of a study can be" in path.read_text("utf-8")
+    assert "column oil, in degC, of which no channel of a study can be" in study.path.read_text("utf-8")
 
 
 def test_a_rotor_whose_exporter_writes_no_units(tmp_path: Path):
@@ -207,12 +211,7 @@ def test_a_rotor_whose_exporter_writes_no_units(tmp_path: Path):
         Channel("Theta enc", "deg"): np.degrees(result["theta"]),
         Channel("Speed tach", "rpm"): result["speed"],
     }
-    log = tmp_path / "run.parquet"
-    with writer(log) as file:
-        file.write("/log", Record(np.arange(ROWS) * STEP, np.stack(list(columns.values()), axis=1), tuple(columns)))
-    path = tmp_path / "study.toml"
-    path.write_text(draft(rotor, [log]).text(path), encoding="utf-8")
-    study = load_study(path)
+    study = drafted(rotor, columns)
     assert study.simulation.units == {"drive": "N.m", "brakeTorque": "N.m", "theta": "rad", "speed": "rpm"}
     assert [(c.name, c.quantity, c.unit) for c in study.channels] == [
         ("theta", "angle", "deg"),

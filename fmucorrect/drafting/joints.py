@@ -128,7 +128,7 @@ def _belong(force: Variable, moved: Variable) -> bool:
 
 def _says(variable: Variable) -> bool:
     """Whether something tells that it turns, or that it does not."""
-    return variable.unit not in UNITLESS or turns(variable)
+    return quantity(variable.unit) is not None or turns(variable)
 
 
 def _of(outputs: Sequence[Variable], what: str, name: str) -> str:
