@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from fmucorrect import records
+from fmucorrect.errors import RecordError
 from fmucorrect.fmu import IsolatedStepper
 from fmucorrect.railway.stability.watched_modes import watched_modes
-from fmucorrect.records import writer
+from fmucorrect.records import child, writer
 from fmucorrect.signals import Channel, Condition, Record
 from fmucorrect.stepper import grid, run
 
@@ -37,6 +38,14 @@ def test_a_library_for_logs_begins(tmp_path: Path) -> None:
     with writer(tmp_path / "log.parquet") as file:
         file.write("/log", record)
     np.testing.assert_array_equal(records.read(tmp_path / "log.parquet").values, record.values)
+
+
+def test_a_library_that_cannot_begin_is_no_fault_of_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "log.parquet"
+    path.write_bytes(b"PAR1")
+    monkeypatch.setattr(child, "PLACES", tuple(str(i) for i in range(50_000)))
+    with pytest.raises(RecordError, match=r"log\.parquet: the process that is to read it cannot be started"):
+        records.read(path)
 
 
 @pytest.mark.usefixtures("many")

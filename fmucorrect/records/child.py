@@ -56,7 +56,7 @@ class ChildSource:
         self.path = path
         self._asked = count()
         self._limit = ANSWER_S + ANSWER_S_PER_BYTE * Path(path).stat().st_size
-        told = [opened, str(Path(path).resolve()), path, json.dumps({key: getattr(reading, key) for key in TOLD})]
+        arguments = [opened, str(Path(path).resolve()), path, json.dumps({key: getattr(reading, key) for key in TOLD})]
         # one thread, and no arena of a gigabyte kept ready: the bound on memory counts what is kept, too
         environment = os.environ | dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
         environment["ARROW_DEFAULT_MEMORY_POOL"] = "system"
@@ -64,13 +64,20 @@ class ChildSource:
         self._temporary = WorkFolder()
         environment |= dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(self._temporary.path))
         # -I: no module of the working directory or the user's can take the place of an installed one
-        self._process = subprocess.Popen(
-            [sys.executable, "-I", "-c", _START, json.dumps(PLACES), *told],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            env=environment,
-        )
+        try:
+            self._process = subprocess.Popen(
+                [sys.executable, "-I", "-c", _START, json.dumps(PLACES), *arguments],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+                env=environment,
+            )
+        except OSError as error:  # no fault of the file's
+            raise RecordError(
+                f"the process that is to read it cannot be started ({error})",
+                where=path,
+                remedy="The system may have no memory or no process left for it: close other programs.",
+            ) from error
         try:
             self._answer("start", START_S)
             told, _ = self._answer("open", self._limit)
