@@ -212,31 +212,31 @@ MINUTE = 60.0
 @contextmanager
 def progress_bar(total: int | None, unit: str, what: str) -> Generator[Callable[[int], object]]:
     """What is told how much more was done: a progress bar on standard error, a line a minute where that is no terminal."""
+    if not sys.stderr.isatty():
+        tell, done = _minutely(), 0
+
+        def advance(more: int) -> None:
+            nonlocal done
+            done += more
+            tell(f"{what}: {done}{f' of {total}' if total else ''} {unit}s")
+
+        yield advance
+        return
     from tqdm import tqdm
 
-    if sys.stderr.isatty():
-        with tqdm(total=total, unit=unit, desc=what, unit_scale=unit == "sample", leave=False) as bar:
-            yield bar.update
-        return
-    tell, done = _minutely(), 0
-
-    def advance(more: int) -> None:
-        nonlocal done
-        done += more
-        tell(f"{what}: {done}{f' of {total}' if total else ''} {unit}s")
-
-    yield advance
+    with tqdm(total=total, unit=unit, desc=what, unit_scale=unit == "sample", leave=False) as bar:
+        yield bar.update
 
 
 @contextmanager
 def stages(what: str) -> Generator[Callable[[str, int, int], None]]:
     """The same for work in stages, of which progress(stage, done, total) is told."""
-    from tqdm import tqdm
-
     if not sys.stderr.isatty():
         tell = _minutely()
         yield lambda stage, done, total: tell(f"{what}, {stage}: {done} of {max(total, 1)}")
         return
+    from tqdm import tqdm
+
     with tqdm(total=1, desc=what, leave=False, bar_format="{desc}: {n_fmt}/{total_fmt} {elapsed}") as bar:
 
         def progress(stage: str, done: int, total: int) -> None:

@@ -95,11 +95,11 @@ def kind(variable: Variable) -> str:
     return next((what for what, known in _WORDS.items() if told in known), "")
 
 
-def turns(variable: Variable) -> bool:
-    """Whether it is a torque or of an angle: by its unit, else by that word of its name."""
-    if variable.unit not in UNITLESS:
-        return si(variable.unit) in TURNING.values()
-    return _telling(variable) in _TURNS
+def turns(variable: Variable) -> bool | None:
+    """Whether it is a torque or of an angle: by its unit, else by that word of its name. None where neither tells."""
+    if variable.unit in UNITLESS:
+        return True if _telling(variable) in _TURNS else None
+    return None if quantity(variable.unit) is None else si(variable.unit) in TURNING.values()
 
 
 def unit_of(variable: Variable) -> str:
@@ -123,12 +123,8 @@ def stem(name: str) -> str:
 
 def _belong(force: Variable, moved: Variable) -> bool:
     """A force moves metres, a moment radians; where neither a unit nor a name says it, either may be."""
-    return turns(force) == turns(moved) or not (_says(force) and _says(moved))
-
-
-def _says(variable: Variable) -> bool:
-    """Whether something tells that it turns, or that it does not."""
-    return quantity(variable.unit) is not None or turns(variable)
+    both = turns(force), turns(moved)
+    return None in both or both[0] == both[1]
 
 
 def _of(outputs: Sequence[Variable], what: str, name: str) -> str:

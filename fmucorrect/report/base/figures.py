@@ -18,7 +18,7 @@ _AXIS = {
     **{"zerolinewidth": 2, "ticks": "", "automargin": True, "title": {"standoff": 15}},
 }
 WHITE = {
-    "data": {"bar": [{"marker": {"line": {"color": "white", "width": 0.5}}}]},
+    "data": {"bar": [{"marker": {"line": {"color": "white", "width": 0.5}}, "error_y": {"color": "#2a3f5f"}}]},
     "layout": {
         **{"paper_bgcolor": "white", "plot_bgcolor": "white", "xaxis": _AXIS, "yaxis": _AXIS},
         **{"autotypenumbers": "strict", "hovermode": "closest", "hoverlabel": {"align": "left"}},
