@@ -123,7 +123,7 @@ def words(data: dict[str, Any], arrays: dict[str, np.ndarray] | None = None) -> 
 def opened(path: Path, folder: Path, size: str = "1200,1000") -> str:
     """The page's DOM after a browser has run its scripts without a word on its console."""
     options = ["--headless=new", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr", "--dump-dom"]
-    own = ["--virtual-time-budget=12000", f"--window-size={size}", f"--user-data-dir={folder / 'profile'}"]
+    own = ["--virtual-time-budget=4000", f"--window-size={size}", f"--user-data-dir={folder / 'profile'}"]
     done = subprocess.run(
         [str(BROWSER), *options, *own, path.as_uri()], capture_output=True, text=True, timeout=60, check=True
     )

@@ -384,7 +384,7 @@ def test_it_reads_well_in_a_browser(tmp_path: Path) -> None:
     frame = tmp_path / "frame.html"
     frame.write_text(FRAMES.replace("{frames}", frames), encoding="utf-8")
     options = ["--headless=new", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr", "--dump-dom"]
-    own = ["--virtual-time-budget=8000", "--window-size=1300,1000", f"--user-data-dir={tmp_path / 'profile'}"]
+    own = ["--virtual-time-budget=5000", "--window-size=1300,1000", f"--user-data-dir={tmp_path / 'profile'}"]
     done = subprocess.run(
         [str(BROWSER), *options, *own, frame.as_uri()], capture_output=True, text=True, timeout=120, check=True
     )

@@ -166,7 +166,7 @@ def test_axe_finds_nothing(pages: dict[str, Path], axe: str, ground: str, tmp_pa
     frame = tmp_path / "frame.html"
     frame.write_text(FRAMES.replace("{frames}", frames), encoding="utf-8")
     scheme = {"dark": 0, "light": 1}[ground]
-    options = ["--headless=new", "--no-sandbox", "--disable-gpu", "--dump-dom", "--virtual-time-budget=60000"]
+    options = ["--headless=new", "--no-sandbox", "--disable-gpu", "--dump-dom", "--virtual-time-budget=6000"]
     own = [f"--blink-settings=preferredColorScheme={scheme}", f"--user-data-dir={tmp_path / 'profile'}"]
     command = [str(BROWSER), *options, *own, "--window-size=1300,1000", frame.as_uri()]
     done = subprocess.run(command, capture_output=True, text=True, timeout=400, check=True)

@@ -144,7 +144,7 @@ def test_it_opens_in_a_browser_without_errors(tmp_path: Path, size: str) -> None
         "--no-sandbox",
         "--disable-gpu",
         "--enable-logging=stderr",
-        "--virtual-time-budget=12000",
+        "--virtual-time-budget=4000",
     ]
     own = [f"--window-size={size}", f"--user-data-dir={tmp_path / 'profile'}"]
     done = subprocess.run(
