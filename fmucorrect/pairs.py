@@ -229,6 +229,6 @@ def _registered(offset: Offset, rate: float) -> str:
 def _register(simulated: Record, measured: Record, name: str, step: float, defined: Mapping[str, units.Unit]) -> Offset:
     """Offset of the recorded excitation, both sides in the simulation's unit where both say theirs."""
     here, there = (record.channels[record.index(name)].unit for record in (simulated, measured))
-    known = here not in ("", "1") and there not in ("", "1")
+    known = here not in units.UNSAID and there not in units.UNSAID
     factor = units.conversion(there, here, f"excitation {name!r}", defined) if known else 1.0
     return find_offset(simulated[name], measured[name] * factor, step)

@@ -1,4 +1,4 @@
-"""Where processes of this program's own import from: as it did itself when it began.
+"""Processes of this program's own, which import from where it did itself when it began.
 
 Solvers that are written in Python add their folder to sys.path at every start, thousands of times in a discovery: a command
 line that named them all would be longer than a system takes.
@@ -6,8 +6,19 @@ line that named them all would be longer than a system takes.
 
 from __future__ import annotations
 
+import json
 import sys
 from pathlib import Path
 
 PLACES = (*(str(Path(place).resolve()) for place in sys.path if place), str(Path(__file__).resolve().parents[1]))
 """Absolute, this package's own last; not the working directory."""
+_CALL = (
+    "import sys, json, importlib; sys.path[:] = json.loads(sys.argv[1]); module, name = sys.argv[2].split(':'); "
+    "getattr(importlib.import_module(module), name)(*sys.argv[3:])"
+)
+
+
+def own_process(function: str, *arguments: object) -> list[str]:
+    """The command of a process that calls `module:name` with these, as text. -P: no module of the working directory takes the
+    place of an installed one."""
+    return [sys.executable, "-P", "-c", _CALL, json.dumps(PLACES), function, *map(str, arguments)]

@@ -355,7 +355,7 @@ def _all_said(pairs: Sequence[tuple[Channel, Channel]], log: Path) -> None:
 
 def _unsaid(have: str, want: str) -> bool:
     """Whether nobody says the unit of a column that is wanted in one."""
-    return have in ("", "1") and want not in ("", "1")
+    return have in units.UNSAID and want not in units.UNSAID
 
 
 def _conversion(

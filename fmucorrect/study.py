@@ -21,7 +21,7 @@ from fmucorrect.signals import NANOSECONDS, Channel, Condition, Reading
 from fmucorrect.study_places import Location, Places, by_line, like, misfit, nearest, place, units_misfits, unknown_unit
 from fmucorrect.study_schema import Excitation, Group, Joint, Rotation, read_study
 from fmucorrect.study_training import Training
-from fmucorrect.units import NONE, Unit
+from fmucorrect.units import NONE, UNSAID, Unit
 
 
 @dataclass(frozen=True)
@@ -239,7 +239,7 @@ def check_study(
     if variables is not None:
         wrong = units_misfits(study.simulation.units, variables, defined)
         found += [(("simulation", "units", name), text) for name, text in wrong.items()]
-        unsaid = {name for name, unit in variables.items() if unit in ("", "1")}
+        unsaid = {name for name, unit in variables.items() if unit in UNSAID}
         variables = {**variables, **{name: unit for name, unit in study.simulation.units.items() if name in unsaid}}
     found += _check_records(study, variables, columns, defined)
     if variables is not None:
@@ -338,7 +338,7 @@ def _check_inputs(
         for name, unit in there.items():
             if name not in inputs and (near := get_close_matches(name, left, 1, SLIP)):
                 yield loc, f"there is no input {name!r} in the FMU; did you mean {near[0]!r}?"
-            elif name in inputs and unit not in ("", "1") and inputs[name] and not like(unit, inputs[name], defined):
+            elif name in inputs and unit not in UNSAID and inputs[name] and not like(unit, inputs[name], defined):
                 yield loc, f"column {name!r} has unit {unit!r}, not like {inputs[name]!r}"
         if there and not set(there) & set(inputs):
             yield loc, f"no column is named as an input of the FMU{_listed(inputs)}"

@@ -207,7 +207,7 @@ def misfit(
         return f"there is no {kind} {name!r}", hint
     if known and not any(like(there[name], unit, defined) for unit in known):
         expected = f", expected one like {' or '.join(map(repr, known))}"
-        if there[name] in ("", "1"):
+        if there[name] in units.UNSAID:
             return f"{kind} {name!r} has no unit", expected
         try:
             units.explained(there[name], f"{kind} {name!r}", defined)
@@ -228,7 +228,7 @@ def units_misfits(
     for name, unit in given.items():
         if name not in there:
             found[name] = f"there is no variable {name!r} in the FMU{nearest(name, there)}"
-        elif there[name] not in ("", "1", unit):
+        elif there[name] not in units.UNSAID | {unit}:
             found[name] = f"{name!r} is in {there[name]!r}, as the FMU says itself, not in {unit!r}"
         elif unit not in defined and (text := unknown_unit(unit)):
             found[name] = f"{text} The FMU declares none of that name."

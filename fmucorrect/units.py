@@ -66,6 +66,8 @@ _SYMBOLS: dict[str, tuple[float, Dimension]] = {
     "ppm": (1e-6, _ONE),
     "‰": (1e-3, _ONE),
 }
+UNSAID = frozenset({"", "1", "-"})
+"""What stands for a unit where none is said: nothing, or that of a pure number, which many files write by default."""
 _OFFSETS = {"degC": 273.15, "degF": 459.67 * 5.0 / 9.0}
 """K at zero of a temperature."""
 _PREFIXES = {

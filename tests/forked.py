@@ -23,6 +23,7 @@ from collections.abc import Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any
+from weakref import WeakSet
 
 _MOST = 2**20
 _PIPES = 4
@@ -35,6 +36,7 @@ class Nursery:
         self._modules = modules
         self._line: socket.socket | None = None
         self._lock = threading.Lock()
+        self._forked: WeakSet[Forked] = WeakSet()
 
     def __getattr__(self, name: str) -> Any:
         return getattr(subprocess, name)
@@ -43,7 +45,9 @@ class Nursery:
         with self._lock:
             if self._line is None:
                 self._line = self._begin()
-            return Forked(self._line, command, **options)
+            forked = Forked(self._line, command, **options)
+            self._forked.add(forked)
+            return forked
 
     def _begin(self) -> socket.socket:
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)  # a message is received whole
@@ -54,14 +58,18 @@ class Nursery:
         return ours
 
     def close(self) -> None:
-        """Let the process that is forked end."""
+        """Let the process that is forked end, and what a test that failed still holds."""
         if self._line is not None:
+            for forked in self._forked:
+                forked.kill()
             self._line.close()
             self._mother.wait()
 
 
-class Forked:
-    """As subprocess.Popen of `python -c`, as far as it is used."""
+class Forked(subprocess.Popen):  # type: ignore[type-arg]
+    """That of `python -c`, as far as it is used."""
+
+    _child_created = False  # by the class that it stands for, which would look after it at its end
 
     def __init__(
         self,

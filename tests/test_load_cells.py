@@ -65,7 +65,7 @@ measurement = "log.csv"
 """
 
 
-@pytest.mark.parametrize(("push", "unit"), [("N", "N"), ("N", "kN"), ("1", "N")])
+@pytest.mark.parametrize(("push", "unit"), [("N", "N"), ("N", "kN"), ("1", "N"), ("-", "N")])
 @pytest.mark.parametrize(
     ("shown", "nominal", "told"), [("element", "element", True), ("cell", "cell", False), ("cell", "element", False)]
 )

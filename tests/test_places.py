@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmucorrect import records
+from fmucorrect import places, records
 from fmucorrect.errors import RecordError
 from fmucorrect.fmu import IsolatedStepper
 from fmucorrect.railway.stability.watched_modes import watched_modes
-from fmucorrect.records import child, writer
+from fmucorrect.records import writer
 from fmucorrect.signals import Channel, Condition, Record
 from fmucorrect.stepper import grid, run
 
@@ -43,7 +43,7 @@ def test_a_library_for_logs_begins(tmp_path: Path) -> None:
 def test_a_library_that_cannot_begin_is_no_fault_of_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "log.parquet"
     path.write_bytes(b"PAR1")
-    monkeypatch.setattr(child, "PLACES", tuple(str(i) for i in range(50_000)))
+    monkeypatch.setattr(places, "PLACES", tuple(str(i) for i in range(50_000)))
     with pytest.raises(RecordError, match=r"log\.parquet: the process that is to read it cannot be started"):
         records.read(path)
 

@@ -19,7 +19,7 @@ from pathlib import Path
 from fmucorrect import records
 from fmucorrect.clocks import overlapping
 from fmucorrect.drafting.driving import find_driving
-from fmucorrect.drafting.guess import UNITLESS, likeness, quantity
+from fmucorrect.drafting.guess import likeness, quantity
 from fmucorrect.drafting.joints import find_joints, joint_units
 from fmucorrect.drafting.pairing import (
     ChannelGuess,
@@ -40,7 +40,7 @@ from fmucorrect.errors import FmuError, RecordError, few
 from fmucorrect.fmu import Variable, open_fmu
 from fmucorrect.records.timebase import seconds_text
 from fmucorrect.signals import AS_IT_IS, Reading
-from fmucorrect.units import Unit
+from fmucorrect.units import UNSAID, Unit
 
 __all__ = ["STEPS", "Draft", "draft"]
 
@@ -74,7 +74,7 @@ def draft(
     reading = _of_use(reading, [*map(Path, (*runs, *references))])
     logs = _read(runs, reading)
     # what a log says of units holds for the others, so that the one which says most comes first; and none that lacks a column
-    first = max(logs, key=lambda log: (sum(unit not in UNITLESS for unit in log.columns.values()), len(log.columns)))
+    first = max(logs, key=lambda log: (sum(unit not in UNSAID for unit in log.columns.values()), len(log.columns)))
     if len(logs) > 1:
         first = beside(first, next(log for log in logs if log is not first))
     step_ns, why = step_of(model, first)
@@ -125,8 +125,8 @@ def draft(
                 guess.column: unit
                 for guess in (*driving.inputs, *channels)
                 if not guess.column_unit
-                and log.columns.get(guess.column) in UNITLESS
-                and (unit := first.columns[guess.column]) not in UNITLESS
+                and log.columns.get(guess.column) in UNSAID
+                and (unit := first.columns[guess.column]) not in UNSAID
             },
             quiet(trial) if log.path == first.path else 0.0,
             in_motion(log, channels),
@@ -172,7 +172,7 @@ def _of_no_output(unit: str, column: str, outputs: Sequence[Variable], defined: 
     named = [o.unit for o, fit in zip(outputs, fits, strict=True) if not fit and likeness(column, o.name) == 1.0]
     if named:
         return f", in {unit}; the output of this name is in {named[0]}"
-    if unit not in UNITLESS and quantity(unit, defined) is None:
+    if unit not in UNSAID and quantity(unit, defined) is None:
         return f", in {unit}, of which no channel of a study can be"
     return "" if any(fits) else f", in {unit}; no output is in a unit of that kind"
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fmucorrect import units
-from fmucorrect.drafting.guess import UNITLESS, likeness, quantity
+from fmucorrect.drafting.guess import likeness, quantity
 from fmucorrect.drafting.joints import find_joints, kind
 from fmucorrect.drafting.pairing import (
     NAMED,
@@ -159,7 +159,7 @@ def _shown(
 def _sized(plant: Plant, log: Run, driving: Driving, step_ns: int) -> Driving:
     """With the unit of the one column that drives and says none, where the responses say that it is not the variable's own."""
     fmu = plant.fmu
-    unsaid = [g for g in driving.inputs if log.columns[g.column] in UNITLESS and g.column != g.variable]
+    unsaid = [g for g in driving.inputs if log.columns[g.column] in units.UNSAID and g.column != g.variable]
     ratio = _ratio(fmu, log, driving)
     if len(unsaid) != 1 or ratio is None:
         return driving
@@ -185,7 +185,7 @@ def _ratio(fmu: FmuDescription, log: Run, driving: Driving) -> float | None:
     found: list[float] = []
     for guess in find_channels(fmu, log, driving.trial):
         output = fmu.variables[guess.output]
-        if log.columns[guess.column] in UNITLESS or output.unit in UNITLESS:
+        if log.columns[guess.column] in units.UNSAID or output.unit in units.UNSAID:
             continue
         factor = units.conversion(guess.unit, output.unit, guess.column, fmu.defined)
         found.append(driving.trial.ratio(guess.column, guess.output) * factor)

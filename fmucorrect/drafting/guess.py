@@ -16,14 +16,10 @@ WITHIN = 0.9
 """Likeness of `zr` and `road_zr`."""
 
 
-UNITLESS = ("", "1", "-")
-"""What stands for a unit where none is said."""
-
-
 def quantity(unit: str, defined: Mapping[str, units.Unit] = units.NONE) -> str | None:
     """What a channel in this unit is, which `defined` explains first; None where a study has no such quantity, or the unit is
     not known."""
-    if unit in UNITLESS:
+    if unit in units.UNSAID:
         return None
     if unit == "g":  # of a sensor: no channel of a machine's motion is a mass
         return "acceleration"

@@ -6,7 +6,8 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from fmucorrect.drafting.guess import UNITLESS, quantity, si, words
+from fmucorrect import units
+from fmucorrect.drafting.guess import quantity, si, words
 from fmucorrect.fmu import FmuDescription, Variable
 from fmucorrect.fmu.feedthrough import feedthrough
 
@@ -88,7 +89,7 @@ def joint_units(fmu: FmuDescription, joints: Sequence[JointGuess]) -> dict[str, 
 
 def kind(variable: Variable) -> str:
     """What a variable is: by its unit, else by the last word of its name or the first; "" for neither."""
-    if variable.unit not in UNITLESS:
+    if variable.unit not in units.UNSAID:
         found = quantity(variable.unit) or ""
         return "displacement" if found == "angle" else found
     told = _telling(variable)
@@ -97,7 +98,7 @@ def kind(variable: Variable) -> str:
 
 def turns(variable: Variable) -> bool | None:
     """Whether it is a torque or of an angle: by its unit, else by that word of its name. None where neither tells."""
-    if variable.unit in UNITLESS:
+    if variable.unit in units.UNSAID:
         return True if _telling(variable) in _TURNS else None
     return None if quantity(variable.unit) is None else si(variable.unit) in TURNING.values()
 

@@ -12,7 +12,7 @@ from jaxtyping import Float64
 
 from fmucorrect import records, units
 from fmucorrect.clocks import overlapping
-from fmucorrect.drafting.guess import UNITLESS, likeness, quantity, si
+from fmucorrect.drafting.guess import likeness, quantity, si
 from fmucorrect.drafting.joints import unit_of
 from fmucorrect.errors import RecordError, few
 from fmucorrect.fmu import FmuDescription, IsolatedStepper, Variable, input_record
@@ -281,7 +281,7 @@ def beside(log: Run, other: Run) -> Run:
 def may_be(one: str, other: str, known: Mapping[str, units.Unit] = units.NONE) -> bool:
     """Whether values in these units, which `known` explains first, can be of one thing; a unit that nobody says may be any."""
     one, other = ("m/s2" if unit == "g" else unit for unit in (one, other))
-    return one in UNITLESS or other in UNITLESS or like(one, other, known)
+    return one in units.UNSAID or other in units.UNSAID or like(one, other, known)
 
 
 @dataclass(frozen=True)
@@ -374,7 +374,9 @@ def input_units(fmu: FmuDescription, log: Run, inputs: Mapping[str, str]) -> dic
     """The units of inputs that the FMU leaves without one although their columns have one: SI."""
     found = {name: log.columns[column] for name, column in inputs.items()}
     return {
-        name: si(unit) for name, unit in found.items() if unit not in UNITLESS and fmu.variables[name].unit in UNITLESS
+        name: si(unit)
+        for name, unit in found.items()
+        if unit not in units.UNSAID and fmu.variables[name].unit in units.UNSAID
     }
 
 
@@ -428,12 +430,12 @@ def _units(column: str, variable: Variable, ratio: float) -> tuple[str, str, str
     alone. Where neither says one, the output's name may tell what it is; else it is a displacement. A model without units
     computes in SI, unless that makes it smaller or larger than the measurement by far."""
     output = variable.unit
-    if column not in UNITLESS:
+    if column not in units.UNSAID:
         unit = "gn" if column == "g" else column
-        return unit, "" if output not in UNITLESS else _model_unit(unit, ratio), ""
-    unit = output if output not in UNITLESS else unit_of(variable) or "m"
+        return unit, "" if output not in units.UNSAID else _model_unit(unit, ratio), ""
+    unit = output if output not in units.UNSAID else unit_of(variable) or "m"
     told = min(family(unit), key=lambda other: abs(np.log(max(ratio, 1e-300) * units.conversion(other, unit, ""))))
-    return told, "" if output not in UNITLESS else unit, told
+    return told, "" if output not in units.UNSAID else unit, told
 
 
 def _model_unit(unit: str, ratio: float) -> str:
@@ -488,7 +490,7 @@ def _heard(
         column, output = trial.columns[c], trial.outputs[o]
         measured, simulated, unit = trial.measured[:, c], trial.simulated[:, o], log.columns[column]
         if np.ptp(measured) > 0.0 and np.ptp(simulated) > 0.0 and may_be(unit, output.unit, fmu.defined):
-            said = unit not in UNITLESS and output.unit not in UNITLESS
+            said = unit not in units.UNSAID and output.unit not in units.UNSAID
             factor = units.conversion("gn" if unit == "g" else unit, output.unit, column, fmu.defined) if said else 1.0
             away = abs(np.log10(trial.ratio(column, output.name) * factor)) / SIZED
             (_, powers), (_, power) = (welch(series, nperseg=length) for series in (measured, simulated))

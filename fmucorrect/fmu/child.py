@@ -113,9 +113,10 @@ class _Solver:
             self._stepper.close()
 
 
-def main(folder: str, memory: str, level: int, limit: int, parent: int) -> None:
-    """Serve one parent until it closes the line. folder: of the unpacked FMU. memory: file of the shared memory. level: of
-    the log. limit: bytes of memory that the solver may take. parent: its process number."""
+def main(folder: str, memory: str, *numbers: str) -> None:
+    """Serve one parent until it closes the line. folder: of the unpacked FMU. memory: file of the shared memory. numbers: level
+    of the log, bytes of memory that the solver may take, process number of the parent."""
+    level, limit, parent = map(int, numbers)
     commands, replies = os.fdopen(os.dup(0), "rb"), _Replies(os.fdopen(os.dup(1), "wb"))
     nothing = os.open(os.devnull, os.O_RDONLY)
     os.dup2(nothing, 0)

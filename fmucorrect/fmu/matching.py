@@ -13,7 +13,7 @@ from jaxtyping import Float64
 from fmucorrect.errors import FmuError, SignalError
 from fmucorrect.fmu.description import FmuDescription, Variable, open_fmu
 from fmucorrect.signals import Channel, Record, Times, Values
-from fmucorrect.units import Conversion, Scaling, Unit, convert
+from fmucorrect.units import UNSAID, Conversion, Scaling, Unit, convert
 
 WHOLE = 1e-3
 """By how much an input of whole numbers may be beside one: what converting and writing with few digits leaves."""
@@ -112,7 +112,7 @@ def match(
 def input_conversion(source: str, target: str, name: str, known: Mapping[str, Unit]) -> Conversion:
     """From `source` to `target`, the unit of the FMU's variable `name`; a value without a unit is in the variable's own.
     Raises SignalError, also where only the FMU says no unit."""
-    if source == target or source in ("", "1"):
+    if source == target or source in UNSAID:
         return Conversion()
     if not target:
         raise _unknown(name, source)
@@ -148,7 +148,7 @@ def output_scaling(
     """From the FMU's units to the channels', None where they are the same. Raises SignalError."""
     conversions: list[Conversion] = []
     for variable, channel in zip(variables, channels, strict=True):
-        if not variable.unit and channel.unit not in ("", "1"):
+        if not variable.unit and channel.unit not in UNSAID:
             raise _unknown(variable.name, channel.unit)
         where = f"channel {channel.name!r}"
         known = convert(variable.unit, channel.unit, where, description.defined) if variable.unit else Conversion()

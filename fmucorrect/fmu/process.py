@@ -22,7 +22,7 @@ from typing import IO, Any, cast, final
 from fmucorrect.errors import FmuError, SolverDied
 from fmucorrect.fmu import archive
 from fmucorrect.fmu.description import FmuDescription
-from fmucorrect.places import PLACES
+from fmucorrect.places import own_process
 from fmucorrect.workfolder import WorkFolder
 
 _BEGIN_TIMEOUT = 120.0
@@ -42,11 +42,6 @@ _WHEN = {
     "reset": "when it was started",
     "close": "when it was freed",
 }
-_RUN = (
-    "import sys; a = sys.argv; sys.path[:] = a[6:]; "
-    "from fmucorrect.fmu.child import main; main(a[1], a[2], *map(int, a[3:6]))"
-)
-"""With the parent's own places to import from, not those of the working directory."""
 
 
 @dataclass(frozen=True)
@@ -124,7 +119,7 @@ class SolverProcess:
             memory = mmap.mmap(opened.fileno(), size)
         level = self._log.getEffectiveLevel()
         numbers = level, self._limits.memory, os.getpid()
-        command = [sys.executable, "-c", _RUN, str(self._fmu), str(file), *map(str, numbers), *PLACES]
+        command = own_process("fmucorrect.fmu.child:main", self._fmu, file, *numbers)
         # a group of its own: Ctrl-C is for us, and what the solver itself started ends with it
         alone: dict[str, Any] = (
             {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}

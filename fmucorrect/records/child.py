@@ -25,7 +25,7 @@ from typing import IO, Any
 import numpy as np
 
 from fmucorrect.errors import FmucorrectError, RecordError
-from fmucorrect.places import PLACES
+from fmucorrect.places import own_process
 from fmucorrect.records.contents import Column, Extent, Topic
 from fmucorrect.records.guarded import Guarded
 from fmucorrect.records.source import TOLD, Block
@@ -43,10 +43,6 @@ MEMORY, MEMORY_PER_BYTE = 2**29 + 2**28, 64
 
 _HEAD = struct.Struct("<Q")
 _MOST_HEAD = 2**27
-_START = (
-    "import sys, json; sys.path[:] = json.loads(sys.argv[1]); from fmucorrect.records.child import serve;"
-    " serve(*sys.argv[2:])"
-)
 
 
 class ChildSource:
@@ -63,10 +59,9 @@ class ChildSource:
         # libraries unpack to temporary files, and a child that is killed removes none
         self._temporary = WorkFolder()
         environment |= dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(self._temporary.path))
-        # -I: no module of the working directory or the user's can take the place of an installed one
         try:
             self._process = subprocess.Popen(
-                [sys.executable, "-I", "-c", _START, json.dumps(PLACES), *arguments],
+                own_process("fmucorrect.records.child:serve", *arguments),
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.DEVNULL,

@@ -117,7 +117,7 @@ def time_column(header: str, known: bool = False) -> Column | None:
 def time_unit(header: str, told: str) -> str:
     """The unit of what is the time: as it is told ("1" or "" where it is not), else as its name says, else s."""
     named = time_column(header, known=True)
-    return next(unit for unit in (told, named.unit if named is not None else "", "s") if unit not in ("", "1"))
+    return next(unit for unit in (told, named.unit if named is not None else "", "s") if unit not in units.UNSAID)
 
 
 def bare(header: str) -> str:

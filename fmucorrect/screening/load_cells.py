@@ -12,7 +12,7 @@ from fmucorrect.fmu import open_fmu
 from fmucorrect.fmu.feedthrough import feedthrough
 from fmucorrect.screening.finding import Finding
 from fmucorrect.study import Study
-from fmucorrect.units import conversion
+from fmucorrect.units import UNSAID, conversion
 
 FELT = 0.5
 """Share of a force at the joint that an output has to pass on at once: a sum passes on all of it, an element alone in one step
@@ -33,7 +33,7 @@ def unfelt(study: Study) -> Iterator[Finding]:
                 continue
             (answer,) = feedthrough(study.fmu, [joint.force], [shown], simulation.step_ns, simulation.parameters)[0]
             source, target = units.get(joint.force, ""), units.get(shown, "")
-            if not {source, target} & {"", "1"}:  # else taken to be SI
+            if not {source, target} & UNSAID:  # else taken to be SI
                 answer /= conversion(source, target, f"joint {joint.name!r}", fmu.defined)
             if abs(answer) < FELT:
                 yield Finding(

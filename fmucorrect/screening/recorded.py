@@ -377,7 +377,7 @@ def _said(study: Study, condition: Condition, measured: Record) -> Iterator[Find
                     where, "frequency", f"{hertz:.4g} Hz", f"{condition.frequency:g} Hz", excitation.measurement
                 )
             own, degree = defined(study), units.parse("deg").dimension
-            angle = unit not in ("", "1") and units.explained(unit, where, own).dimension == degree
+            angle = unit not in units.UNSAID and units.explained(unit, where, own).dimension == degree
             if angle and condition.amplitude > 0.0:
                 degrees = amplitude * units.conversion(unit, "deg", excitation.measurement, own)
                 if abs(degrees / condition.amplitude - 1.0) > 3.0 * OFF:
@@ -446,7 +446,7 @@ def _angles(study: Study) -> Iterator[Finding]:
     for channel in study.channels:
         if channel.quantity != "angle":
             continue
-        if channel.unit in ("", "1", "-"):
+        if channel.unit in units.UNSAID:
             yield Finding(
                 "angle without a unit",
                 "warning",
@@ -460,7 +460,7 @@ def _angles(study: Study) -> Iterator[Finding]:
                 continue
             name = channel.measurement or channel.name
             raw = records.read(path, [name], reading=condition.reading).channels[0].unit
-            if raw in ("", "1", "-"):
+            if raw in units.UNSAID:
                 yield Finding(
                     "angle without a unit",
                     "warning",

@@ -31,7 +31,7 @@ from fmucorrect.fmu.startvalues import misfits as start_value_misfits
 from fmucorrect.fmu.startvalues import start_values
 from fmucorrect.study_places import Location, Places, units_misfits
 from fmucorrect.toml_table import Found, Text, read, shown, those, unknown
-from fmucorrect.units import conversion
+from fmucorrect.units import UNSAID, conversion
 
 CONDITIONS = FEATURES
 """What a corrector may be conditioned on, and in which unit; a wrapped FMU knows those that mean something to its own."""
@@ -231,13 +231,13 @@ def _parameters(fmu: FmuDescription, info: Info, mapping: MappingFile) -> Mappin
 
 def _factor(fmu: FmuDescription, variable: Variable, unit: str, where: str) -> float:
     """What a value of the solver is multiplied by to be in `unit`. Raises WrapError where only the solver says no unit."""
-    if not variable.unit and unit not in ("", "1"):
+    if not variable.unit and unit not in UNSAID:
         raise WrapError(
             f"{where}: variable {variable.name!r} has no unit in the FMU",
             expected=f"a unit like {unit!r}",
             remedy=f'Say in a mapping file which one the solver computes in: [units] "{variable.name}" = "{unit}".',
         )
-    return 1.0 if variable.unit in ("", "1") else conversion(variable.unit, unit, where, fmu.defined)
+    return 1.0 if variable.unit in UNSAID else conversion(variable.unit, unit, where, fmu.defined)
 
 
 def _real(variable: Variable) -> bool:

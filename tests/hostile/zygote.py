@@ -151,12 +151,11 @@ class Forked(subprocess.Popen):  # type: ignore[type-arg]
     Its pipes, its protocol, its limits and its end are the same; a second of imports is saved.
     """
 
-    OWN = ("from fmucorrect.records.child import serve", "from fmucorrect.fmu.child import main")
+    OWN = frozenset({"fmucorrect.records.child:serve", "fmucorrect.fmu.child:main"})
 
     def __init__(self, args: Any, **options: Any) -> None:
         words = list(args) if isinstance(args, list | tuple) else []
-        code = words[words.index("-c") + 1] if "-c" in words[:3] else ""
-        if not any(own in code for own in self.OWN):
+        if not self.OWN & set(map(str, words)):
             super().__init__(args, **options)
             return
         ends: dict[int, tuple[int, int]] = {}
@@ -180,7 +179,7 @@ class Forked(subprocess.Popen):  # type: ignore[type-arg]
                 os.environ.update(options.get("env") or {})
                 tempfile.tempdir = None
                 sys.argv = ["-c", *words[words.index("-c") + 2 :]]
-                exec(code, {})
+                exec(words[words.index("-c") + 1], {})
                 result = 0
             except SystemExit as error:
                 result = error.code if isinstance(error.code, int) else 1

@@ -14,7 +14,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from fmucorrect import records
+from fmucorrect import places, records
 from fmucorrect.errors import RecordError
 from fmucorrect.records import child
 from fmucorrect.records.child import ChildSource
@@ -162,7 +162,7 @@ class Stuck(CsvSource):
 )
 def test_the_child_ends_and_says_why(what: str, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(child, "ANSWER_S", 2.0 if what == "loops" else 20.0)
-    monkeypatch.setattr(child, "PLACES", (*child.PLACES, str(Path(__file__).parent)))
+    monkeypatch.setattr(places, "PLACES", (*places.PLACES, str(Path(__file__).parent)))
     path = tmp_path / "run.csv"
     path.write_text(f"time,{what}\n0,1\n1,2\n", encoding="utf-8")
     if what == "works":

@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Complex128
 
 from fmucorrect.errors import FmucorrectError, FmuError
-from fmucorrect.places import PLACES
+from fmucorrect.places import own_process
 from fmucorrect.railway.stability.linearisation import Lineariser
 from fmucorrect.signals import Channel
 from fmucorrect.workfolder import WorkFolder
@@ -27,8 +27,6 @@ TIMEOUT = 120.0
 """s that it may take: a step a state and side, or a call of derivatives a state, once the solver is loaded."""
 LOWEST = 0.1
 """Hz; what turns more slowly is a drift in a record of seconds."""
-_RUN = "import sys; sys.path[:] = sys.argv[2:]; from fmucorrect.railway.stability.watched_modes import main; main(sys.argv[1])"
-"""With the parent's own places to import from, not those of the working directory."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +54,7 @@ def watched_modes(
         answer = folder.path / "modes.json"
         try:
             ended = subprocess.run(
-                [sys.executable, "-c", _RUN, str(answer), *PLACES],
+                own_process("fmucorrect.railway.stability.watched_modes:main", answer),
                 input=json.dumps(asked),
                 text=True,
                 stdout=subprocess.DEVNULL,
