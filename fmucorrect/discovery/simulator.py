@@ -20,7 +20,7 @@ from fmucorrect.discovery.native import LAWS, Placed, Road, Solver
 from fmucorrect.errors import FmuError
 from fmucorrect.fmu import FmuDescription, Variable
 from fmucorrect.fmu.feedthrough import feedthrough
-from fmucorrect.signals import NANOSECONDS, Condition, join
+from fmucorrect.signals import NANOSECONDS, Channel, Condition, Record, join
 from fmucorrect.study import Joint, Study
 from fmucorrect.wrapping.generated import Place
 from fmucorrect.wrapping.laws import Wire
@@ -96,7 +96,9 @@ class Simulator:
         self._parameters = {**study.simulation.parameters, **condition.parameters}
         self._check_scalars(study)
         held = [self._begins(self._description.variables[name]) for name in self._names[len(chunk.names) :]]
-        self._inputs = np.ascontiguousarray(np.concatenate([chunk.values, np.tile(held, (len(chunk), 1))], axis=1))
+        values = np.concatenate([chunk.values, np.tile(held, (len(chunk), 1))], axis=1)
+        channels = (*chunk.channels, *(Channel(name, "") for name in self._names[len(chunk.names) :]))
+        self._inputs = self._stepper.input_values(Record(chunk.t_ns, values, channels))
         self._t_ns = chunk.t_ns
         self._march = ctypes.CDLL(str(library)).march
         self._march.restype = c_long

@@ -114,6 +114,11 @@ class FmuStepper(Opened):
         """From a difference in the solver's units to one in the channels'."""
         return np.ones(len(self._channels)) if self._scaling is None else self._scaling.factors
 
+    def input_values(self, record: Record) -> Float64[np.ndarray, "T U"]:
+        """u of a record's rows: its columns, by name and of fitting units, in the inputs' order and the FMU's own units.
+        Raises SignalError."""
+        return self._matched.input_values(record)
+
     def load(self) -> None:
         """Unpack and load the library, which reset() does by itself."""
         if self._instance is None:
@@ -159,7 +164,7 @@ class FmuStepper(Opened):
     def process(self, record: Record) -> Record:
         """Columns of `record` are inputs by name, in any order and fitting unit; a record without columns leaves the
         inputs as they are. What comes back: the responses. An error carries the rows before it in `finished`."""
-        u = self._matched.input_values(record)
+        u = self.input_values(record)
         self._matched.require_values(u, record.t_ns)
         values = np.zeros((len(record), len(self._channels)))
         try:

@@ -299,3 +299,22 @@ def test_it_begins_with_the_record_where_that_begins_in_motion(library, tmp_path
     w = np.sqrt(1000.0 - 5.0**2)
     shape = np.exp(-5.0 * T) * (np.cos(w * T) + 5.0 / w * np.sin(w * T))
     np.testing.assert_allclose(pushed(library, tmp_path, STILL, x1=0.02), -3.0 + 23.0 * shape, atol=1e-3)
+
+
+def test_a_log_in_another_unit_than_the_fmu_drives_it_alike(library, tmp_path):
+    """And the further inputs, which are in the FMU's, as they are."""
+    write(tmp_path / "measured.csv", "x1 [mm]", 0.0 * T)
+    (tmp_path / "study.toml").write_text(MASS + SWEEP, encoding="utf-8")
+    found = []
+    for unit, size in (("N", 1.0), ("kN", 1e-3), ("lbf", 1.0 / 4.4482216152605)):
+        write(tmp_path / "force.csv", f"mass1.f [{unit}]", size * sweep(5.0))
+        study = load_study(tmp_path / "study.toml")
+        simulator = Simulator(study, study.conditions[0], library, extra=["joint1.f"])
+        names, given = simulator.inputs
+        assert names == ("mass1.f", "joint1.f")
+        assert not given[:, 1].any()
+        found.append(simulator.run())
+        np.testing.assert_allclose(found[-1], pairs.simulate(study, study.conditions[0]).values, rtol=1e-9, atol=1e-12)
+        simulator.close()
+    assert np.ptp(found[0]) > 1.0
+    np.testing.assert_allclose(found[1:], [found[0]] * 2, atol=1e-6 * np.ptp(found[0]))
