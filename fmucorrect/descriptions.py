@@ -112,8 +112,8 @@ def _record(contents: Contents) -> dict[str, Any]:
 def _study(study: Study) -> dict[str, Any]:
     def condition(c: Condition) -> dict[str, Any]:
         free = {"start values not known": list(c.free)} if c.free else {}
-        told = {"role": c.role, "speed km/h": c.speed, "amplitude deg": c.amplitude, "frequency Hz": c.frequency}
-        return told | free
+        declared = {"speed km/h": c.speed, "amplitude deg": c.amplitude, "frequency Hz": c.frequency}
+        return {"role": c.role} | {key: value for key, value in declared.items() if value} | free
 
     return {
         "path": str(study.path),

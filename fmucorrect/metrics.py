@@ -82,13 +82,15 @@ class OracleLag:
 
 
 def oracle_lag(predicted: Response, measured: Response, scales: PerChannel, limit: int) -> OracleLag:
-    """The one lag within +-`limit` samples that makes all channels agree best (eq. oracle_time_alignment).
+    """The one lag within +-`limit` samples that makes all channels agree best (eq. oracle_time_alignment), of a short record
+    within half its length: fewer rows than it shifts away tell nothing.
 
     scales: (J,) displacement scales s_q. Raises SignalError as `score` does.
     """
     _check(predicted, measured)
     p, m = predicted / scales, measured / scales
     count = len(p)
+    limit = min(limit, count // 2)
     size = 1 << (2 * count - 1).bit_length()
     cross = np.fft.irfft(np.fft.rfft(m, size, axis=0) * np.conj(np.fft.rfft(p, size, axis=0)), size, axis=0).sum(axis=1)
     lags = np.arange(-limit, limit + 1)

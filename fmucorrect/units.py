@@ -83,7 +83,7 @@ _PREFIXES = {
     "M": 1e6,
     "G": 1e9,
 }
-_PREFIXED = {"g", "m", "s", "A", "rad", "N", "Pa", "J", "W", "V", "Hz", "bar", "l", "Ohm"}
+_PREFIXED = {"g", "gn", "m", "s", "A", "rad", "N", "Pa", "J", "W", "V", "Hz", "bar", "l", "Ohm"}
 _ALIASES = {
     "°": "deg",
     "°C": "degC",

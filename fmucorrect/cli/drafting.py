@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 
 import click
@@ -74,8 +75,9 @@ def new(
             say(f"{run.path.name} lacks {'; '.join(run.missing)}. Leave this log out, or what it lacks.")
     if inspected.misfits:
         raise UserError(f"{len(inspected.misfits)} of what was drafted does not fit yet, see above")
-    train = f"or fmucorrect train {out} -o trained"
+    told = shlex.quote(str(out))
+    train = f"or fmucorrect train {told} -o trained"
     if sum(run.role == "development" for run in found.runs) < 2:
         train += ", which leaves one out of two at least"
         train += ': write role = "development" for both' if len(runs) > 1 else ": it needs a second run"
-    say(f"Then: fmucorrect inspect {out}; fmucorrect discover {out} -o found; {train}")
+    say(f"Then: fmucorrect inspect {told}; fmucorrect discover {told} -o found; {train}")

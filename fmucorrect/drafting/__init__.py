@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 from os import PathLike
 from pathlib import Path
 
@@ -38,7 +39,8 @@ from fmucorrect.drafting.starts import find_starts, in_motion
 from fmucorrect.drafting.written import Draft, DraftedRun
 from fmucorrect.errors import FmuError, RecordError, few
 from fmucorrect.fmu import Variable, open_fmu
-from fmucorrect.records.timebase import seconds_text
+from fmucorrect.records import timebase
+from fmucorrect.records.timebase import rules, seconds_text
 from fmucorrect.signals import AS_IT_IS, Reading
 from fmucorrect.units import UNSAID, Unit
 
@@ -108,7 +110,8 @@ def draft(
     units = joint_units(model, joints) | input_units(model, first, inputs)
     units |= {guess.output: guess.variable_unit for guess in channels if guess.variable_unit}
     used = {*(guess.column for guess in channels), *inputs.values()}
-    logs = [_needed(log, reading, used) for log in logs]
+    measured = [guess.column for guess in channels]
+    logs = [_steady(_needed(log, reading, used), measured) for log in logs]
     held_out = len(logs) - 1 if len(logs) > 1 else None
     drafted = [
         DraftedRun(
@@ -128,7 +131,7 @@ def draft(
                 and log.columns.get(guess.column) in UNSAID
                 and (unit := first.columns[guess.column]) not in UNSAID
             },
-            quiet(trial) if log.path == first.path else 0.0,
+            quiet(log, inputs.values()),
             in_motion(log, channels),
         )
         for i, log in enumerate(logs)
@@ -149,7 +152,7 @@ def draft(
             if column not in {guess.column for guess in channels}
         ),
         left_out=first.left_out,
-        reading=max((log.reading for log in logs), key=lambda known: len(known.repair)),
+        reading=replace(first.reading, repair=_repair(logs)),
         filled=tuple(f"{log.path.name}: {log.filled}" for log in logs if log.filled),
         stand_ins=tuple(f"{log.path.name}: {text}" for log in logs for text in log.stand_ins),
         starts=find_starts(model),
@@ -189,6 +192,12 @@ def _read(runs: Sequence[str | PathLike[str]], reading: Reading) -> list[Run]:
     return list(logs.values())
 
 
+def _repair(logs: Sequence[Run]) -> str:
+    """What any of them needs."""
+    each = sorted((rules(log.reading.repair) for log in logs), key=len, reverse=True)
+    return ",".join(sorted(dict.fromkeys(chain(*each)), key=lambda rule: rule == "resample"))  # which comes last
+
+
 def _of_use(reading: Reading, files: Sequence[Path]) -> Reading:
     """What was told of the logs, without what none of them has a use for."""
     unused = [{text.partition(" = ")[0] for text in records.unused(file, reading)} for file in files]
@@ -203,6 +212,17 @@ def _needed(log: Run, reading: Reading, used: Collection[str]) -> Run:
     return replace(
         log, **{key: getattr(found, key) for key in ("columns", "record", "unreadable", "filled", "reading")}
     )
+
+
+def _steady(log: Run, measured: Sequence[str]) -> Run:
+    """The log, its stamps at the median step where those of what is measured jitter: what is registered, filtered and trained
+    on wants even ones. A gap is left to the user."""
+    there = [column for column in measured if column in log.columns]
+    if not there or not timebase.jitters(records.read(log.path, there, reading=log.reading)):
+        return log
+    reading = replace(log.reading, repair=",".join(filter(None, [log.reading.repair, "resample"])))
+    why = "the stamps of what is measured jitter: straight lines to those of their median step"
+    return replace(log, reading=reading, filled="; ".join(filter(None, [log.filled, why])))
 
 
 def _shown(channels: Sequence[ChannelGuess]) -> float:

@@ -10,15 +10,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fmucorrect import units
-from fmucorrect.drafting.guess import likeness, quantity
+from fmucorrect.drafting.guess import likeness, quantity, si
 from fmucorrect.drafting.joints import find_joints, kind
 from fmucorrect.drafting.pairing import (
     NAMED,
+    RARE,
     SHOWS,
     ChannelGuess,
     Plant,
     Run,
     Trial,
+    away,
     correlations,
     family,
     find_channels,
@@ -157,36 +159,46 @@ def _shown(
 
 
 def _sized(plant: Plant, log: Run, driving: Driving, step_ns: int) -> Driving:
-    """With the unit of the one column that drives and says none, where the responses say that it is not the variable's own."""
+    """With the unit of the one column that drives and says none, where the responses say together that it is not the
+    variable's own: what drives a linear model sizes them all."""
     fmu = plant.fmu
     unsaid = [g for g in driving.inputs if log.columns[g.column] in units.UNSAID and g.column != g.variable]
-    ratio = _ratio(fmu, log, driving)
-    if len(unsaid) != 1 or ratio is None:
+    channels = find_channels(fmu, log, driving.trial)
+    if len(unsaid) != 1 or not channels:
         return driving
     (guess,), own = unsaid, fmu.variables[unsaid[0].variable].unit
-    away = {unit: abs(np.log10(ratio / units.conversion(unit, own, ""))) for unit in family(own)}
-    unit = min(away, key=lambda other: away[other])
-    if away[own] <= SAME_SIZE:
-        return driving
-    if away[unit] > SAME_SIZE:
-        told = replace(guess, why=f"{guess.why}; what is measured is {ratio:.3g} times as large as what comes out")
-        return replace(driving, inputs=_with(driving.inputs, told))
-    inputs = _with(driving.inputs, replace(guess, column_unit=unit))
-    told = replace(log, columns={**log.columns, guess.column: unit})
-    return Driving(inputs, try_out(plant, told, {g.variable: g.column for g in inputs}, step_ns), driving.untried)
+    odd = {
+        unit: _odd(fmu, log, driving.trial, channels, units.conversion(unit, own, "", fmu.defined))
+        + RARE * (unit != own)
+        for unit in family(own, fmu.defined)
+    }
+    unit = min(odd, key=lambda other: odd[other])
+    if odd[own] - odd[unit] > SAME_SIZE and odd[unit] <= SAME_SIZE * len(channels):
+        inputs = _with(driving.inputs, replace(guess, column_unit=unit))
+        told = replace(log, columns={**log.columns, guess.column: unit})
+        return Driving(inputs, try_out(plant, told, {g.variable: g.column for g in inputs}, step_ns), driving.untried)
+    why = f"{guess.why}; it says no unit: taken in {own or 'that of the FMU, which says none'}"
+    if odd[own] > SAME_SIZE * len(channels):
+        why += ", though what is measured is of another size than what comes out"
+    return replace(driving, inputs=_with(driving.inputs, replace(guess, why=why)))
+
+
+def _odd(fmu: FmuDescription, log: Run, trial: Trial, channels: Sequence[ChannelGuess], factor: float) -> float:
+    """Powers of ten by which measured and simulated differ in size, of all channels together, had the model been driven
+    `factor` times as hard; a channel whose column says no unit has the one that fits best."""
+    found = 0.0
+    for guess in channels:
+        output, ratio = fmu.variables[guess.output].unit, trial.ratio(guess.column, guess.output) / factor
+        said = log.columns[guess.column] not in units.UNSAID
+        if said and output in units.UNSAID:
+            output = si(guess.unit)
+        if said:
+            found += abs(np.log10(ratio * units.conversion(guess.unit, output, guess.column, fmu.defined)))
+        else:
+            own = guess.variable_unit or output
+            found += min(off + RARE * (unit != own) for unit, off in away(own, ratio, fmu.defined).items())
+    return float(found)
 
 
 def _with(inputs: Sequence[InputGuess], told: InputGuess) -> tuple[InputGuess, ...]:
     return tuple(told if guess.variable == told.variable else guess for guess in inputs)
-
-
-def _ratio(fmu: FmuDescription, log: Run, driving: Driving) -> float | None:
-    """How many times as large as simulated the responses are whose units both sides say; None where there are none."""
-    found: list[float] = []
-    for guess in find_channels(fmu, log, driving.trial):
-        output = fmu.variables[guess.output]
-        if log.columns[guess.column] in units.UNSAID or output.unit in units.UNSAID:
-            continue
-        factor = units.conversion(guess.unit, output.unit, guess.column, fmu.defined)
-        found.append(driving.trial.ratio(guess.column, guess.output) * factor)
-    return float(np.median(found)) if found else None

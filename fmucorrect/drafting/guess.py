@@ -14,6 +14,8 @@ _FILLING = frozenset("meas measured sensor signal raw ch channel act actual cmd 
 """Words of a name that say nothing of what it is."""
 WITHIN = 0.9
 """Likeness of `zr` and `road_zr`."""
+SENSED = {"g": "gn", "mg": "mgn"}
+"""What a sensor's unit means, which by itself is one of mass: no channel of a machine's motion is a mass."""
 
 
 def quantity(unit: str, defined: Mapping[str, units.Unit] = units.NONE) -> str | None:
@@ -21,10 +23,8 @@ def quantity(unit: str, defined: Mapping[str, units.Unit] = units.NONE) -> str |
     not known."""
     if unit in units.UNSAID:
         return None
-    if unit == "g":  # of a sensor: no channel of a machine's motion is a mass
-        return "acceleration"
     try:
-        dimension = units.explained(unit, "", defined).dimension
+        dimension = units.explained(SENSED.get(unit, unit), "", defined).dimension
     except SignalError:
         return None
     if not any(dimension):  # a strain, a ratio, a percentage: no unit tells
@@ -36,10 +36,8 @@ def quantity(unit: str, defined: Mapping[str, units.Unit] = units.NONE) -> str |
 def si(unit: str) -> str:
     """The SI unit of the same dimension, in which a model without units is likely to compute; the unit itself where nothing
     says that it would: of a temperature, a frequency, a ratio, and one that nobody knows."""
-    if unit == "g":
-        return "m/s2"
     try:
-        dimension = units.parse(unit).dimension
+        dimension = units.parse(SENSED.get(unit, unit)).dimension
     except SignalError:
         return unit
     if dimension in [units.parse(text).dimension for text in ("1", "K", "Hz")]:

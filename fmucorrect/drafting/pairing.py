@@ -12,7 +12,7 @@ from jaxtyping import Float64
 
 from fmucorrect import records, units
 from fmucorrect.clocks import overlapping
-from fmucorrect.drafting.guess import likeness, quantity, si
+from fmucorrect.drafting.guess import SENSED, likeness, quantity, si
 from fmucorrect.drafting.joints import unit_of
 from fmucorrect.errors import RecordError, few
 from fmucorrect.fmu import FmuDescription, IsolatedStepper, Variable, input_record
@@ -280,7 +280,7 @@ def beside(log: Run, other: Run) -> Run:
 
 def may_be(one: str, other: str, known: Mapping[str, units.Unit] = units.NONE) -> bool:
     """Whether values in these units, which `known` explains first, can be of one thing; a unit that nobody says may be any."""
-    one, other = ("m/s2" if unit == "g" else unit for unit in (one, other))
+    one, other = (SENSED.get(unit, unit) for unit in (one, other))
     return one in units.UNSAID or other in units.UNSAID or like(one, other, known)
 
 
@@ -288,14 +288,13 @@ def may_be(one: str, other: str, known: Mapping[str, units.Unit] = units.NONE) -
 class Trial:
     """One run of the model over a log: all its outputs (own units) and all measured columns, on one grid.
 
-    simulated: (T, O); measured: (T, C). driven: the inputs as they were logged, None without any. heard: as of `Run`.
+    simulated: (T, O); measured: (T, C). heard: as of `Run`.
     """
 
     outputs: tuple[Variable, ...]
     simulated: Float64[np.ndarray, "T O"]
     columns: tuple[str, ...]
     measured: Float64[np.ndarray, "T C"]
-    driven: Record | None
     heard: bool = False
 
     def only(self, columns: Sequence[str]) -> Trial:
@@ -367,7 +366,7 @@ def try_out(plant: Plant, log: Run, inputs: Mapping[str, str], step_ns: int) -> 
     measured = resample(record, step_ns) if len(record) > 1 else record
     shown = simulated.values[round(late / step_ns) :]
     rows = min(len(shown), len(measured))
-    return Trial(tuple(outputs), shown[:rows], columns, measured.values[:rows], driven, log.heard)
+    return Trial(tuple(outputs), shown[:rows], columns, measured.values[:rows], log.heard)
 
 
 def input_units(fmu: FmuDescription, log: Run, inputs: Mapping[str, str]) -> dict[str, str]:
@@ -404,7 +403,7 @@ def find_channels(fmu: FmuDescription, log: Run, trial: Trial) -> tuple[ChannelG
         r, name = float(shown[c, o]), float(alike[c, o])
         column, variable = trial.columns[c], trial.outputs[o]
         ratio = trial.ratio(column, variable.name)
-        unit, variable_unit, column_unit = _units(log.columns[column], variable, ratio)
+        unit, variable_unit, column_unit = _units(log.columns[column], variable, ratio, fmu.defined)
         what = quantity(unit, fmu.defined)
         if what is not None:
             found.append(
@@ -425,36 +424,44 @@ def find_channels(fmu: FmuDescription, log: Run, trial: Trial) -> tuple[ChannelG
     return tuple(sorted(found, key=lambda guess: trial.columns.index(guess.column)))
 
 
-def _units(column: str, variable: Variable, ratio: float) -> tuple[str, str, str]:
+def _units(column: str, variable: Variable, ratio: float, defined: Mapping[str, units.Unit]) -> tuple[str, str, str]:
     """The unit of a channel, and those of output and column where they say none. ratio: measured over simulated, numbers
     alone. Where neither says one, the output's name may tell what it is; else it is a displacement. A model without units
     computes in SI, unless that makes it smaller or larger than the measurement by far."""
     output = variable.unit
     if column not in units.UNSAID:
-        unit = "gn" if column == "g" else column
+        unit = SENSED.get(column, column)
         return unit, "" if output not in units.UNSAID else _model_unit(unit, ratio), ""
     unit = output if output not in units.UNSAID else unit_of(variable) or "m"
-    told = min(family(unit), key=lambda other: abs(np.log(max(ratio, 1e-300) * units.conversion(other, unit, ""))))
+    told = min(off := away(unit, ratio, defined), key=lambda other: off[other])
     return told, "" if output not in units.UNSAID else unit, told
+
+
+def away(unit: str, ratio: float, defined: Mapping[str, units.Unit] = units.NONE) -> dict[str, float]:
+    """Powers of ten between measured and simulated, by the unit of a measurement whose numbers are `ratio` times as large as
+    those of an output in `unit`."""
+    return {
+        other: abs(float(np.log10(max(ratio, 1e-300) * units.conversion(other, unit, "", defined))))
+        for other in family(unit, defined)
+    }
 
 
 def _model_unit(unit: str, ratio: float) -> str:
     """The unit of an output whose numbers are `ratio` times smaller than a measurement in `unit`."""
-    away = {other: abs(np.log10(max(ratio, 1e-300) * units.conversion(unit, other, ""))) for other in family(unit)}
-    return min(away, key=lambda other: away[other] + RARE * (other != si(unit)))
+    off = away(unit, 1.0 / max(ratio, 1e-300))
+    return min(off, key=lambda other: off[other] + RARE * (other != si(unit)))
 
 
-def family(unit: str) -> list[str]:
-    """Units of the same quantity, SI first."""
-    return list(
-        dict.fromkeys([si(unit), unit, *(u for u in _FAMILIES.get(quantity(unit) or "", ()) if may_be(u, unit))])
-    )
+def family(unit: str, defined: Mapping[str, units.Unit] = units.NONE) -> list[str]:
+    """Units of the same quantity, SI first, of one that `defined` explains first."""
+    usual = _FAMILIES.get(quantity(unit, defined) or "", ())
+    return list(dict.fromkeys([si(unit), unit, *(other for other in usual if may_be(other, unit, defined))]))
 
 
 _FAMILIES = {
-    "displacement": ("m", "mm", "um"),
-    "velocity": ("m/s", "mm/s", "km/h"),
-    "acceleration": ("m/s2", "gn", "mm/s2"),
+    "displacement": ("m", "cm", "mm", "um"),
+    "velocity": ("m/s", "mm/s", "m/min", "km/h", "rpm", "deg/s"),
+    "acceleration": ("m/s2", "gn", "mgn", "mm/s2"),
     "force": ("N", "kN"),
     "angle": ("rad", "deg", "mrad"),
     "pressure": ("Pa", "bar", "MPa"),
@@ -491,7 +498,7 @@ def _heard(
         measured, simulated, unit = trial.measured[:, c], trial.simulated[:, o], log.columns[column]
         if np.ptp(measured) > 0.0 and np.ptp(simulated) > 0.0 and may_be(unit, output.unit, fmu.defined):
             said = unit not in units.UNSAID and output.unit not in units.UNSAID
-            factor = units.conversion("gn" if unit == "g" else unit, output.unit, column, fmu.defined) if said else 1.0
+            factor = units.conversion(SENSED.get(unit, unit), output.unit, column, fmu.defined) if said else 1.0
             away = abs(np.log10(trial.ratio(column, output.name) * factor)) / SIZED
             (_, powers), (_, power) = (welch(series, nperseg=length) for series in (measured, simulated))
             _, shared = csd(measured, simulated, nperseg=length)
@@ -509,11 +516,9 @@ def step_of(fmu: FmuDescription, log: Run) -> tuple[int, str]:
     return log.interval_ns, f"the sample interval of {log.path.name}"
 
 
-def quiet(trial: Trial) -> float:
-    """s at the beginning in which nothing drives: every input stays where it begins. 0 where that is short."""
-    record = trial.driven
-    if record is None:
-        return 0.0
+def quiet(log: Run, driving: Collection[str]) -> float:
+    """s at the beginning in which none of these columns drives: each stays where it begins. 0 where that is short."""
+    record = log.record.select([column for column in driving if column in log.columns])
     swing = np.ptp(record.values, axis=0)
     away = (np.abs(record.values - record.values[0]) > MOVES * swing).any(axis=1)
     length = float(record.t_ns[int(np.argmax(away))] - record.t_ns[0]) / NANOSECONDS if away.any() else 0.0

@@ -13,10 +13,13 @@ from fmucorrect.drafting.pairing import ChannelGuess, Run
 from fmucorrect.fmu import FmuDescription
 
 FIRST = 5
-"""Samples of a record's beginning that are looked at."""
+"""Changes at a record's beginning that are looked at."""
 IN_MOTION = 0.3
-"""Their change from sample to sample, of that of the whole record, from which it begins in motion: what begins at rest, driven
-or not, has hardly moved after so few."""
+"""Their size, of that of the whole record's, from which it begins in motion: what begins at rest, driven or not, has hardly
+moved after so few."""
+CLEAR = 40.0
+"""Power of the changes, of that of the noise in them, from which they are motion: from sample to sample a slow machine moves
+less than its sensors tremble. Five changes of noise alone are then below IN_MOTION, but for one record in thousands."""
 _START = re.compile(r"(?:^|[._])(?:[xyzsqv]|phi|omega|d?[xyzsq])_?\d*$|(?:start|init(?:ial)?|0)$", re.I)
 """Names of parameters that are start values; another one of a length or a speed is a dimension."""
 
@@ -43,6 +46,13 @@ def in_motion(log: Run, channels: Sequence[ChannelGuess]) -> bool:
 
 
 def _moves(values: Float64[np.ndarray, " T"]) -> bool:
-    steps = np.diff(values)
-    typical = float(np.sqrt(np.mean(steps**2)))
-    return typical > 0.0 and float(np.sqrt(np.mean(steps[:FIRST] ** 2))) > IN_MOTION * typical
+    """By the changes over as few samples as show motion; what shows none over a quarter of the record does not move."""
+    noise = 2.0 * float(np.mean(np.diff(values, 3) ** 2)) / 20.0 if len(values) > 3 else 0.0  # 20: 1 + 9 + 9 + 1
+    lag = 1
+    while 4 * lag <= len(values):
+        changes = values[lag:] - values[:-lag]
+        typical = float(np.mean(changes**2))
+        if typical > CLEAR * noise:
+            return float(np.mean(changes[:FIRST] ** 2)) > IN_MOTION**2 * typical
+        lag *= 2
+    return False

@@ -240,8 +240,24 @@ def require_uniform(record: Record, step_ns: int | None = None, where: str | Non
         where=place,
         expected=f"an interval of {step / 1e6:g} ms",
         got=f"{interval / 1e6:g} ms ({int(wrong.sum())} of {len(wrong)} intervals differ)",
-        remedy="The repair rule 'resample' puts the record on its median step.",
+        remedy="The repair rule 'resample' puts the record on its median step"
+        + (
+            ", with straight lines over gaps; cut the log at a long one, for a run each."
+            if interval > GAP * step
+            else "."
+        ),
     )
+
+
+def jitters(record: Record) -> bool:
+    """Whether its intervals differ, but for no gap."""
+    if len(record) < 3 or (np.diff(record.t_ns) > GAP * record.step_ns).any():
+        return False
+    try:
+        require_uniform(record)
+    except RecordError:
+        return True
+    return False
 
 
 def seconds_text(t_ns: int) -> str:

@@ -16,7 +16,7 @@ from fmucorrect.study_places import place
 
 THOUSAND = "1000 (mm and m, kN and N)"
 INCH = "25.4 (inch and mm)"
-DEGREE = "57.3 (degree and radian)"
+DEGREE = "57.3 (degree and radian) or 60 (s and min)"
 GRAVITY = "9.81 (g and m/s2, kgf and N) or 9.55 (rpm and rad/s)"
 FACTORS = {THOUSAND: 1000.0, INCH: 25.4, DEGREE: 180.0 / np.pi, GRAVITY: 9.7}
 NEAR = 0.2
@@ -39,8 +39,10 @@ LEFT = 0.25
 """Share of what a channel's own simulation leaves unexplained that a better assignment leaves at most."""
 MARGIN = 0.1
 """Share of the variance that it explains more at least."""
-SURE = 4.0
-"""Standard errors from which a correlation means anything. That of n independent samples is 1 / sqrt(n)."""
+CHANCE = 6e-5
+"""Of two series that have nothing to do with each other, below which a correlation means anything: four standard deviations."""
+BEYOND = 10.0
+"""Times that a channel is larger or smaller than simulated, at every condition, from which no model is close."""
 VOTE = 0.5
 """Correlation from which a sign counts."""
 HALF = 0.7
@@ -58,7 +60,7 @@ Series = Float64[np.ndarray, " N"]
 
 def of_pairs(study: Study, pairs: Sequence[Pair]) -> tuple[Finding, ...]:
     """Findings of simulation and measurement, of what all conditions have alike and of what single ones have."""
-    tables = [_sure(item.measured, item.response) for item in pairs]
+    tables = _sure([item.measured for item in pairs], [item.response for item in pairs]) if pairs else []
     twins = {pair: where for pair in combinations(range(len(study.channels)), 2) if (where := _twins(pairs, *pair))}
     doubtful = {j for pair in twins for j in pair}
     return (
@@ -82,10 +84,18 @@ def _between(one: Values, other: Values) -> Table:
     return (a.T @ b) / np.where(sizes > 0.0, sizes, np.inf)
 
 
-def _sure(one: Values, other: Values) -> Table:
-    """The same of any channels, 0 where that many samples correlate by chance."""
-    table, independent = _between(one, other), np.minimum.outer(_turns(one), _turns(other))
-    return np.where(np.abs(table) * np.sqrt(independent) > SURE, table, 0.0)
+def _sure(ones: Sequence[np.ndarray], others: Sequence[np.ndarray]) -> list[Table]:
+    """The same of any channels at some conditions, (N, J) each, 0 where as many samples as all of these have correlate so by
+    chance: by Student's distribution, as few swings of a slow machine tell a correlation near 1 from one of 0, too."""
+    from scipy.special import betainc
+
+    tables = [_between(one, other) for one, other in zip(ones, others, strict=True)]
+    counts = [np.minimum.outer(_turns(one), _turns(other)) for one, other in zip(ones, others, strict=True)]
+    independent = np.sum(counts, axis=0)
+    whole = np.sum([count * table for count, table in zip(counts, tables, strict=True)], axis=0) / independent
+    chance = betainc(np.maximum(independent - 2.0, 1.0) / 2.0, 0.5, np.clip(1.0 - whole**2, 0.0, 1.0))
+    sure = (chance < CHANCE) & (independent > 2.0)
+    return [np.where(sure, table, 0.0) for table in tables]
 
 
 def _turns(values: Values) -> Float64[np.ndarray, " J"]:
@@ -235,11 +245,12 @@ def _assigned(
         return
     everywhere, every = _wrong(pairs, tables), range(len(pairs))
     found = {(j, row): list(every) for j, row in everywhere.items()}
+    alone = [_sure([item.measured], [item.response])[0] for item in pairs]
     for c in every if len(pairs) > 1 else ():
-        others = [table for d, table in enumerate(tables) if d != c]
-        wrong = _wrong([pairs[c]], [tables[c]])
+        others = [table for d, table in enumerate(alone) if d != c]
+        wrong = _wrong([pairs[c]], [alone[c]])
         for j, row in wrong.items():
-            if j not in everywhere and any(_right(tables[c], other, j, row) for other in others):
+            if j not in everywhere and any(_right(alone[c], other, j, row) for other in others):
                 found.setdefault((j, row), []).append(c)
     for (j, row), having in sorted(found.items()):
         if j in doubtful:
@@ -291,8 +302,10 @@ def _right(here: Table, there: Table, j: int, row: int) -> bool:
 def _reversed(pairs: Sequence[Pair], tables: Sequence[Table]) -> set[int]:
     """Channels whose sign disagrees, at every condition, with their simulation and with how the others go with them."""
     votes: list[Table] = []
-    for item, table in zip(pairs, tables, strict=True):
-        vote = _sure(item.measured, item.measured) * _sure(item.response, item.response)
+    measured, simulated = [item.measured for item in pairs], [item.response for item in pairs]
+    between = zip(_sure(measured, measured), _sure(simulated, simulated), tables, strict=True)
+    for one, other, table in between:
+        vote = one * other
         np.fill_diagonal(vote, np.diag(table))
         votes.append(np.where(np.abs(vote) > VOTE, vote, 0.0))
     count = len(tables[0])
@@ -347,6 +360,17 @@ def _sizes(study: Study, pairs: Sequence[Pair], tables: Sequence[Table]) -> Iter
                 "A unit is wrong in the file, in the FMU or in the study",
                 f"Correct the unit of column {channel.measurement!r} in the file (or say it by units in [records]), "
                 "or unit and simulation of the channel.",
+            )
+        if not sure - {""} and (np.abs(np.log(ratios[:, j])) > np.log(BEYOND)).all():
+            ratio = float(np.exp(np.mean(np.log(ratios[:, j]))))
+            yield Finding(
+                "size far from the simulation's",
+                "warning",
+                f"channel {channel.name!r}",
+                f"measured over simulated is {ratio:.4g}, at every condition alike, near no factor between units",
+                "What drives the model is in another unit than the study says, or the channel is; a correction of this would "
+                "be praised for a slip",
+                "Look at the units of the logs' inputs, of this channel and of the FMU's variables.",
             )
 
 

@@ -156,8 +156,8 @@ def _tried(trained: Trained) -> list[str]:
     return [
         "## What was tried",
         "",
-        "NRMSE, %, of each development condition when its speed was left out. Taken is the simplest within one standard error "
-        "of the best.",
+        "NRMSE, %, of each development condition when it was left out, and any other of its speed with it. Taken is the "
+        "simplest within one standard error of the best.",
         "",
         "| corrector | " + " | ".join(names) + " | mean |",
         "|---|" + "---|" * (len(names) + 1),

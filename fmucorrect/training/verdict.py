@@ -200,6 +200,6 @@ def guard_words(guard: Guard, fallback: Fallback | None, linear: bool) -> str:
         f"{each}), {then}. "
         f"False alarms: {100 * guard.false_alarms:.1f} % of the rows in motion of conditions that were left out. "
         f"Misses: {100 * guard.misses:.0f} % of the rows in motion of motions made of those of development "
-        f"({'; '.join(guard.strange)}). Where it flags few of these, they were no news to it: who has driven over random roads "
-        "has seen small and slow motions, too."
+        f"({'; '.join(guard.strange)}). Where it flags few of these, they were no news to it: random motion holds small and "
+        "slow ones, too."
     )

@@ -79,7 +79,9 @@ def variables(added: Added) -> tuple[AddedVariable, ...]:
     count = len(added.channels)
     found: list[AddedVariable] = []
     for j, channel in enumerate(added.channels):
-        what = f"{channel.name} as it would be measured: the solver's, corrected"
+        what = f"{channel.name}: the solver's, corrected to what is measured"
+        if channel.measurement_sign < 0:
+            what += "; positive in the solver's direction, which is the other one than the sensor's"
         found.append(_output(f"{channel.name}_corrected", j, channel.unit, what))
     for j, channel in enumerate(added.channels):
         what = f"Standard deviation of what remains between {channel.name}_corrected and a measurement"
