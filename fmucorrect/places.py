@@ -7,6 +7,7 @@ line that named them all would be longer than a system takes.
 from __future__ import annotations
 
 import json
+import os
 import sys
 from pathlib import Path
 
@@ -16,6 +17,10 @@ _CALL = (
     "import sys, json, importlib; sys.path[:] = json.loads(sys.argv[1]); module, name = sys.argv[2].split(':'); "
     "getattr(importlib.import_module(module), name)(*sys.argv[3:])"
 )
+
+
+CORES = len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
+"""That this process may use."""
 
 
 def own_process(function: str, *arguments: object) -> list[str]:

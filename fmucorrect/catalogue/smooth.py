@@ -24,6 +24,11 @@ def saturate(x: Expr, limit: Expr, smoothing: Expr) -> Expr:
     return x * share(x, limit, smoothing)
 
 
+def ramp(x: Expr, width: Expr) -> Expr:
+    """0 below 0, x above, beyond a few widths."""
+    return x * (1 + sign(x, width)) / 2
+
+
 def sign(x: Expr, width: Expr) -> Expr:
     """-1 or 1 beyond a few widths, 0 at 0. tanh, whose tails leave no rest."""
     return load_sympy().tanh(x / width)

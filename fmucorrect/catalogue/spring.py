@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from fmucorrect.catalogue import smooth
 from fmucorrect.catalogue.law import Formula, Law, Parameter, Symbols, load_sympy
-from fmucorrect.catalogue.motion import REMAINS, SHARES, Motion
+from fmucorrect.catalogue.motion import REMAINS, SHARES, Guess, Motion
 
 _ANYWHERE = "any joint"
 _GAP = Parameter("gap", "g", "D", "free travel to each side; the whole play is twice that", minimum=0.0, above=True)
@@ -38,6 +38,26 @@ def _backlash(s: Symbols) -> Formula:
 
 def _bump_stop(s: Symbols) -> Formula:
     return Formula(s["stiffness"] * (s.d - smooth.saturate(s.d, s["gap"], s["smoothing"])))
+
+
+def _one_stop(s: Symbols) -> Formula:
+    beyond = s["side"] * (s.d - s["limit"])
+    return Formula(s["side"] * s["stiffness"] * smooth.ramp(beyond, s["corner"]))
+
+
+def _at_one_side(guess: Guess, side: float) -> Guess:
+    """The same stop, at this side alone."""
+
+    def one(motion: Motion, share: float) -> Mapping[str, float] | None:
+        both = guess(motion, share)
+        return both and {
+            "limit": side * both["gap"],
+            "side": side,
+            "stiffness": both["stiffness"],
+            "corner": motion.d / 100.0,
+        }
+
+    return one
 
 
 def _guess_ratio(motion: Motion, share: float) -> Mapping[str, float] | None:
@@ -187,5 +207,34 @@ LAWS = (
         severities=REMAINS,
         relative=True,
         note="Stops at both sides. The rounding makes the gap seem larger by the share w^2 / 2.",
+    ),
+    Law(
+        name="bump_stop",
+        form="one_sided",
+        special=("linear_stiffness",),
+        family="spring",
+        description="Beyond a displacement the joint meets a stop, at one side.",
+        acts=_ANYWHERE,
+        equation="F = s k max(s (d - l), 0)",
+        parameters=(
+            Parameter("limit", "l", "D", "displacement at which the stop is met"),
+            Parameter("side", "s", "1", "1: it is met from below, -1: from above", minimum=-1.0, maximum=1.0),
+            Parameter("stiffness", "k", "F/D", "beyond the limit", minimum=0.0, neutral=0.0),
+            Parameter(
+                *("corner", "w", "D", "width of its rounding"),
+                default=1e-5,
+                minimum=0.0,
+                above=True,
+            ),
+        ),
+        inputs=("displacement",),
+        write=_one_stop,
+        guesses=tuple(_at_one_side(guess, side) for guess in (_own_stop, _marked_stop) for side in (1.0, -1.0)),
+        main="limit",
+        estimated=("limit", "stiffness"),
+        severities=REMAINS,
+        relative=True,
+        check=lambda values: None if abs(values["side"]) == 1.0 else f"side must be 1 or -1, got {values['side']!r}",
+        note="At one side alone: a support that lifts off, a cable that goes slack, a rubber buffer.",
     ),
 )

@@ -22,6 +22,7 @@ from fmucorrect.cli.group import (
     say,
 )
 from fmucorrect.errors import kept_when_broken_off
+from fmucorrect.places import CORES
 from fmucorrect.study_training import LARGEST_SEED
 
 if TYPE_CHECKING:
@@ -86,7 +87,7 @@ def train(
         kept_when_broken_off(),
         progress_bar(protocol.total_epochs(the_study, chosen), "epoch", the_study.name) as advance,
     ):
-        shop = tasks.Workshop(out / "work", tasks.CORES, scheduler, device, advance, note)
+        shop = tasks.Workshop(out / "work", CORES, scheduler, device, advance, note)
         done = results.train_into(out, the_study, chosen, f"fmucorrect train {study.name} --seed {chosen.seed}", shop)
     page, selection, guard = out / "train.html", done.trained.selection, done.trained.guard
     by_epochs = selection.family == "window"  # the folds' curves are of that family, whichever was taken
@@ -190,7 +191,7 @@ def compare(
     numbers = range(chosen.seed, chosen.seed + count)
     total = cases.total(the_study, chosen, count, ablate)
     with kept_when_broken_off(), progress_bar(total, "epoch", the_study.name) as advance:
-        shop = tasks.Workshop(out / "work", tasks.CORES, scheduler, device, advance)
+        shop = tasks.Workshop(out / "work", CORES, scheduler, device, advance)
         result = cases.compare_study(the_study, chosen, numbers, ablate, shop)
     path = results.save_comparison(out, result.table, result.histories)
     page = out / "compare.html"
@@ -219,7 +220,7 @@ def _compare_models(
     each = [f"{name}/{file}" for name in models.labels(studies) for file in results.FILES]
     _claim(out, "compare", ("models.html", "models.json", *each), studies, overwrite)
     with kept_when_broken_off(), progress_bar(models.total(studies), "epoch", studies[0].name) as advance:
-        shop = tasks.Workshop(out / "work", tasks.CORES, scheduler, device, advance)
+        shop = tasks.Workshop(out / "work", CORES, scheduler, device, advance)
         table = models.compare_models(studies, out, shop)
     text = json.dumps(table, indent=1)
     outputs.write(out / "models.json", text + "\n")

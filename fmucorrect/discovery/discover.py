@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Executor
-from contextlib import nullcontext, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -24,8 +24,8 @@ from fmucorrect.discovery.decide import CLOSE, Decision, decide
 from fmucorrect.discovery.doubt import cautions, wrong_signs
 from fmucorrect.discovery.elsewhere import by, library, quietly
 from fmucorrect.discovery.errorbars import with_unlisted
-from fmucorrect.discovery.fitted import Setting
-from fmucorrect.discovery.kept import Kept
+from fmucorrect.discovery.fitted import Fitted, Setting
+from fmucorrect.discovery.kept import Kept, digest
 from fmucorrect.discovery.lasting import Size, lasting
 from fmucorrect.discovery.learned import learn
 from fmucorrect.discovery.learned_report import file_row, learned_row, writable
@@ -110,15 +110,16 @@ def discover(
     ):
         lap("load")
         problem.budget.until = ends
-        naming = name(problem, progress, search)
-        decision = decide(naming)
-        lap("name")
-        stopped = naming.stopped
-        with nullcontext(problem) if stopped is None else stopped.problem as seen:
-            report, found = _report(
-                study, seen, naming, decision, progress, lap, _completeness(study, stopped, time_limit)
-            )
-        report["cost"] = {"runs": problem.budget.runs, "seconds": round(problem.budget.seconds, 1)}
+        with _counted(kept, problem) as cost:
+            naming = name(problem, progress, search)
+            decision = decide(naming)
+            lap("name")
+            stopped = naming.stopped
+            with nullcontext(problem) if stopped is None else stopped.problem as seen:
+                report, found = _report(
+                    study, seen, naming, decision, progress, lap, _completeness(study, stopped, time_limit)
+                )
+        report["cost"] = cost
     written, notes = [], []
     if found is not None:
         progress("augmented FMU", 0, 1)
@@ -134,6 +135,18 @@ def discover(
     if stopped is None:
         kept.clear()
     return Report(report)
+
+
+@contextmanager
+def _counted(kept: Kept, problem: Problem) -> Generator[dict[str, float]]:
+    """Filled at the end: runs of the FMU, and s simulated in them, with those of calls that were broken off before."""
+    key, budget, cost = digest(["cost", problem.key]), problem.budget, dict[str, float]()
+    ((runs, seconds),) = kept.read(key, []) or ((0, 0.0),)
+    try:
+        yield cost
+    finally:
+        cost |= {"runs": runs + budget.runs, "seconds": round(seconds + budget.seconds, 1)}
+        kept.write(key, (runs + budget.runs, seconds + budget.seconds), [])
 
 
 def _completeness(study: Study, stopped: Stopped | None, limit: float | None) -> dict[str, Any]:
@@ -244,7 +257,11 @@ def _report(
         "adjusted_from": {moved.name: moved.before for moved in adjusted},
         "adjusted_by": {moved.name: moved.tolerances for moved in adjusted},
         "sensors": sensed,
-        "cautions": [*wrong_signs(problem), *cautions(problem, best, wider, sensed)],
+        "cautions": [
+            *wrong_signs(problem),
+            *cautions(problem, best, wider, sensed),
+            *(_alone(problem, best, checked) * named),
+        ],
         "candidates": output.candidate_rows(problem, naming, decision),
         "learned": row,
         "where": shares_of | where(residuals, study.rotations, study.channels),
@@ -314,6 +331,25 @@ def confirmed(decision: Decision, checked: Sequence[Gap], sizes: Sequence[Size] 
     held = [gap for gap in checked if gap.condition.role == "evaluation"]
     kept = all(size.lasts for size in sizes) and (not held or carries_over(held))
     return decision.verdict if kept or decision.verdict == "none" else "unexplained"
+
+
+def _alone(problem: Problem, best: Fitted, checked: Sequence[Gap]) -> list[str]:
+    """Conditions, the evaluation's where there are any, that an FMU with the forces and parameters alone shows worse than the
+    model that they mend: a sensor's offset, say, makes up for one of them."""
+    laws = tuple(term for term in best.model.terms if not isinstance(term, SignalTerm))
+    if not laws or laws == best.model.terms:
+        return []
+    known = {gap.condition.name: gap for gap in checked if gap.condition.role == "evaluation"}
+    known = known or {gap.condition.name: gap for gap in checked}
+    study, sensors = problem.study, np.zeros((len(problem.study.channels), 2))
+    conditions, model = [gap.condition for gap in known.values()], replace(best.model, terms=laws)
+    own = gaps(study, problem.library, conditions, model, problem.tolerated, sensors, problem.substeps, problem.budget)
+    return [
+        "what was found in sensors or in the excitation, which is not in augmented.fmu: that alone is farther from the "
+        f"measurement at {gap.condition.name} than the model ({gap.nrmse_before:.3g} -> {gap.nrmse_after:.3g} %)"
+        for gap in own
+        if gap.nrmse_after > gap.nrmse_before
+    ]
 
 
 def _in_words(problem: Problem, verdict: str, residuals: Sequence[Residual]) -> list[str]:

@@ -13,6 +13,7 @@ from fmucorrect.discovery.errorbars import JOINT_ERROR
 from fmucorrect.discovery.fitted import Fitted
 from fmucorrect.discovery.form import FARTHEST
 from fmucorrect.discovery.motion import along
+from fmucorrect.discovery.paring import NOTHING, is_nothing
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.terms import OffsetTerm
 from fmucorrect.errors import FmuError
@@ -31,7 +32,7 @@ WIDER = 2.0
 def cautions(problem: Problem, best: Fitted, wider: Fitted, sensors: Sequence[Mapping[str, Any]]) -> list[str]:
     """What the verdict hangs on, a phrase each. wider: the same fit with its covariance as errorbars.with_unlisted has it.
     sensors: of the report."""
-    return [*_parameters(problem, best), *_sensors(sensors), *_numbers(best, wider)]
+    return [*_parameters(problem, best), *_sensors(sensors), *_numbers(best, wider), *_nothing(best, wider)]
 
 
 def _parameters(problem: Problem, best: Fitted) -> Iterator[str]:
@@ -76,6 +77,12 @@ def _numbers(best: Fitted, wider: Fitted) -> Iterator[str]:
                 f"joints that the study takes for right: if their forces are off by {100.0 * JOINT_ERROR:g} %, the "
                 f"{plain(term.main)} of {at(*term.key)} is known {short(other[term.main] / one[term.main], 2)} times less well"
             )
+
+
+def _nothing(best: Fitted, wider: Fitted) -> Iterator[str]:
+    for term, std in zip(best.model.terms, wider.std(), strict=True):
+        if is_nothing(term, std):
+            yield f"{at(*term.key)}, whose {plain(term.main)} is no farther than {NOTHING:g} of its errors from none at all"
 
 
 PULSE, SHOWN = 8, 64

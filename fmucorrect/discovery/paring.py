@@ -145,7 +145,7 @@ def spare(problem: Problem, setting: Setting, fitted: Fitted) -> list[Term]:
     return [
         term
         for term, std in zip(fitted.model.terms, fitted.std(), strict=True)
-        if _is_nothing(term, std) or _is_expected(problem, setting, term)
+        if is_nothing(term, std) or _is_expected(problem, setting, term)
     ]
 
 
@@ -156,8 +156,8 @@ def _is_expected(problem: Problem, setting: Setting, term: Term) -> bool:
     return (term.values["value"] / term.scale) ** 2 < price(setting, len(term.estimated))
 
 
-def _is_nothing(term: Term, std: Mapping[str, float]) -> bool:
-    """Whether the main number is within twice its standard deviation of where the effect is none."""
+def is_nothing(term: Term, std: Mapping[str, float]) -> bool:
+    """Whether the main number is within twice its standard deviation of where the effect is none, or of what the model has."""
     neutral = term.parameter(term.main).neutral if term.main in std else None
     return neutral is not None and abs(term.values[term.main] - neutral) < NOTHING * std[term.main]
 

@@ -7,7 +7,6 @@ one FmuError, and one that comes through is taken for harmless.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
@@ -30,6 +29,7 @@ from fmucorrect.discovery.trials import Trial, read
 from fmucorrect.errors import FmuError, StudyError
 from fmucorrect.fmu import FmuDescription, open_fmu
 from fmucorrect.pairs import Pair
+from fmucorrect.places import CORES
 from fmucorrect.study import Adjustable, Study
 
 LARGEST = 1e8
@@ -265,7 +265,7 @@ def load(
     trials = tuple(read(study, condition, pair=known.get(condition.name)) for condition in study.development)
     fmu = None if study.fmu is None else open_fmu(study.fmu).known(study.simulation.units, study.simulation.tolerance)
     tolerated = tuple(a for a in study.adjustable if a.tolerated) if fmu else ()
-    workers = workers or min(os.cpu_count() or 1, 8)
+    workers = workers or min(CORES, 8)
     budget = Budget()
     for trial in trials:
         if fmu is not None and trial.condition.simulated is None:

@@ -28,7 +28,6 @@ from fmucorrect.training import cluster, fitted
 from fmucorrect.workfolder import WorkFolder
 
 Advance = Callable[[int], object]
-CORES = os.cpu_count() or 1
 
 
 @dataclass(frozen=True)

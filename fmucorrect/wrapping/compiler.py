@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import importlib.util
-import os
 import platform
 import re
 import shutil
@@ -20,6 +19,7 @@ from pathlib import Path
 
 from fmucorrect.errors import MissingExtra, WrapError
 from fmucorrect.outputs import Replacing
+from fmucorrect.places import CORES
 
 TARGETS: Mapping[str, Sequence[tuple[str, str, str]]] = {
     "linux64": [("x86_64-linux-gnu.2.17", "x86_64-linux", ".so")],
@@ -174,7 +174,7 @@ def libraries(
         for processors in targets.values()
         for target, folder, suffix in processors
     }
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
+    with ThreadPoolExecutor(CORES) as pool:
         for job in [pool.submit(compile_library, sources, names, *place, flags) for place in places.items()]:
             job.result()
     files: dict[str, bytes] = {}

@@ -22,6 +22,7 @@ VALUES = {
     "bilinear_stiffness_ratio": {"ratio": 1.4},
     "backlash": {"gap": 1e-4, "stiffness": 8e6},
     "bump_stop": {"gap": 4e-4, "stiffness": 8e6},
+    "bump_stop_one_sided": {"limit": -4e-4, "side": -1.0, "stiffness": 8e6, "corner": 1e-9},
     "viscous_damping": {"damping": 2e4},
     "quadratic_damping": {"quadratic_damping": 5e5},
     "damper_asymmetry_ratio": {"ratio": 0.7},
@@ -55,6 +56,7 @@ BY_HAND = {
     ),
     "backlash": lambda d, v, a, f, t, s, z, p: -p["stiffness"] * (d - rounded_deadzone(d, p["gap"])),
     "bump_stop": lambda d, v, a, f, t, s, z, p: p["stiffness"] * rounded_deadzone(d, p["gap"]),
+    "bump_stop_one_sided": lambda d, v, a, f, t, s, z, p: p["stiffness"] * np.minimum(d - p["limit"], 0.0),
     "viscous_damping": lambda d, v, a, f, t, s, z, p: p["damping"] * v,
     "quadratic_damping": lambda d, v, a, f, t, s, z, p: p["quadratic_damping"] * np.sign(v) * v**2,
     "damper_asymmetry_ratio": lambda d, v, a, f, t, s, z, p: (

@@ -48,7 +48,7 @@ def value(node: Node, known: dict):
 
 def sharp(law: Law) -> dict[str, float]:
     """Numbers with corners that are hardly rounded."""
-    small = {"smoothing": 1e-7, "smoothing_force": 1e-9}
+    small = {"smoothing": 1e-7, "smoothing_force": 1e-9, "corner": 1e-9}
     return complete(law) | {p.name: small[p.name] for p in law.parameters if p.name in small}
 
 

@@ -42,7 +42,7 @@ def next_section(page: Page, report: Discovery) -> None:
     elif report.verdict == "ambiguous":
         page.text_block("No test that would split the class was found among the conditions that could be simulated.")
     else:
-        page.text_block(_advice(report.verdict, bool(report.fmu)))
+        page.text_block(_advice(report.verdict, bool(report.fmu), "effects.toml" in report.files))
     if report.notes:
         page.heading("Notes")
         page.items(report.notes)
@@ -85,12 +85,14 @@ def _test(test: NextTest) -> list[tuple[str, str]]:
     return [*facts, *([("sure of that", signed(test.confidence))] if test.confidence else [])]
 
 
-def _advice(verdict: str, fmu: bool) -> str:
+def _advice(verdict: str, fmu: bool, augmented: bool) -> str:
     if verdict == "named" and not fmu:
         return (
             "Set right what was found: scale, shift or refit what the effects above name. With an FMU in the "
             "study they could be built in and re-simulated."
         )
+    if verdict == "named" and not augmented:
+        return "What was found sits in sensors or in the excitation: mend the measuring chain or the log; the model may stay."
     if verdict == "named":
         return "Use the augmented model. A corrector trained on top of it takes up what is left."
     if verdict == "none":

@@ -134,6 +134,7 @@ def _tiles(page: Page, report: Discovery) -> None:
         what = least.at if len(found) == 1 else f"the least sure: {least.at}"
         if known(least.class_probability):
             what += f"; {percent(least.class_probability)} with what cannot be told from it"
+        what += "; of what was looked at" * (not report.complete)
         tiles.append(("Probability", "", percent(least.probability), what))
     for effect in found[:1]:
         for name, item in list(effect.parameters.items())[:1]:
