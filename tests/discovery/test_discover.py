@@ -121,6 +121,13 @@ def friction(d, v):
     return np.array([FRICTION * np.tanh(v[0] / 1e-4), 0.0])
 
 
+STOP = (1.5e-3, 6000.0)  # m, N/m: met by joint 1 from below alone
+
+
+def stop(d, v):
+    return np.array([STOP[1] * max(d[0] - STOP[0], 0.0), 0.0])
+
+
 def nothing(d, v):
     return np.zeros(2)
 
@@ -139,6 +146,16 @@ def test_a_cubic_spring_is_named_with_its_value_and_proved(found):
     assert report == json.loads((folder / "out" / "report.json").read_text())
     assert "cubic stiffness" in (folder / "out" / "report.html").read_text()
     assert f"<td>{effect['equation']}</td>" in report._repr_html_()
+
+
+def test_a_stop_at_one_side_is_named_with_its_place(tmp_path):
+    """As one at both sides it would ask for a preload and a sensor's offset beside it."""
+    report = discover(write_study(tmp_path, stop), tmp_path / "out")
+    (effect,) = report["effects"]
+    assert (report["verdict"], effect["effect"], effect["joint"]) == ("named", "bump_stop", "joint 1")
+    for name, value in zip(("limit", "stiffness"), STOP, strict=True):
+        assert effect["parameters"][name]["value"] == pytest.approx(value, rel=0.05)
+    assert effect["parameters"]["side"]["value"] == 1.0
 
 
 def test_what_the_page_takes_is_what_is_written(found):
