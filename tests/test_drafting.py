@@ -13,8 +13,10 @@ from click.testing import CliRunner
 from exported import by_pythonfmu
 
 from fmucorrect import cli
-from fmucorrect.drafting import draft
+from fmucorrect.drafting import _held_out, draft
+from fmucorrect.drafting.driving import NAMED
 from fmucorrect.drafting.guess import likeness
+from fmucorrect.drafting.joints import kind_by_name
 from fmucorrect.errors import RecordError
 from fmucorrect.fmu import IsolatedStepper
 from fmucorrect.inspection import study_problems
@@ -475,3 +477,38 @@ def test_a_few_lost_samples_take_no_sensor_with_them(car: Path, logs: list[Path]
     assert f"some rows of {name} cannot be used: interpolate filled 4 of" in told
     assert f'measurement = "{name}"' in out.read_text()
     assert 'repair = "interpolate"  # guess: ' in out.read_text()
+
+
+@pytest.mark.parametrize(
+    ("column", "variable", "other"),
+    [
+        ("road_f", "road_front", "road_rear"),
+        ("r_wheel", "wheel_rear", "wheel_front"),
+        ("damper L", "left_damper", "right_damper"),
+    ],
+)
+def test_a_side_may_be_its_first_letter(column: str, variable: str, other: str) -> None:
+    assert likeness(column, variable) >= NAMED
+    assert likeness(column, variable) > likeness(column, other)
+
+
+@pytest.mark.parametrize(
+    ("name", "what"),
+    [("accF2", "acceleration"), ("Beschl", ""), ("A_body_f", ""), ("rear travel", "displacement"), ("force rate", "")],
+)
+def test_what_a_column_is_by_a_word_of_its_name(name: str, what: str) -> None:
+    assert kind_by_name(name) == what
+
+
+@pytest.mark.parametrize(
+    ("names", "held"),
+    [
+        (["axis_slow", "axis_eval", "axis_sweep"], {1}),
+        (["a", "b_validation", "c"], {1}),
+        (["a", "b", "c"], {2}),
+        (["val1", "val2"], {1}),
+        (["alone"], set()),
+    ],
+)
+def test_a_run_that_is_named_so_is_held_out(names: list[str], held: set[int]) -> None:
+    assert _held_out(names) == held

@@ -20,7 +20,7 @@ from pathlib import Path
 from fmucorrect import records
 from fmucorrect.clocks import overlapping
 from fmucorrect.drafting.driving import find_driving
-from fmucorrect.drafting.guess import likeness, quantity
+from fmucorrect.drafting.guess import likeness, quantity, words
 from fmucorrect.drafting.joints import find_joints, joint_units
 from fmucorrect.drafting.pairing import (
     ChannelGuess,
@@ -46,6 +46,8 @@ from fmucorrect.units import UNSAID, Unit
 
 __all__ = ["STEPS", "Draft", "draft"]
 
+EVALUATION = frozenset("eval evaluation validation valid val check verification holdout heldout".split())  # noqa: SIM905
+"""Words in the name of a run that is held out."""
 STEPS = ("reading", "simulating", "pushing")
 """What draft() does, as it tells `progress`."""
 
@@ -112,12 +114,12 @@ def draft(
     used = {*(guess.column for guess in channels), *inputs.values()}
     measured = [guess.column for guess in channels]
     logs = [_steady(_needed(log, reading, used), measured) for log in logs]
-    held_out = len(logs) - 1 if len(logs) > 1 else None
+    held_out = _held_out([log.path.stem for log in logs])
     drafted = [
         DraftedRun(
             log.path,
             Path(references[i]) if references else None,
-            "evaluation" if i == held_out else "development",
+            "evaluation" if i in held_out else "development",
             tuple(
                 f"{column} ({reason})" if (reason := log.unreadable.get(column)) else column
                 for column in (*(g.column for g in channels), *inputs.values())
@@ -157,6 +159,13 @@ def draft(
         stand_ins=tuple(f"{log.path.name}: {text}" for log in logs for text in log.stand_ins),
         starts=find_starts(model),
     )
+
+
+def _held_out(names: Sequence[str]) -> set[int]:
+    """The runs that are named as such, where most are not; else the last of several."""
+    said = {i for i, name in enumerate(names) if EVALUATION & set(words(name))}
+    last = {len(names) - 1} if len(names) > 1 else set[int]()
+    return said if 0 < 2 * len(said) < len(names) else last
 
 
 def _described(log: Run, trial: Trial, defined: Mapping[str, Unit]) -> dict[str, str]:

@@ -12,6 +12,7 @@ from fmucorrect.signals import QUANTITIES
 
 _FILLING = frozenset("meas measured sensor signal raw ch channel act actual cmd in input out output".split())  # noqa: SIM905
 """Words of a name that say nothing of what it is."""
+_SIDES = frozenset("front rear left right upper lower inner outer top bottom".split())  # noqa: SIM905
 WITHIN = 0.9
 """Likeness of `zr` and `road_zr`."""
 SENSED = {"g": "gn", "mg": "mgn"}
@@ -56,8 +57,15 @@ def likeness(one: str, other: str) -> float:
     whole = SequenceMatcher(None, "".join(a), "".join(b)).ratio()
     if sorted(a) == sorted(b):
         return 1.0
+    if sorted(map(_side, a)) == sorted(map(_side, b)):
+        return WITHIN
     less, more = sorted((set(a), set(b)), key=len)
     return max(whole, WITHIN) if less <= more and len("".join(less)) > 1 else whole
+
+
+def _side(word: str) -> str:
+    """The first letter of a word for a side of a machine, which is what many logs write."""
+    return word[0] if word in _SIDES else word
 
 
 def words(name: str) -> list[str]:

@@ -96,6 +96,13 @@ def kind(variable: Variable) -> str:
     return next((what for what, known in _WORDS.items() if told in known), "")
 
 
+def kind_by_name(name: str) -> str:
+    """What a column is, where one kind alone is written out in its name; single letters mean too much."""
+    whole = {bare for word in words(name) if len(bare := word.rstrip("0123456789")) > 2}
+    written = {what for what, known in _WORDS.items() if whole & known}
+    return written.pop() if len(written) == 1 else ""
+
+
 def turns(variable: Variable) -> bool | None:
     """Whether it is a torque or of an angle: by its unit, else by that word of its name. None where neither tells."""
     if variable.unit in units.UNSAID:

@@ -13,7 +13,7 @@ from jaxtyping import Float64
 from fmucorrect import records, units
 from fmucorrect.clocks import overlapping
 from fmucorrect.drafting.guess import SENSED, likeness, quantity, si
-from fmucorrect.drafting.joints import unit_of
+from fmucorrect.drafting.joints import kind, kind_by_name, unit_of
 from fmucorrect.errors import RecordError, few
 from fmucorrect.fmu import FmuDescription, IsolatedStepper, Variable, input_record
 from fmucorrect.records import timebase
@@ -388,8 +388,7 @@ def find_channels(fmu: FmuDescription, log: Run, trial: Trial) -> tuple[ChannelG
         shown = _heard(fmu, log, trial, shown)
     alike = np.array([[likeness(c, o.name) for o in trial.outputs] for c in trial.columns]).reshape(shown.shape)
     fits = [
-        [c not in log.repeated and may_be(log.columns[c], o.unit, fmu.defined) for o in trial.outputs]
-        for c in trial.columns
+        [c not in log.repeated and _may_show(log.columns[c], c, o, fmu) for o in trial.outputs] for c in trial.columns
     ]
     score = np.where(np.reshape(fits, shown.shape), np.abs(shown) + alike, -1.0)
     # word for word its name is enough, of what moves, in a log without numbers that look like lost samples
@@ -422,6 +421,12 @@ def find_channels(fmu: FmuDescription, log: Run, trial: Trial) -> tuple[ChannelG
                 )
             )
     return tuple(sorted(found, key=lambda guess: trial.columns.index(guess.column)))
+
+
+def _may_show(unit: str, column: str, output: Variable, fmu: FmuDescription) -> bool:
+    """By their units, and where the column has none by what its name says: no acceleration shows a displacement."""
+    told = kind_by_name(column) if unit in units.UNSAID else ""
+    return may_be(unit, output.unit, fmu.defined) and (not told or kind(output) in ("", told))
 
 
 def _units(column: str, variable: Variable, ratio: float, defined: Mapping[str, units.Unit]) -> tuple[str, str, str]:

@@ -156,7 +156,7 @@ class Draft:
             yield ""
             yield "[[conditions]]"
             yield f"name = {toml(run.path.stem + (f' {number}' if number > 1 else ''))}"
-            held = "  # guess: the last run is held out, so that something proves what is found"
+            held = "  # guess: it is named so, or the last, and is held out, so that something proves what is found"
             yield f'role = "{run.role}"{held if run.role == "evaluation" else ""}'
             if self.driving.inputs:
                 yield f"inputs = {toml(_relative(run.path, folder))}"
