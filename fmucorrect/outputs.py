@@ -83,12 +83,13 @@ def check_folder(
     *,
     shared: Sequence[str] = (),
     away_from: Path | None = None,
+    of: Sequence[Path] = (),
 ) -> None:
     """Raises OutputError where `out` is a file, where one of what it `writes` there is an input, and where it holds something
-    and neither `command` nor one of those it is `shared` with made it.
+    and neither `command` nor one of those it is `shared` with made it, or made it of other files than these.
 
     writes: names in `out`; a folder's name ends with "/", and everything in it counts as written. away_from: a file beside
-    which nothing is written at all.
+    which nothing is written at all. of: studies.
     """
     if out.exists() and not out.is_dir():
         raise OutputError("this is a file", where=str(out), expected="the name of a folder to write to")
@@ -103,14 +104,25 @@ def check_folder(
             where=str(out),
             remedy="Choose another folder for -o, or give --overwrite: files of the same names in it are then replaced.",
         )
+    others = _noted(out, "of")
+    if not overwrite and of and others and {*others}.isdisjoint(_from(out, of)):
+        raise OutputError(
+            f"this folder holds what was made of {', '.join(others)}",
+            where=str(out),
+            expected=f"what was made of {', '.join(_from(out, of))}",
+            remedy="Choose another folder for -o, or give --overwrite: files of the same names in it are then replaced.",
+        )
 
 
-def make_folder(out: Path, command: str) -> None:
-    """Make the folder, and note in it that `command` did."""
+def make_folder(out: Path, command: str, of: Sequence[Path] = ()) -> None:
+    """Make the folder, and note in it that `command` did, and of which studies."""
     out.mkdir(parents=True, exist_ok=True)
-    makers = _makers(out)
-    if command not in makers:
-        write(out / MARKER, json.dumps({"format": 1, "made_by": [*makers, command]}) + "\n")
+    makers, others, ours = _makers(out), _noted(out, "of"), _from(out, of)
+    noted = {"made_by": [*dict.fromkeys([*makers, command])]}
+    if ours or others:  # what is of others alone is written over
+        noted["of"] = ours if ours and {*others}.isdisjoint(ours) else [*dict.fromkeys([*others, *ours])]
+    if noted != {"made_by": makers} | ({"of": others} if others else {}):
+        write(out / MARKER, json.dumps({"format": 1, **noted}) + "\n")
 
 
 def write(path: str | Path, content: str | bytes) -> Path:
@@ -260,8 +272,21 @@ def _made_by(out: Path, command: str) -> bool:
 
 def _makers(out: Path) -> list[str]:
     """The commands that a folder's marker names."""
+    return _noted(out, "made_by")
+
+
+def _from(out: Path, of: Sequence[Path]) -> list[str]:
+    """Studies as a marker names them: from its folder, so that both may be moved together."""
+    try:
+        return [Path(os.path.relpath(_real(path), _real(out))).as_posix() for path in of]
+    except ValueError:  # another drive
+        return [_real(path).as_posix() for path in of]
+
+
+def _noted(out: Path, key: str) -> list[str]:
+    """A list of texts in a folder's marker; empty where it has none."""
     try:
         found = json.loads((out / MARKER).read_bytes())
-        return [str(name) for name in found["made_by"]]
+        return [str(name) for name in found[key]]
     except (OSError, ValueError, TypeError, LookupError, RecursionError):
         return []

@@ -251,6 +251,32 @@ def test_a_folder_is_known_by_its_mark(tmp_path: Path) -> None:
         check("train")
 
 
+def test_what_was_made_of_another_study_asks_for_overwrite(tmp_path: Path) -> None:
+    """An evening's training is gone else. Both may be moved together."""
+    (tmp_path / "rig").mkdir()
+    one, other, out = tmp_path / "rig" / "one.toml", tmp_path / "rig" / "other.toml", tmp_path / "rig" / "out"
+
+    def check(*of: Path, overwrite: bool = False) -> None:
+        outputs.check_folder(out, ("page.html",), [], "train", overwrite, shared=("compare",), of=of)
+
+    outputs.make_folder(out, "compare", [one])
+    (out / "page.html").write_text("")
+    check(one)
+    check(other, one)
+    check(other, overwrite=True)
+    with pytest.raises(OutputError, match=r"made of \.\./one\.toml.*--overwrite"):
+        check(other)
+    (tmp_path / "rig").rename(tmp_path / "moved")
+    one, other, out = (tmp_path / "moved" / path.name for path in (one, other, out))
+    check(one)
+    outputs.make_folder(out, "train", [other])  # they were told to
+    check(other)
+    with pytest.raises(OutputError, match="made of"):
+        check(one)
+    (out / outputs.MARKER).write_text('{"format": 1, "made_by": ["train"]}')  # of an older version
+    check(one)
+
+
 @pytest.mark.parametrize("suffix", [".csv", ".mcap", ".mat"])
 def test_a_record_of_somebody_else_asks_for_overwrite(place: Path, suffix: str) -> None:
     study, out = place / "rig" / "A" / "study.toml", place / f"theirs{suffix}"

@@ -16,10 +16,17 @@ def test_a_line_a_minute(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capture
     told = capsys.readouterr()
     assert told.out == ""
     assert told.err.splitlines() == [
-        *("train: 3 of 10 epochs, 1 min", "discover, fit: 3 of 7, 1 min"),
-        *("train: 6 of 10 epochs, 2 min", "discover, fit: 3 of 7, 2 min"),
-        *("train: 9 of 10 epochs, 3 min", "discover, fit: 3 of 7, 3 min"),
+        *("train: 3 of 10 epochs, 1 min, at most 2 more at this pace", "discover, fit: 3 of 7, 1 min"),
+        *("train: 6 of 10 epochs, 2 min, at most 1 more at this pace", "discover, fit: 3 of 7, 2 min"),
+        *("train: 9 of 10 epochs, 3 min, at most 0 more at this pace", "discover, fit: 3 of 7, 3 min"),
     ]
+
+
+def test_what_a_step_says_is_told_without_a_terminal_too(capsys: pytest.CaptureFixture[str]) -> None:
+    """What each kind of corrector leaves where conditions were left out: a first estimate long before the end."""
+    with group.progress_bar(10, "epoch", "train"):
+        group.note("linear filter: NRMSE (%) when left out: a 4.20")
+    assert capsys.readouterr().err == "linear filter: NRMSE (%) when left out: a 4.20\n"
 
 
 def test_a_short_command_says_nothing(capsys: pytest.CaptureFixture[str]) -> None:

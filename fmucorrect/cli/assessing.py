@@ -35,11 +35,11 @@ def assess(what: str, mapping: Path, out: Path, step_timeout: float | None, over
 
     assessment = load_assessment(mapping)
     read = [("the mapping", mapping), ("the FMU", assessment.fmu)]
-    outputs.check_folder(out, ("assessment.html", "assessment.json"), read, "assess", overwrite)
+    outputs.check_folder(out, ("assessment.html", "assessment.json"), read, "assess", overwrite, of=[mapping])
     with stages("assess") as progress:
         sections = SECTIONS.get(what, tuple(name for some in SECTIONS.values() for name in some))
         found = run(assessment, sections, progress, step_timeout)
-    outputs.make_folder(out, "assess")
+    outputs.make_folder(out, "assess", [mapping])
     text = json.dumps(found.to_json(), indent=1, allow_nan=False)
     outputs.write(out / "assessment.json", text + "\n")
     page = out / "assessment.html"

@@ -218,7 +218,7 @@ def progress_bar(total: int | None, unit: str, what: str) -> Generator[Callable[
         def advance(more: int) -> None:
             nonlocal done
             done += more
-            tell(f"{what}: {done}{f' of {total}' if total else ''} {unit}s")
+            tell(f"{what}: {done}{f' of {total}' if total else ''} {unit}s", done / total if total else 0.0)
 
         yield advance
         return
@@ -247,23 +247,28 @@ def stages(what: str) -> Generator[Callable[[str, int, int], None]]:
         yield progress
 
 
-def _minutely() -> Callable[[str], None]:
-    """Writes what it is told to standard error, with the time since, if the last line is a minute old."""
+def _minutely() -> Callable[..., None]:
+    """Writes what it is told to standard error, with the time since and, of a share that is done, what is to come at most at
+    this pace, if the last line is a minute old."""
     begun = last = time.monotonic()
 
-    def tell(text: str) -> None:
+    def tell(text: str, share: float = 0.0) -> None:
         nonlocal last
         now = time.monotonic()
         if now - last >= MINUTE:
             last = now
-            click.echo(f"{text}, {(now - begun) / 60.0:.0f} min", err=True)
+            minutes = (now - begun) / 60.0
+            more = f", at most {minutes * (1.0 - share) / share:.0f} more at this pace" if share > 0.0 else ""
+            click.echo(f"{text}, {minutes:.0f} min{more}", err=True)
 
     return tell
 
 
 def note(text: str) -> None:
-    """A line above the progress bar, where there is one."""
+    """A line above the progress bar, or to what stands in its place."""
+    if not sys.stderr.isatty():
+        click.echo(text, err=True)
+        return
     from tqdm import tqdm
 
-    if sys.stderr.isatty():
-        tqdm.write(text, file=sys.stderr)
+    tqdm.write(text, file=sys.stderr)

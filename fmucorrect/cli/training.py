@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from fmucorrect import places
 from fmucorrect.cli.group import (
     ALLOW_DAMAGED,
     OVERWRITE,
@@ -22,7 +23,6 @@ from fmucorrect.cli.group import (
     say,
 )
 from fmucorrect.errors import kept_when_broken_off
-from fmucorrect.places import CORES
 from fmucorrect.study_training import LARGEST_SEED
 
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ def train(
         kept_when_broken_off(),
         progress_bar(protocol.total_epochs(the_study, chosen), "epoch", the_study.name) as advance,
     ):
-        shop = tasks.Workshop(out / "work", CORES, scheduler, device, advance, note)
+        shop = tasks.Workshop(out / "work", places.CORES, scheduler, device, advance, note)
         done = results.train_into(out, the_study, chosen, f"fmucorrect train {study.name} --seed {chosen.seed}", shop)
     page, selection, guard = out / "train.html", done.trained.selection, done.trained.guard
     by_epochs = selection.family == "window"  # the folds' curves are of that family, whichever was taken
@@ -191,7 +191,7 @@ def compare(
     numbers = range(chosen.seed, chosen.seed + count)
     total = cases.total(the_study, chosen, count, ablate)
     with kept_when_broken_off(), progress_bar(total, "epoch", the_study.name) as advance:
-        shop = tasks.Workshop(out / "work", CORES, scheduler, device, advance)
+        shop = tasks.Workshop(out / "work", places.CORES, scheduler, device, advance)
         result = cases.compare_study(the_study, chosen, numbers, ablate, shop)
     path = results.save_comparison(out, result.table, result.histories)
     page = out / "compare.html"
@@ -203,9 +203,9 @@ def _claim(out: Path, command: str, writes: Sequence[str], studies: Sequence[Stu
     """The folder, checked and marked; train and compare of a study may share it, and with it what is done already."""
     from fmucorrect import outputs
 
-    read = [pair for study in studies for pair in study.files()]
-    outputs.check_folder(out, (*writes, "work/"), read, command, overwrite, shared=("train", "compare"))
-    outputs.make_folder(out, command)
+    read, of = [pair for study in studies for pair in study.files()], [study.path for study in studies]
+    outputs.check_folder(out, (*writes, "work/"), read, command, overwrite, shared=("train", "compare"), of=of)
+    outputs.make_folder(out, command, of)
 
 
 def _compare_models(
@@ -220,7 +220,7 @@ def _compare_models(
     each = [f"{name}/{file}" for name in models.labels(studies) for file in results.FILES]
     _claim(out, "compare", ("models.html", "models.json", *each), studies, overwrite)
     with kept_when_broken_off(), progress_bar(models.total(studies), "epoch", studies[0].name) as advance:
-        shop = tasks.Workshop(out / "work", CORES, scheduler, device, advance)
+        shop = tasks.Workshop(out / "work", places.CORES, scheduler, device, advance)
         table = models.compare_models(studies, out, shop)
     text = json.dumps(table, indent=1)
     outputs.write(out / "models.json", text + "\n")

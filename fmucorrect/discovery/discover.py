@@ -82,11 +82,11 @@ def discover(
     ends = math.inf if time_limit is None else time.monotonic() + time_limit
     study = replace(load_study(study_file).with_step_timeout(step_timeout), allow_damaged=allow_damaged)
     folder = Path(out)
-    outputs.check_folder(folder, FILES, study.files(), "discover", overwrite, away_from=study.path)
+    outputs.check_folder(folder, FILES, study.files(), "discover", overwrite, away_from=study.path, of=[study.path])
     problems = study_problems(study)
     if problems:
         raise StudyError(str(study.path), problems)
-    outputs.make_folder(folder, "discover")
+    outputs.make_folder(folder, "discover", [study.path])
     seconds: dict[str, float] = {}
     begun = time.perf_counter()
 

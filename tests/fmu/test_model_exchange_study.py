@@ -100,9 +100,10 @@ def test_train_and_compare(study: Study, tmp_path: Path, monkeypatch: pytest.Mon
     """Measured: the same mass on a spring that is stiffer by a tenth. Networks this small and brief learn little."""
     pytest.importorskip("torch")
     pytest.importorskip("onnx")
-    from fmucorrect.training import cases, tasks
+    from fmucorrect import places
+    from fmucorrect.training import cases
 
-    monkeypatch.setattr(tasks, "CORES", 1)
+    monkeypatch.setattr(places, "CORES", 1)
     monkeypatch.setattr(cases, "EPOCHS", 2)  # of the GRU
     head, _, condition = STUDY.partition("[[conditions]]")
     excitation = '[excitation]\nsimulation = "f"\nmeasurement = "f"\nkind = "command"\n'

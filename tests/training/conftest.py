@@ -6,8 +6,9 @@ import pytest
 import road
 from closed_form import BRIEF, SMALL, make_study
 
+from fmucorrect import places
 from fmucorrect.study import Study, load_study
-from fmucorrect.training import distilled, tasks
+from fmucorrect.training import distilled
 from fmucorrect.training.protocol import Trained, train
 
 
@@ -38,7 +39,7 @@ def in_this_process() -> Iterator[None]:
     """Fits of a command that runs in this process are done here: that processes give the same is a law of test_tasks, and each
     would take longer to import torch than to fit."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(tasks, "CORES", 1)
+        patch.setattr(places, "CORES", 1)
         yield
 
 
