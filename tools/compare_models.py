@@ -30,11 +30,12 @@ import known
 from plant import Plant
 
 from fmucorrect.discovery.augmented import augmented_study, toml
+from fmucorrect.places import CORES
 from fmucorrect.records import writer
 from fmucorrect.report.training import models_page
 from fmucorrect.study import Study, load_study
 from fmucorrect.training.models import compare_models, lines, require_alike, total, verdict
-from fmucorrect.training.tasks import CORES, Workshop
+from fmucorrect.training.tasks import Workshop
 
 ROOT = Path(__file__).resolve().parent.parent
 FURTHER = (250.0, 420.0)

@@ -16,6 +16,7 @@ from pathlib import Path
 from tqdm import tqdm
 
 from fmucorrect.pairs import pair
+from fmucorrect.places import CORES
 from fmucorrect.report.training import compare_page
 from fmucorrect.report.training.table import Table
 from fmucorrect.study import Study, load_study
@@ -27,7 +28,7 @@ from fmucorrect.training.data import samples
 from fmucorrect.training.protocol import screened
 from fmucorrect.training.resolved import resolved
 from fmucorrect.training.results import save_comparison
-from fmucorrect.training.tasks import CORES, Workshop
+from fmucorrect.training.tasks import Workshop
 
 ROOT = Path(__file__).resolve().parent.parent
 SEEDS = range(5)

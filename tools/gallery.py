@@ -37,13 +37,14 @@ from fmucorrect.comparison import BAND_90, Comparison  # noqa: E402
 from fmucorrect.errors import FmucorrectError  # noqa: E402
 from fmucorrect.metrics import score  # noqa: E402
 from fmucorrect.pairs import Pair, pair  # noqa: E402
+from fmucorrect.places import CORES  # noqa: E402
 from fmucorrect.sealing import evaluate  # noqa: E402
 from fmucorrect.stepper import Status  # noqa: E402
 from fmucorrect.study import Study, load_study  # noqa: E402
 from fmucorrect.study_training import Training  # noqa: E402
 from fmucorrect.training.protocol import screened, total_epochs  # noqa: E402
 from fmucorrect.training.results import train_into  # noqa: E402
-from fmucorrect.training.tasks import CORES, Workshop  # noqa: E402
+from fmucorrect.training.tasks import Workshop  # noqa: E402
 
 WORK = ROOT / ".gallery"
 FIGURES = ROOT / "exported_models" / "gallery.json"

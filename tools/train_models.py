@@ -10,10 +10,11 @@ from pathlib import Path
 
 from tqdm import tqdm
 
+from fmucorrect.places import CORES
 from fmucorrect.study import load_study
 from fmucorrect.training.protocol import total_epochs
 from fmucorrect.training.results import lines, train_into
-from fmucorrect.training.tasks import CORES, Workshop
+from fmucorrect.training.tasks import Workshop
 
 ROOT = Path(__file__).resolve().parent.parent
 

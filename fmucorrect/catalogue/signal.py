@@ -257,7 +257,7 @@ _LAWS = (
     SignalLaw(
         name="excitation_lag",
         at="excitation",
-        description="The excitation acts too late by a constant time.",
+        description="The excitation acts too late by a constant time; sensors that are all late by it show the same.",
         equation="e = u(t - T)",
         parameters=(_LAG,),
         change=_lag,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -185,6 +186,6 @@ def test_an_fmu_that_keeps_its_states_to_itself_is_told(study: Study, tmp_path: 
 
 def test_a_solver_that_dies_takes_nothing_along(monkeypatch: pytest.MonkeyPatch) -> None:
     study = load_study(RIG)
-    monkeypatch.setattr(watched_modes, "_RUN", "import os; os._exit(3)")
+    monkeypatch.setattr(watched_modes, "own_process", lambda *given: [sys.executable, "-c", "import os; os._exit(3)"])
     with pytest.raises(FmuError, match=r"its process ended.*exit status 3"):
         linearised(study, study.training.proposed)

@@ -100,6 +100,11 @@ def _advice(verdict: str, fmu: bool, augmented: bool) -> str:
             "Use the model as it is. To look for weaker effects, excite more strongly, at other frequencies and at two "
             "amplitudes, or bring the noise down."
         )
+    if augmented:
+        return (
+            "No name was found, but a force was learned: augmented.fmu has it. Use that, or look at its sections for what it "
+            "is; a corrector on top of it takes up what is left."
+        )
     return (
         "See where it acts. More joints in the study, excitation at two amplitudes or a sweep would narrow it down; a "
         "corrector learns such a discrepancy without naming it (fmucorrect train)."
