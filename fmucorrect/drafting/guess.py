@@ -13,6 +13,7 @@ from fmucorrect.signals import QUANTITIES
 _FILLING = frozenset("meas measured sensor signal raw ch channel act actual cmd in input out output".split())  # noqa: SIM905
 """Words of a name that say nothing of what it is."""
 _SIDES = frozenset("front rear left right upper lower inner outer top bottom".split())  # noqa: SIM905
+"""Words for a side of a machine."""
 WITHIN = 0.9
 """Likeness of `zr` and `road_zr`."""
 SENSED = {"g": "gn", "mg": "mgn"}

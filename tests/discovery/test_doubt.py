@@ -2,21 +2,26 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 pytest.importorskip("ziglang")
 pytest.importorskip("sympy")
 
-from one_mass import HEAD, begun, sweep, term_at
+from one_mass import HEAD, begun, measured_on, sweep, term_at
 from test_discover import CUBIC, C, cubic, write_study
 from test_exchange import C as C1
 from test_exchange import K, M, adjustable, decided, force, integrated
 
+from fmucorrect.catalogue.signal import SIGNALS
+from fmucorrect.discovery.confirm import gaps
+from fmucorrect.discovery.discover import _alone
 from fmucorrect.discovery.doubt import cautions
 from fmucorrect.discovery.errorbars import JOINT_ERROR, with_unlisted
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.motion import acting
 from fmucorrect.discovery.problem import load
+from fmucorrect.discovery.terms import SignalTerm
 from fmucorrect.discovery.wording import sentence
 from fmucorrect.report.discovery.content import Discovery
 from fmucorrect.study import load_study
@@ -80,3 +85,32 @@ def test_an_error_bar_holds_what_joints_that_nobody_listed_may_do_to_a_number(li
     path.write_text(path.read_text().replace(f"c1 = {C[0]}", f"c1 = {C[0] * (1.0 + JOINT_ERROR)}"))
     own, told, _ = fitted()
     assert told < 1.5 < 2.0 < own
+
+
+def test_forces_that_a_sensors_offset_makes_up_for_are_told(library, tmp_path):
+    """The FMU gets the forces alone."""
+    with measured_on(tmp_path, library, "viscous_damping", damping=0.5) as problem:
+        _, base = begun(problem)
+        (law,) = SIGNALS["sensor_offset"]
+        offset = SignalTerm(law, "x1", (0,), law.complete({"offset": 1.0}))
+        preload = term_at(problem.study, "preload", "joint 1", force=1.0)
+
+        def told(*terms):
+            best = replace(base, model=replace(problem.nominal, terms=terms))
+            sensors = np.zeros((1, 2))
+            checked = gaps(
+                problem.study,
+                library,
+                problem.study.conditions,
+                best.model,
+                problem.tolerated,
+                sensors,
+                problem.substeps,
+            )
+            return _alone(problem, best, checked)
+
+        (said,) = told(preload, offset)
+        assert "not in augmented.fmu" in said
+        assert "at sweep" in said
+        assert told(term_at(problem.study, "viscous_damping", "joint 1", damping=0.5), offset) == []
+        assert told(preload) == told(offset) == []  # nothing makes up for anything
