@@ -105,7 +105,7 @@ def wine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, str]]:
     quiet = {"env": {**os.environ, **environment}, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     server = WINE.with_name("wineserver64")
     subprocess.run(
-        [server, "-p60"], timeout=60, **quiet
+        [server, "-p600"], timeout=60, **quiet
     )  # else it ends after 3 s, and a program begins it and its services
     subprocess.run([WINE, "wineboot", "-i"], timeout=300, **quiet)
     yield environment
