@@ -118,10 +118,9 @@ def make_folder(out: Path, command: str, of: Sequence[Path] = ()) -> None:
     """Make the folder, and note in it that `command` did, and of which studies."""
     out.mkdir(parents=True, exist_ok=True)
     makers, others, ours = _makers(out), _noted(out, "of"), _from(out, of)
-    noted = {"made_by": [*dict.fromkeys([*makers, command])]}
-    if ours or others:  # what is of others alone is written over
-        noted["of"] = ours if ours and {*others}.isdisjoint(ours) else [*dict.fromkeys([*others, *ours])]
-    if noted != {"made_by": makers} | ({"of": others} if others else {}):
+    left = [] if ours and {*others}.isdisjoint(ours) else others  # what is of others alone is written over
+    noted = {"made_by": [*dict.fromkeys([*makers, command])], "of": [*dict.fromkeys([*left, *ours])]}
+    if noted != {"made_by": makers, "of": others}:
         write(out / MARKER, json.dumps({"format": 1, **noted}) + "\n")
 
 

@@ -6,7 +6,6 @@ line that named them all would be longer than a system takes.
 
 from __future__ import annotations
 
-import json
 import os
 import sys
 from pathlib import Path
@@ -17,8 +16,6 @@ _CALL = (
     "import sys, json, importlib; sys.path[:] = json.loads(sys.argv[1]); module, name = sys.argv[2].split(':'); "
     "getattr(importlib.import_module(module), name)(*sys.argv[3:])"
 )
-
-
 CORES = len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
 """That this process may use."""
 
@@ -26,4 +23,6 @@ CORES = len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_coun
 def own_process(function: str, *arguments: object) -> list[str]:
     """The command of a process that calls `module:name` with these, as text. -P: no module of the working directory takes the
     place of an installed one."""
+    import json  # `import fmucorrect` reads this file
+
     return [sys.executable, "-P", "-c", _CALL, json.dumps(PLACES), function, *map(str, arguments)]

@@ -220,12 +220,7 @@ LAWS = (
             Parameter("limit", "l", "D", "displacement at which the stop is met"),
             Parameter("side", "s", "1", "1: it is met from below, -1: from above", minimum=-1.0, maximum=1.0),
             Parameter("stiffness", "k", "F/D", "beyond the limit", minimum=0.0, neutral=0.0),
-            Parameter(
-                *("corner", "w", "D", "width of its rounding"),
-                default=1e-5,
-                minimum=0.0,
-                above=True,
-            ),
+            Parameter("corner", "w", "D", "width of its rounding", default=1e-5, minimum=0.0, above=True),
         ),
         inputs=("displacement",),
         write=_one_stop,

@@ -260,7 +260,7 @@ def _report(
         "cautions": [
             *wrong_signs(problem),
             *cautions(problem, best, wider, sensed),
-            *(_alone(problem, best, checked) * named),
+            *(_alone(problem, best) if named else ()),
         ],
         "candidates": output.candidate_rows(problem, naming, decision),
         "learned": row,
@@ -333,20 +333,25 @@ def confirmed(decision: Decision, checked: Sequence[Gap], sizes: Sequence[Size] 
     return decision.verdict if kept or decision.verdict == "none" else "unexplained"
 
 
-def _alone(problem: Problem, best: Fitted, checked: Sequence[Gap]) -> list[str]:
+def _alone(problem: Problem, best: Fitted) -> list[str]:
     """Conditions, the evaluation's where there are any, that an FMU with the forces and parameters alone shows worse than the
     model that they mend: a sensor's offset, say, makes up for one of them."""
     laws = tuple(term for term in best.model.terms if not isinstance(term, SignalTerm))
     if not laws or laws == best.model.terms:
         return []
-    known = {gap.condition.name: gap for gap in checked if gap.condition.role == "evaluation"}
-    known = known or {gap.condition.name: gap for gap in checked}
-    study, sensors = problem.study, np.zeros((len(problem.study.channels), 2))
-    conditions, model = [gap.condition for gap in known.values()], replace(best.model, terms=laws)
-    own = gaps(study, problem.library, conditions, model, problem.tolerated, sensors, problem.substeps, problem.budget)
+    study, model = problem.study, replace(best.model, terms=laws)
+    conditions = study.evaluation or study.conditions
+    sensors = np.zeros((len(study.channels), 2))
+    told = "what was found in sensors or in the excitation, which is not in augmented.fmu: that alone"
+    try:
+        own = gaps(
+            study, problem.library, conditions, model, problem.tolerated, sensors, problem.substeps, problem.budget
+        )
+    except FmuError:
+        return [f"{told} brings the solver to give up"]
     return [
-        "what was found in sensors or in the excitation, which is not in augmented.fmu: that alone is farther from the "
-        f"measurement at {gap.condition.name} than the model ({gap.nrmse_before:.3g} -> {gap.nrmse_after:.3g} %)"
+        f"{told} is farther from the measurement at {gap.condition.name} than the model "
+        f"({gap.nrmse_before:.3g} -> {gap.nrmse_after:.3g} %)"
         for gap in own
         if gap.nrmse_after > gap.nrmse_before
     ]

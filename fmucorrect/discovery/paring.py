@@ -157,7 +157,7 @@ def _is_expected(problem: Problem, setting: Setting, term: Term) -> bool:
 
 
 def is_nothing(term: Term, std: Mapping[str, float]) -> bool:
-    """Whether the main number is within twice its standard deviation of where the effect is none, or of what the model has."""
+    """Whether the main number is within twice its standard deviation of where the effect is none."""
     neutral = term.parameter(term.main).neutral if term.main in std else None
     return neutral is not None and abs(term.values[term.main] - neutral) < NOTHING * std[term.main]
 

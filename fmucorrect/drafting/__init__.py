@@ -40,7 +40,6 @@ from fmucorrect.drafting.written import Draft, DraftedRun
 from fmucorrect.errors import FmuError, RecordError, few
 from fmucorrect.fmu import Variable, open_fmu
 from fmucorrect.records import timebase
-from fmucorrect.records.timebase import rules, seconds_text
 from fmucorrect.signals import AS_IT_IS, Reading
 from fmucorrect.units import UNSAID, Unit
 
@@ -203,7 +202,7 @@ def _read(runs: Sequence[str | PathLike[str]], reading: Reading) -> list[Run]:
 
 def _repair(logs: Sequence[Run]) -> str:
     """What any of them needs."""
-    each = sorted((rules(log.reading.repair) for log in logs), key=len, reverse=True)
+    each = sorted((timebase.rules(log.reading.repair) for log in logs), key=len, reverse=True)
     return ",".join(sorted(dict.fromkeys(chain(*each)), key=lambda rule: rule == "resample"))  # which comes last
 
 
@@ -227,7 +226,11 @@ def _steady(log: Run, measured: Sequence[str]) -> Run:
     """The log, its stamps at the median step where those of what is measured jitter: what is registered, filtered and trained
     on wants even ones. A gap is left to the user."""
     there = [column for column in measured if column in log.columns]
-    if not there or not timebase.jitters(records.read(log.path, there, reading=log.reading)):
+    if not there:
+        return log
+    # columns of several topics have stamps of their own where they are read alone
+    record = records.read(log.path, there, reading=log.reading) if log.filled else log.record
+    if not timebase.jitters(record):
         return log
     reading = replace(log.reading, repair=",".join(filter(None, [log.reading.repair, "resample"])))
     why = "the stamps of what is measured jitter: straight lines to those of their median step"
@@ -241,7 +244,7 @@ def _shown(channels: Sequence[ChannelGuess]) -> float:
 
 def _clock(log: Run, reference: Path | None, driven: bool) -> str:
     """The value of `clock` in the records of a run, and why; "" where one file has it all."""
-    begins = f"its stamps begin at {seconds_text(log.stamps[0])} s"
+    begins = f"its stamps begin at {timebase.seconds_text(log.stamps[0])} s"
     if reference is not None:
         if overlapping(read_run(reference, log.reading).stamps, log.stamps):
             return f'"common"  # guess: {begins}, within those of the simulated record: they are believed'

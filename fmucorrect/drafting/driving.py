@@ -189,11 +189,9 @@ def _odd(fmu: FmuDescription, log: Run, trial: Trial, channels: Sequence[Channel
     found = 0.0
     for guess in channels:
         output, ratio = fmu.variables[guess.output].unit, trial.ratio(guess.column, guess.output) / factor
-        said = log.columns[guess.column] not in units.UNSAID
-        if said and output in units.UNSAID:
-            output = si(guess.unit)
-        if said:
-            found += abs(np.log10(ratio * units.conversion(guess.unit, output, guess.column, fmu.defined)))
+        if log.columns[guess.column] not in units.UNSAID:
+            own = si(guess.unit) if output in units.UNSAID else output
+            found += abs(np.log10(ratio * units.conversion(guess.unit, own, guess.column, fmu.defined)))
         else:
             own = guess.variable_unit or output
             found += min(off + RARE * (unit != own) for unit, off in away(own, ratio, fmu.defined).items())

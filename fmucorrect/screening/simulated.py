@@ -245,8 +245,8 @@ def _assigned(
         return
     everywhere, every = _wrong(pairs, tables), range(len(pairs))
     found = {(j, row): list(every) for j, row in everywhere.items()}
-    alone = [_sure([item.measured], [item.response])[0] for item in pairs]
-    for c in every if len(pairs) > 1 else ():
+    alone = [_sure([item.measured], [item.response])[0] for item in pairs] if len(pairs) > 1 else []
+    for c in range(len(alone)):
         others = [table for d, table in enumerate(alone) if d != c]
         wrong = _wrong([pairs[c]], [alone[c]])
         for j, row in wrong.items():
@@ -303,8 +303,7 @@ def _reversed(pairs: Sequence[Pair], tables: Sequence[Table]) -> set[int]:
     """Channels whose sign disagrees, at every condition, with their simulation and with how the others go with them."""
     votes: list[Table] = []
     measured, simulated = [item.measured for item in pairs], [item.response for item in pairs]
-    between = zip(_sure(measured, measured), _sure(simulated, simulated), tables, strict=True)
-    for one, other, table in between:
+    for one, other, table in zip(_sure(measured, measured), _sure(simulated, simulated), tables, strict=True):
         vote = one * other
         np.fill_diagonal(vote, np.diag(table))
         votes.append(np.where(np.abs(vote) > VOTE, vote, 0.0))

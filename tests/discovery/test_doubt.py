@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 pytest.importorskip("ziglang")
@@ -14,7 +13,6 @@ from test_exchange import C as C1
 from test_exchange import K, M, adjustable, decided, force, integrated
 
 from fmucorrect.catalogue.signal import SIGNALS
-from fmucorrect.discovery.confirm import gaps
 from fmucorrect.discovery.discover import _alone
 from fmucorrect.discovery.doubt import cautions
 from fmucorrect.discovery.errorbars import JOINT_ERROR, with_unlisted
@@ -97,17 +95,7 @@ def test_forces_that_a_sensors_offset_makes_up_for_are_told(library, tmp_path):
 
         def told(*terms):
             best = replace(base, model=replace(problem.nominal, terms=terms))
-            sensors = np.zeros((1, 2))
-            checked = gaps(
-                problem.study,
-                library,
-                problem.study.conditions,
-                best.model,
-                problem.tolerated,
-                sensors,
-                problem.substeps,
-            )
-            return _alone(problem, best, checked)
+            return _alone(problem, best)
 
         (said,) = told(preload, offset)
         assert "not in augmented.fmu" in said

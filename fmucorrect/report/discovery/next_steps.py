@@ -37,17 +37,17 @@ def left_section(page: Page, report: Discovery) -> None:
 def next_section(page: Page, report: Discovery) -> None:
     """The next test, notes, files and the commands that use them."""
     page.section("What to do next")
+    usable, fmu = report.found, report.fmu
+    files = report.files or (list(FILES) if usable and fmu else ["effects.toml"] * usable + ["report.json"])
     if report.next_test is not None:
         page.facts(_test(report.next_test))
     elif report.verdict == "ambiguous":
         page.text_block("No test that would split the class was found among the conditions that could be simulated.")
     else:
-        page.text_block(_advice(report.verdict, bool(report.fmu), "effects.toml" in report.files))
+        page.text_block(_advice(report.verdict, bool(fmu), "effects.toml" in files))
     if report.notes:
         page.heading("Notes")
         page.items(report.notes)
-    usable, fmu = report.found, report.fmu
-    files = report.files or (list(FILES) if usable and fmu else ["effects.toml"] * usable + ["report.json"])
     page.heading("Files in this folder")
     page.facts([(name, FILES.get(name, "")) for name in files])
     lines = _commands(files, fmu)
