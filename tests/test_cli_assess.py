@@ -92,6 +92,7 @@ def test_a_start_value_that_the_fmu_refuses_is_one_message(tmp_path: Path) -> No
     refused(call("assess", "preload", wrong, "-o", tmp_path / "out"), "'speed' = 1 is outside [5, 600] m/s")
 
 
+@pytest.mark.slow
 def test_all_three_run_on_the_shipped_full_vehicle(tmp_path: Path) -> None:
     """Slowed down eight times as fast as shipped, its speeds in steps four times as large; assessed.json has the whole."""
     mapping = VEHICLE.read_text("utf-8")

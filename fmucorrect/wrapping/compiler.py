@@ -93,7 +93,8 @@ def compile_library(
 
     Raises WrapError with the compiler's own words, MissingExtra where there is no zig.
     """
-    if importlib.util.find_spec("ziglang") is None:
+    zig = importlib.util.find_spec("ziglang")
+    if zig is None or zig.origin is None:
         raise MissingExtra("ziglang", "wrap")
     output.parent.mkdir(parents=True, exist_ok=True)
     extra: list[str] = []
@@ -101,9 +102,13 @@ def compile_library(
         extra = [f"-Wl,-install_name,@rpath/{output.name}"]
     elif "linux" in target:
         extra = ["-lm", "-ldl", "-Wl,--build-id=none"]
+    elif "windows" in target:
+        extra = windows(Path(zig.origin).parent)
     ordered = sorted(names, key=lambda name: (not name.startswith("network"), name))
     with tempfile.TemporaryDirectory(dir=sources) as made:
         copies = [_by_content(sources, name, Path(made)) for name in ordered]
+        if "windows" in target:
+            copies.append(_by_content(_C, "windows.c", Path(made)))
         command = [
             *(sys.executable, "-m", "ziglang", "cc", "-target", target, *_FLAGS, *flags, *extra, *copies),
             *("-o", output.name),  # no path: zig takes "%41" in it for "A"
@@ -114,6 +119,14 @@ def compile_library(
         shutil.copy(Path(made) / output.name, output)  # over an older one, on Windows too
     if result.stderr:
         print(result.stderr, file=sys.stderr)
+
+
+def windows(zig: Path) -> list[str]:
+    """Flags for Windows. zig: the folder of its package. Headers and import libraries of mingw-w64, which zig has, are taken,
+    not its C library, which would be compiled first, once a machine, for two minutes of a processor. The Universal C Runtime,
+    a part of Windows, has all that is called but what windows.c adds."""
+    headers = zig / "lib" / "libc" / "include" / "any-windows-any"
+    return ["-nostdlib", "-isystem", str(headers), "-D_UCRT", "-lkernel32", "-lucrtbase"]
 
 
 _INCLUDE = re.compile(rb'^\s*#\s*include\s*"([^"]+)"', re.MULTILINE)

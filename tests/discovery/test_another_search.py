@@ -141,6 +141,7 @@ def test_both_find_the_friction_of_a_solver_that_is_not_ours(rubbing, tmp_path):
         assert report["effects"][0]["parameters"]["friction_force"]["value"] == pytest.approx(FRICTION, rel=0.05)
 
 
+@pytest.mark.slow
 def test_the_ledger_has_every_fit_with_what_it_came_from_and_cost(rubbing, library):
     with load(load_study(rubbing), library, 2) as problem:
         before = problem.budget.runs

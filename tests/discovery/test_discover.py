@@ -148,6 +148,7 @@ def test_a_cubic_spring_is_named_with_its_value_and_proved(found):
     assert f"<td>{effect['equation']}</td>" in report._repr_html_()
 
 
+@pytest.mark.slow
 def test_a_stop_at_one_side_is_named_with_its_place(tmp_path):
     """As one at both sides it would ask for a preload and a sensor's offset beside it."""
     report = discover(write_study(tmp_path, stop), tmp_path / "out")

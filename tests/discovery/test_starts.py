@@ -55,11 +55,13 @@ def test_a_record_that_begins_in_motion_is_no_effect(tmp_path, library):
     assert any(warning["kind"] == "start not known" for warning in report["warnings"])
 
 
+@pytest.mark.slow
 def test_without_free_the_same_records_do_not_agree(tmp_path, library):
     report = discover(measured(tmp_path, library, ""), tmp_path / "out")
     assert report["verdict"] != "none"
 
 
+@pytest.mark.slow
 def test_an_effect_is_named_beside_unknown_starts(tmp_path, library):
     cubic = "cubic_stiffness", {"cubic_stiffness": 2.0e8}
     report = discover(measured(tmp_path, library, 'free = ["x1", "v1"]\n', cubic), tmp_path / "out")

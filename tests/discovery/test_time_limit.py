@@ -73,6 +73,7 @@ def test_a_verdict_in_the_midst_is_marked_and_the_search_goes_on_to_the_same_end
     assert not (out / ".progress").exists()
 
 
+@pytest.mark.slow
 def test_a_continued_search_learns_nothing_from_the_evaluation_conditions_that_were_shown(tmp_path, over_at, found):
     """They are others when it goes on, and what it finds is the same."""
     _, fresh = found
@@ -85,6 +86,7 @@ def test_a_continued_search_learns_nothing_from_the_evaluation_conditions_that_w
     assert whole["effects"] == fresh["effects"]
 
 
+@pytest.mark.slow
 def test_files_of_a_verdict_so_far_go_where_the_last_one_has_none(tmp_path, over_at):
     out = tmp_path / "out"
     assert limited(write_study(tmp_path, cubic), out, over_at("fits", 6))["files"][2:]

@@ -370,6 +370,7 @@ REPORT = """<script>drawn.then(() => setTimeout(() => {
 }, 1500));</script>"""
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(BROWSER is None, reason="no chromium or chrome is installed")
 def test_it_reads_well_in_a_browser(tmp_path: Path) -> None:
     """Every verdict on a narrow screen, the one of most figures on a wide one too, in one browser: it takes long to begin."""

@@ -157,6 +157,7 @@ def test_in_a_new_motion_it_says_what_is_linear(name: str, request: pytest.Fixtu
     assert np.abs(said[-len(linear) :] - linear)[new].max() < 2e-5 * np.abs(linear).max()
 
 
+@pytest.mark.slow
 def test_other_units_change_nothing(friction: Case, tmp_path: Path) -> None:
     study, made = friction
     other, again = trained(tmp_path, "friction", "m")
@@ -168,6 +169,7 @@ def test_other_units_change_nothing(friction: Case, tmp_path: Path) -> None:
     assert np.abs(1e3 * two - one).max() < 0.05 * np.abs(one).max()
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_file(friction: Case) -> None:
     study, _ = friction
     brief = replace(road.QUICK, recurrent=replace(road.QUICK.recurrent, steps=(30,)))

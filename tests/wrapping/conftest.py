@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import pytest
+import ziglang
 from c_host import QEMU, WINE
 from models import OSCILLATOR, corrector, known, solver
 
@@ -79,8 +80,13 @@ def host(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
             command = list(with_compiler) or ZIG
             made[key] = folder / f"host{len(made)}{suffix}"
             headers = compiler.fmi_headers(fmi)[0].parent
-            # stripped, as what is wrapped, or zig builds the C library of Windows once more
-            libraries = ["-s"] if suffix else ["-ldl"]
+            windows = [
+                *compiler.windows(Path(ziglang.__file__).parent),
+                "-lshell32",
+                "-Wl,-e,mainCRTStartup",
+                HERE / "windows_host.c",
+            ]
+            libraries = windows if suffix else ["-ldl"]
             subprocess.run(
                 [*command, "-std=c11", "-O1", "-Wall", "-Wextra", "-Wno-unused-parameter", f"-DFMI={fmi}", f"-I{headers}",
                  *flags, str(HERE / "host.c"), "-o", str(made[key]), *libraries],
@@ -115,7 +121,7 @@ def wine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, str]]:
 @pytest.fixture(scope="session")
 def windows_host(host: Callable[..., Path]) -> Callable[[int], list[Path]]:
     """windows_host(fmi) -> host.c for Windows, and what runs it."""
-    return lambda fmi: [WINE, host(fmi, WINDOWS, ["-lshell32"], ".exe")]
+    return lambda fmi: [WINE, host(fmi, WINDOWS, suffix=".exe")]
 
 
 @pytest.fixture(scope="session")

@@ -331,11 +331,11 @@ static double seconds(void)
 
 int main(int argc, char **argv)
 {
-    if (argc < 7)
-        die("too few arguments");
 #ifdef _WIN32
     argv = utf8(&argc);
 #endif
+    if (argc < 7)
+        die("too few arguments");
     void *library = load(argv[1]);
     if (!library)
         die("the library cannot be loaded");

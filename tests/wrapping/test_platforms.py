@@ -147,6 +147,7 @@ def test_sanitizers_have_nothing_to_say(inner: int, outer: int, player: Play, ho
     assert it.rolls_back(library)
 
 
+@pytest.mark.slow
 def test_sanitizers_accept_a_trained_network(player: Play, host: Host, tmp_path: Path) -> None:
     it = player(RIG, 2)
     library = build(it.folder, 2, tmp_path / "own.so", *SANITIZED)
