@@ -23,7 +23,7 @@ from fmucorrect.discovery.confirm import Gap, carries_over, gaps, sensors_told
 from fmucorrect.discovery.decide import CLOSE, Decision, decide
 from fmucorrect.discovery.doubt import cautions, wrong_signs
 from fmucorrect.discovery.elsewhere import by, library, quietly
-from fmucorrect.discovery.errorbars import with_unlisted
+from fmucorrect.discovery.errorbars import base_std, with_unlisted
 from fmucorrect.discovery.fitted import Fitted, Setting
 from fmucorrect.discovery.kept import Kept, digest
 from fmucorrect.discovery.lasting import Size, lasting
@@ -236,7 +236,6 @@ def _report(
         for t, y in zip(problem.trials, start, strict=True)
         for sigma in [np.where(t.known, t.sigma, np.nan)]
     ]
-    adjusted = output.adjusted(problem, best.model.base)
     places, shares_of = _joints(problem, naming, verdict != "unexplained")
     law = row = None
     if verdict == "unexplained" and completeness["complete"] and study.fmu is not None:
@@ -244,6 +243,11 @@ def _report(
         law = learn(problem, naming.setting, naming.base.model, places)
         row = None if law is None else learned_row(problem, naming.setting, law, _largest(problem))
         lap("learn")
+    learned = None if row is None or not writable(row) else law
+    if learned is None:
+        adjusted = output.adjusted(problem, best.model.base, std=base_std(problem, naming.setting, best).tolist())
+    else:
+        adjusted = output.adjusted(problem, learned.model.base)
     sensed = output.sensor_rows(study.channels, sensors)
     report: dict[str, Any] = {
         "format": 1,
@@ -256,6 +260,7 @@ def _report(
         "adjusted": {moved.name: moved.now for moved in adjusted},
         "adjusted_from": {moved.name: moved.before for moved in adjusted},
         "adjusted_by": {moved.name: moved.tolerances for moved in adjusted},
+        "adjusted_std": {moved.name: moved.std for moved in adjusted if np.isfinite(moved.std)},
         "sensors": sensed,
         "cautions": [
             *wrong_signs(problem),
@@ -279,8 +284,8 @@ def _report(
     found = None
     if study.fmu is not None and changed and verdict != "unexplained":
         found = found_of(problem, terms, best.model.base, rows if named else ())
-    elif law is not None and row is not None and writable(row):
-        found = found_of(problem, (law.term,), law.model.base, (file_row(law),))
+    elif learned is not None:
+        found = found_of(problem, (learned.term,), learned.model.base, (file_row(learned),))
     report["sentence"] = sentence(Discovery.read(_plain(report)), checked)
     return report, found
 

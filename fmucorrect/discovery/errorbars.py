@@ -24,7 +24,18 @@ SMALL = 0.1
 
 
 def spread(problem: Problem, setting: Setting, fitted: Fitted) -> Float64[np.ndarray, "p p"]:
-    """Covariance of the members' coordinates, base parameters and sensors integrated out: H^-1 + H^-1 E H^-1.
+    """Covariance of the members' coordinates, base parameters and sensors integrated out."""
+    return _joint(problem, setting, fitted)[: fitted.slopes.shape[1], : fitted.slopes.shape[1]]
+
+
+def base_std(problem: Problem, setting: Setting, fitted: Fitted) -> Float64[np.ndarray, " A"]:
+    """Standard deviation of each base parameter, in its tolerances: about 1 where the records say nothing of it. Those that do
+    the same as another are not known, though their sum may be."""
+    return np.sqrt(np.diag(_joint(problem, setting, fitted))[fitted.slopes.shape[1] :])
+
+
+def _joint(problem: Problem, setting: Setting, fitted: Fitted) -> Float64[np.ndarray, "q q"]:
+    """Covariance of the members' coordinates, then the base parameters, sensors integrated out: H^-1 + H^-1 E H^-1.
 
     H is the information that a white error of the fit's variance leaves (fit.normal). What the residual's own spectrum has
     beyond a white one at the frequencies of the sensitivities is E: the sandwich of Huber (1967) and White (1980), its
@@ -33,8 +44,7 @@ def spread(problem: Problem, setting: Setting, fitted: Fitted) -> Float64[np.nda
     """
     inverse = joint_covariance(setting, fitted)
     more = inverse @ _beyond_white(problem, setting, fitted) @ inverse
-    count = fitted.slopes.shape[1]
-    return (inverse + more)[:count, :count]
+    return inverse + more
 
 
 def _beyond_white(problem: Problem, setting: Setting, fitted: Fitted) -> Float64[np.ndarray, "q q"]:

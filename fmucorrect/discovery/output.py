@@ -224,24 +224,29 @@ def _short(x: np.ndarray) -> list[float]:
 
 @dataclass(frozen=True)
 class Adjusted:
-    """A base parameter that moved. before, now: in its own unit. tolerances: by how many of its own."""
+    """A base parameter that moved. before, now, std: in its own unit; std: its standard deviation, NaN where that is not known.
+    tolerances: by how many of its own it moved."""
 
     name: str
     before: float
     now: float
+    std: float
     tolerances: float
 
 
-def adjusted(problem: Problem, base: Sequence[float], least: float = NOTICED) -> list[Adjusted]:
-    """The tolerated parameters that moved by at least so many tolerances."""
+def adjusted(
+    problem: Problem, base: Sequence[float], least: float = NOTICED, std: Sequence[float] | None = None
+) -> list[Adjusted]:
+    """The tolerated parameters that moved by at least so many tolerances. std: of each of `base`, in tolerances."""
     found: list[Adjusted] = []
-    for adjustable, z in zip(problem.tolerated, base, strict=True):
+    for adjustable, z, sigma in zip(problem.tolerated, base, std or [np.nan] * len(base), strict=True):
         if abs(z) < least:
             continue
         for name in adjustable.parameters:
             start = start_value(problem.study, problem.fmu, None, name)
             if np.isfinite(start):
-                found.append(Adjusted(name, start, start + z * tolerance_of(adjustable, start), z))
+                one = tolerance_of(adjustable, start)
+                found.append(Adjusted(name, start, start + z * one, sigma * abs(one), z))
     return found
 
 

@@ -140,7 +140,8 @@ class Draft:
         yield f"displacement = {toml(joint.displacement)}  # guess: it gives way when the force pushes"
         for key in ("velocity", "nominal_force", "acceleration"):
             if name := getattr(joint, key):
-                yield f"{key} = {toml(name)}  # guess: by its name and unit"
+                own = ": the spring's and damper's own there, not a drive's" if key == "nominal_force" else ""
+                yield f"{key} = {toml(name)}  # guess: by its name and unit{own}"
         yield f"sign = {joint.sign}  # found by one push"
 
     def _conditions(self, folder: Path) -> Iterator[str]:

@@ -44,5 +44,6 @@ def unfelt(study: Study) -> Iterator[Finding]:
                     "A load cell in line with the joint measures what an effect adds there, too: the effect would be denied "
                     "by this channel, and another one named",
                     f"Export the sum of the element's force and {joint.force!r} as an output, and name it as the channel's "
-                    "simulation; nominal_force stays as it is.",
+                    "simulation; nominal_force stays as it is. Where it is a drive's force, no spring's or damper's, and the "
+                    "drive's own sensor measures it, take nominal_force out of the joint.",
                 )

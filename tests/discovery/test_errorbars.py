@@ -7,7 +7,7 @@ import pytest
 from one_mass import problem_of
 from scipy.signal import lfilter
 
-from fmucorrect.discovery.errorbars import spread
+from fmucorrect.discovery.errorbars import base_std, spread
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fitted import Fitted, begin
 from fmucorrect.discovery.model import Model
@@ -61,3 +61,35 @@ def test_a_setting_with_fewer_rows_that_count_is_wider(problem):
     fitted = Fitted(problem.nominal, at, residual, 1.0, 0.0, setting.base, problem.nominal.base, slopes)
     wide, narrow = (float(spread(problem, replace(setting, share=s), fitted)[0, 0]) for s in (0.25, 1.0))
     assert wide > 2.0 * narrow
+
+
+def test_parameters_that_move_are_known_as_well_as_records_and_tolerances_say(problem):
+    """Two that do nearly the same, and one that does nothing: truths by their tolerances, measured with a white error."""
+    setting, _, _ = begin(problem)
+    n = len(setting.measured)
+    t = np.arange(n) / n
+    alike = np.sin(40.0 * t)
+    base = np.stack([alike, alike + 0.05 * np.cos(90.0 * t), np.zeros(n)], axis=1) * np.sqrt(32.0 / n)
+    setting = replace(setting, sensors=Nuisances(np.zeros((n, 0))), base=base)
+    rng, wrong, said = np.random.default_rng(5), [], []
+    posterior = np.linalg.inv(base.T @ base + np.eye(3))
+    for _ in range(TIMES):
+        truth, error = rng.normal(size=3), rng.normal(size=n)
+        z = posterior @ base.T @ (base @ truth + error)
+        left = base @ (truth - z) + error
+        fitted = Fitted(
+            Model((), tuple(z)),
+            left,
+            left,
+            float(left @ left) / n,
+            0.0,
+            base,
+            tuple(z),
+            np.zeros((n, 0)),
+            np.zeros((0, 0)),
+        )
+        wrong.append(z - truth)
+        said.append(base_std(problem, setting, fitted) ** 2)
+    assert np.sqrt(np.mean(said, axis=0)) == pytest.approx(np.std(wrong, axis=0), rel=0.2)
+    assert np.mean(said, axis=0)[2] == pytest.approx(1.0)
+    assert np.std(wrong, axis=0)[0] > 2.0 * np.std(np.sum(np.array(wrong)[:, :2], axis=1))

@@ -68,6 +68,7 @@ def _common() -> dict[str, Any]:
         "adjusted": {"kpx": 14.52e6, "equivalent_conicity": 0.1523},
         "adjusted_from": {"kpx": 14.7e6, "equivalent_conicity": 0.15},
         "adjusted_by": {"kpx": -0.24, "equivalent_conicity": 0.31},
+        "adjusted_std": {"kpx": 0.06e6},
         "sensors": [
             {"channel": "FW", "gain": 0.0021, "lag": 0.0011, "gain_by": 0.42, "lag_by": 2.2},
             {"channel": "FB", "gain": -0.0004, "lag": 0.0008, "gain_by": -0.08, "lag_by": 1.6},

@@ -87,7 +87,7 @@ def test_named_says_verdict_values_and_gap_at_once() -> None:
         "friction force 512 ± 9 N 1.8 %",
         "smoothing velocity 1.00 mm/s not estimated",
         "cubic stiffness 1.23 ± 0.04 TN/m³ 3.6 %",
-        "kpx 14.70·10⁶ 14.52·10⁶ −1.2 %",
+        "kpx 14.70·10⁶ 14.52·10⁶ ± 0.4 % −1.2 %",
         "FW +0.21 % (+0.42) +1.1 ms (+2.2)",
         "Evaluation: held out, not looked at until the verdict stood 385 14.1 1.31 1.10 1.2 −0.81 0.9921",
         "The next is with Stribeck friction at “secondary, lateral” in the place of Coulomb friction at “secondary, lateral”, "

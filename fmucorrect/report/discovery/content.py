@@ -314,9 +314,10 @@ class Cost:
 @dataclass(frozen=True)
 class Discovery:
     """verdict: named, ambiguous, none or unexplained. suspects: what came nearest where nothing is named. adjusted,
-    adjusted_from, adjusted_by: parameters that moved: value after, before, by how many tolerances. cautions: what the verdict
-    hangs on. series: by condition. unexplained: share of the residual's energy. warnings: as Finding.to_json has them.
-    time_limit, stages: s. complete: whether the search came to its end, which one before there was a time limit always did."""
+    adjusted_from, adjusted_by, adjusted_std: parameters that moved: value after, before, by how many tolerances, standard
+    deviation of the value. cautions: what the verdict hangs on. series: by condition. unexplained: share of the residual's
+    energy. warnings: as Finding.to_json has them. time_limit, stages: s. complete: whether the search came to its end, which
+    one before there was a time limit always did."""
 
     verdict: str
     sentence: str
@@ -328,6 +329,7 @@ class Discovery:
     adjusted: Mapping[str, float]
     adjusted_from: Mapping[str, float]
     adjusted_by: Mapping[str, float]
+    adjusted_std: Mapping[str, float]
     sensors: Sequence[Sensor]
     cautions: Sequence[str]
     candidates: Sequence[Candidate]

@@ -181,13 +181,16 @@ def _adjusted(page: Page, report: Discovery) -> None:
         return
     page.section(
         "Parameters of the model that moved along",
-        "By as much as their tolerances, which are standard deviations, make likely.",
+        "By as much as their tolerances, which are standard deviations, make likely. ±: one standard deviation, with what "
+        "others could do in its place.",
     )
     table: list[Row] = []
     for name, new in report.adjusted.items():
         old, by = report.adjusted_from.get(name, nan), report.adjusted_by.get(name, nan)
         change = f"{moved_by(100.0 * (new / old - 1.0))} %" if known(old) and old and known(new) else ""
-        table.append(Row([name, short(old, 4), short(new, 4), change, moved_by(by) if known(by) else ""]))
+        std = report.adjusted_std.get(name, nan)
+        after = short(new, 4) + (f" ± {percent(std / abs(new))}" if known(std) and new else "")
+        table.append(Row([name, short(old, 4), after, change, moved_by(by) if known(by) else ""]))
     page.table(["parameter", "before", "after", "change", "in tolerances"], table)
     page.end()
 
