@@ -165,12 +165,16 @@ def _from_nothing(term: Term) -> bool:
     """Whether it is an error of one number that may be none: a gain, a lag."""
     if not isinstance(term, SignalTerm) or len(term.estimated) != 1:
         return False
-    neutral = term.parameter(term.estimated[0]).neutral
-    return neutral is not None and math.isfinite(neutral)
+    return term.parameter(term.estimated[0]).neutral is not None and reaches_nothing(term)
+
+
+def reaches_nothing(term: Term) -> bool:
+    """Of a term of one number, whether a step in it leads to nothing: no cutoff is high enough for a low-pass to be none."""
+    return not math.isinf(term.parameter(term.estimated[0]).neutral or 0.0)
 
 
 def size_of(term: Term) -> float:
-    """How far a member's coordinate is from nothing, to first order."""
+    """How far a member's coordinate is from nothing, to first order; of one that reaches it."""
     (name,), (scale,) = term.estimated, coordinates(term)
     nothing = term.parameter(name).neutral or 0.0
     if scale == 0.0:

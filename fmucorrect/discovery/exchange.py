@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from fmucorrect.discovery.candidates import UP, Curve
-from fmucorrect.discovery.condensing import size_of
+from fmucorrect.discovery.condensing import reaches_nothing, size_of
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fit import PROBE, fit
 from fmucorrect.discovery.fitted import Fitted, Setting, tried
@@ -60,7 +60,7 @@ def exchanged(
     for t, term in enumerate(best.model.terms):
         others = (*best.model.terms[:t], *best.model.terms[t + 1 :])
         own = best.slopes[:, ends[t] : ends[t + 1]]
-        if own.shape[1] == 1:
+        if own.shape[1] == 1 and reaches_nothing(term):
             does = own[:, 0] * size_of(term)
         else:
             (without,) = problem.many([replace(best.model, terms=others)])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
@@ -157,9 +158,13 @@ def _is_expected(problem: Problem, setting: Setting, term: Term) -> bool:
 
 
 def is_nothing(term: Term, std: Mapping[str, float]) -> bool:
-    """Whether the main number is within twice its standard deviation of where the effect is none."""
+    """Whether the main number is within twice its standard deviation of where the effect is none; its inverse, where that is
+    an infinite one."""
     neutral = term.parameter(term.main).neutral if term.main in std else None
-    return neutral is not None and abs(term.values[term.main] - neutral) < NOTHING * std[term.main]
+    if neutral is None:
+        return False
+    value = term.values[term.main]
+    return abs(value if math.isinf(neutral) else value - neutral) < NOTHING * std[term.main]
 
 
 def _with_less(terms: Sequence[Term]) -> Iterator[tuple[Term, ...]]:

@@ -11,12 +11,15 @@ pytest.importorskip("sympy")
 from one_mass import HEAD, JOINT, MASS, NOISE, STEP, SWEEP, T, begun, sweep, term_at
 from scipy.integrate import solve_ivp
 
+from fmucorrect.catalogue.signal import SIGNALS
 from fmucorrect.discovery.decide import decide
 from fmucorrect.discovery.exchange import exchanged
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.look import around
 from fmucorrect.discovery.naming import name
+from fmucorrect.discovery.paring import is_nothing
 from fmucorrect.discovery.problem import load
+from fmucorrect.discovery.terms import SignalTerm
 from fmucorrect.study import load_study
 
 M, K, C = 1.0, 1000.0, 10.0  # kg, N/m, N.s/m of the study
@@ -127,3 +130,21 @@ def test_the_law_that_acts_is_tried_in_the_place_of_one_of_its_kin(library, tmp_
     assert term.effect == "series_stiffness"
     assert best.surprise < taken.surprise
     assert term.values["stiffness"] == pytest.approx(arm, rel=0.1)
+
+
+def test_what_no_finite_number_takes_away_is_exchanged_too(library, tmp_path):
+    """A sensor's low-pass: no cutoff is high enough for it to be none. Taken for one, a late sensor is told as that."""
+    x = integrated(lambda t, y: [y[1], (force(t) - K * y[0] - C * y[1]) / M], 2)[0]
+    late = np.interp(T - 0.004, T, x)
+    with measured(tmp_path, library, MASS + JOINT + SWEEP, late, **{"mass1.f [N]": sweep(0.5)}) as problem:
+        setting, base = begun(problem)
+        (law,) = SIGNALS["sensor_lowpass"]
+        start = SignalTerm(law, "x1", (0,), {"cutoff": 40.0})
+        taken = fit(problem, setting, replace(problem.nominal, terms=(start,)), 20)
+        assert np.isfinite(taken.model.terms[0].values["cutoff"])
+        fits = exchanged(problem, setting, taken, around(problem, base).curves(base), [taken])
+    assert all(fitted.model.terms[0].effect != "sensor_lowpass" for fitted in fits)
+    assert fits
+    almost = replace(start, values={"cutoff": 9000.0})
+    assert is_nothing(almost, {"cutoff": 18000.0})
+    assert not is_nothing(start, {"cutoff": 0.4})
