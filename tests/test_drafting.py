@@ -16,9 +16,9 @@ from fmucorrect import cli
 from fmucorrect.drafting import _held_out, draft
 from fmucorrect.drafting.driving import NAMED
 from fmucorrect.drafting.guess import likeness
-from fmucorrect.drafting.joints import kind_by_name
+from fmucorrect.drafting.joints import kind, kind_by_name, turns
 from fmucorrect.errors import RecordError
-from fmucorrect.fmu import IsolatedStepper
+from fmucorrect.fmu import IsolatedStepper, Variable
 from fmucorrect.inspection import study_problems
 from fmucorrect.pairs import pair
 from fmucorrect.records import read, writer
@@ -498,6 +498,30 @@ def test_a_side_may_be_its_first_letter(column: str, variable: str, other: str) 
 )
 def test_what_a_column_is_by_a_word_of_its_name(name: str, what: str) -> None:
     assert kind_by_name(name) == what
+
+
+@pytest.mark.parametrize(
+    ("name", "what", "turning"),
+    [
+        ("Daempfer[2].s_rel", "displacement", False),
+        ("Daempfer[2].v_rel", "velocity", False),
+        ("hinge.phi_rel", "displacement", True),
+        ("hinge.w_rel", "velocity", True),
+        ("Fundament.FZusatz", "force", False),
+        ("Fundament.vF", "velocity", False),
+        ("Zylinder.xKolben", "displacement", False),
+        ("acc_z", "acceleration", False),
+        ("body_vel_z", "velocity", False),
+        ("F_front", "force", False),
+        ("damperForce", "force", False),
+        ("Feder[2].c", "", False),
+    ],
+)
+def test_what_a_variable_without_a_unit_is_by_its_name(name: str, what: str, turning: bool) -> None:
+    """As libraries, tools and people of several countries write them."""
+    variable = Variable(name, "Real", "output")
+    assert kind(variable) == what
+    assert bool(turns(variable)) == turning
 
 
 @pytest.mark.parametrize(

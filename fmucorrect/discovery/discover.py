@@ -249,6 +249,8 @@ def _report(
     else:
         adjusted = output.adjusted(problem, learned.model.base)
     sensed = output.sensor_rows(study.channels, sensors)
+    own = _by_fmu(problem, best) if named and study.fmu is not None else []
+    alone = {gap.condition.name: {"nrmse_alone": gap.nrmse_after} for gap in own or ()}
     report: dict[str, Any] = {
         "format": 1,
         "verdict": verdict,
@@ -265,12 +267,12 @@ def _report(
         "cautions": [
             *wrong_signs(problem),
             *cautions(problem, best, wider, sensed),
-            *(_alone(problem, best) if named else ()),
+            *(_alone(best, own) if named else ()),
         ],
         "candidates": output.candidate_rows(problem, naming, decision),
         "learned": row,
         "where": shares_of | where(residuals, study.rotations, study.channels),
-        "gap": [output.gap_row(gap) for gap in checked],
+        "gap": [output.gap_row(gap) | alone.get(gap.condition.name, {}) for gap in checked],
         "series": output.series(study, checked),
         "unexplained": decision.unexplained,
         "next_test": _next(problem, naming, decision) if verdict == "ambiguous" else None,
@@ -338,21 +340,29 @@ def confirmed(decision: Decision, checked: Sequence[Gap], sizes: Sequence[Size] 
     return decision.verdict if kept or decision.verdict == "none" else "unexplained"
 
 
-def _alone(problem: Problem, best: Fitted) -> list[str]:
-    """Conditions, the evaluation's where there are any, that an FMU with the forces and parameters alone shows worse than the
-    model that they mend: a sensor's offset, say, makes up for one of them."""
+def _by_fmu(problem: Problem, best: Fitted) -> list[Gap] | None:
+    """Conditions, the evaluation's where there are any, by an FMU with the forces and parameters alone, as it is written: no
+    lag, gain or offset of a sensor. None where its solver gives up."""
     laws = tuple(term for term in best.model.terms if not isinstance(term, SignalTerm))
-    if not laws or laws == best.model.terms:
+    if not laws:
         return []
     study, model = problem.study, replace(best.model, terms=laws)
-    conditions = study.evaluation or study.conditions
     sensors = np.zeros((len(study.channels), 2))
-    told = "what was found in sensors or in the excitation, which is not in augmented.fmu: that alone"
-    try:
-        own = gaps(
+    conditions = study.evaluation or study.conditions
+    with suppress(FmuError):
+        return gaps(
             study, problem.library, conditions, model, problem.tolerated, sensors, problem.substeps, problem.budget
         )
-    except FmuError:
+    return None
+
+
+def _alone(best: Fitted, own: Sequence[Gap] | None) -> list[str]:
+    """Conditions that an FMU with the forces and parameters alone shows worse than the model that they mend: a sensor's offset,
+    say, makes up for one of them. own: of `_by_fmu`."""
+    if not any(isinstance(term, SignalTerm) for term in best.model.terms):
+        return []
+    told = "what was found in sensors or in the excitation, which is not in augmented.fmu: that alone"
+    if own is None:
         return [f"{told} brings the solver to give up"]
     return [
         f"{told} is farther from the measurement at {gap.condition.name} than the model "

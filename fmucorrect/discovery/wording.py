@@ -57,8 +57,13 @@ def _verdict(report: Discovery, checked: Sequence[Gap]) -> str:
     held = [gap for gap in checked if gap.condition.role == "evaluation"] or list(checked)
     worst = max(held, key=lambda gap: gap.nrmse_before)
     error = f"the error at {worst.condition.name} falls from {worst.nrmse_before:.3g} to {worst.nrmse_after:.3g} %"
-    if known(worst.noise_floor):
-        error += f" (sensor noise {worst.noise_floor:.2g} %)"
+    beside = [f"sensor noise {worst.noise_floor:.2g} %"] if known(worst.noise_floor) else []
+    beside += [
+        f"{row.nrmse_alone:.3g} % by augmented.fmu alone, which has no sensors"
+        for row in report.gap
+        if row.condition == worst.condition.name and row.far
+    ]
+    error += f" ({'; '.join(beside)})" if beside else ""
     names = [_or_another(row) for row in report.effects]
     what = names[0] if len(names) == 1 else f"{len(names)} effects: {'; '.join(names)}"
     after = f"; with it {error}." if len(names) == 1 else f". With them {error}."

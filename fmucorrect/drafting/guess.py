@@ -72,5 +72,6 @@ def _side(word: str) -> str:
 def words(name: str) -> list[str]:
     """The words of a name, small; those that say nothing are left out where others stay."""
     bare = re.sub(r"\s*[\[(][^\])]*[\])]\s*$", "", name)
-    found = re.findall(r"[a-z]+\d*|\d+", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", bare).lower())
+    parted = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<![A-Za-z][A-Z])(?<=[A-Z])(?=[A-Z][a-z]{2})", "_", bare)  # FZusatz, too
+    found = re.findall(r"[a-z]+\d*|\d+", parted.lower())
     return [word for word in found if word not in _FILLING] or found

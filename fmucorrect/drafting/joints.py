@@ -18,14 +18,14 @@ TURNING = {"displacement": "rad", "velocity": "rad/s", "force": "N.m", "accelera
 """Units of what has none, by its kind: of what moves along, and of what turns."""
 _WORDS = {
     "force": frozenset(["f", "fx", "fy", "fz", "force", "torque", "trq", "moment", "mx", "my", "mz", "tau"]),
-    "velocity": frozenset(["v", "vel", "velocity", "rate", "omega", "speed"]),
-    "acceleration": frozenset(["a", "acc", "accel", "acceleration"]),
+    "velocity": frozenset(["v", "vel", "velocity", "rate", "omega", "speed", "vrel", "wrel"]),
+    "acceleration": frozenset(["a", "acc", "accel", "acceleration", "arel"]),
     "displacement": frozenset(
-        ["d", "disp", "displacement", "deflection", "travel", "stroke", "x", "y", "z", "angle", "phi", "theta", "twist"]
+        "d disp displacement deflection travel stroke x y z angle phi theta twist srel phirel".split()  # noqa: SIM905
     ),
 }
-"""The last word of a name, or the first, that tells what a variable without a unit is."""
-_TURNS = frozenset(["torque", "trq", "moment", "mx", "my", "mz", "tau", "omega", "angle", "phi", "theta", "twist"])
+"""Words of a name that tell what a variable without a unit is; `s_rel` and its kin as Modelica's library has them."""
+_TURNS = frozenset("torque trq moment mx my mz tau omega wrel angle phi theta twist phirel".split())  # noqa: SIM905
 """Of these words, those of what turns."""
 _ALL = frozenset().union(*_WORDS.values())
 
@@ -115,10 +115,22 @@ def unit_of(variable: Variable) -> str:
     return (TURNING if turns(variable) else SI).get(kind(variable), "")
 
 
+def written_out(variable: Variable) -> str:
+    """What a variable is by a word of its name alone; "" where only a letter tells it, which may be an axis or a place."""
+    told = _telling(variable)
+    return next((what for what, known in _WORDS.items() if told in known and len(told) > 1), "")
+
+
 def _telling(variable: Variable) -> str:
-    """The word of its name that tells what it is; "" where none does."""
-    parts = [word.rstrip("0123456789") for word in words(re.split(r"[./]", variable.name)[-1])]
-    return next((word for word in (*parts[-1:], *parts[:1]) if word in _ALL), "")
+    """The word of its name that tells what it is: one of several letters, else the last or the first letter, the first where
+    nothing but case parts the words (`vF`); "" where none does."""
+    name = re.split(r"[./]", variable.name)[-1]
+    parts = [word.rstrip("0123456789") for word in words(name)]
+    if parts[-1:] == ["rel"] and len(parts) > 1:
+        parts[-2:] = [f"{parts[-2]}rel"]
+    ends = [*parts[-1:], *parts[:1]] if re.search(r"[^A-Za-z0-9]", name) else [*parts[:1], *parts[-1:]]
+    long = [word for word in (*ends, *parts) if len(word) > 1]
+    return next((word for word in (*long, *ends) if word in _ALL), "")
 
 
 def stem(name: str) -> str:

@@ -13,7 +13,7 @@ from jaxtyping import Float64
 from fmucorrect import records, units
 from fmucorrect.clocks import overlapping
 from fmucorrect.drafting.guess import SENSED, likeness, quantity, si
-from fmucorrect.drafting.joints import kind, kind_by_name, unit_of
+from fmucorrect.drafting.joints import kind, kind_by_name, unit_of, written_out
 from fmucorrect.errors import RecordError, few
 from fmucorrect.fmu import FmuDescription, IsolatedStepper, Variable, input_record
 from fmucorrect.records import timebase
@@ -424,9 +424,15 @@ def find_channels(fmu: FmuDescription, log: Run, trial: Trial) -> tuple[ChannelG
 
 
 def _may_show(unit: str, column: str, output: Variable, fmu: FmuDescription) -> bool:
-    """By their units, and where the column has none by what its name says: no acceleration shows a displacement."""
-    told = kind_by_name(column) if unit in units.UNSAID else ""
-    return may_be(unit, output.unit, fmu.defined) and (not told or kind(output) in ("", told))
+    """By their units, and where one of them has none by what its name says: no acceleration shows a displacement."""
+    if unit in units.UNSAID:
+        told, own = kind_by_name(column), kind(output)
+    elif output.unit in units.UNSAID:
+        told, own = quantity(unit, fmu.defined) or "", written_out(output)
+        told = "displacement" if told == "angle" else told
+    else:
+        told = own = ""
+    return may_be(unit, output.unit, fmu.defined) and (not told or own in ("", told))
 
 
 def _units(column: str, variable: Variable, ratio: float, defined: Mapping[str, units.Unit]) -> tuple[str, str, str]:

@@ -13,7 +13,7 @@ from test_exchange import C as C1
 from test_exchange import K, M, adjustable, decided, force, integrated
 
 from fmucorrect.catalogue.signal import SIGNALS
-from fmucorrect.discovery.discover import _alone
+from fmucorrect.discovery.discover import _alone, _by_fmu
 from fmucorrect.discovery.doubt import cautions
 from fmucorrect.discovery.errorbars import JOINT_ERROR, with_unlisted
 from fmucorrect.discovery.fit import fit
@@ -95,7 +95,7 @@ def test_forces_that_a_sensors_offset_makes_up_for_are_told(library, tmp_path):
 
         def told(*terms):
             best = replace(base, model=replace(problem.nominal, terms=terms))
-            return _alone(problem, best)
+            return _alone(best, _by_fmu(problem, best))
 
         (said,) = told(preload, offset)
         assert "not in augmented.fmu" in said

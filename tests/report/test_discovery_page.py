@@ -16,12 +16,16 @@ import numpy as np
 import pytest
 from test_page import BROWSER, MOST
 
+from fmucorrect.discovery.confirm import Gap
+from fmucorrect.discovery.wording import sentence
 from fmucorrect.report.base.html import Page
+from fmucorrect.report.base.words import short
 from fmucorrect.report.discovery import figures as discovery_figures
 from fmucorrect.report.discovery import gap
 from fmucorrect.report.discovery import page as discovery_page
 from fmucorrect.report.discovery import pictures as discovery_pictures
 from fmucorrect.report.discovery.content import Discovery
+from fmucorrect.signals import Condition
 
 VERDICTS = ("named", "ambiguous", "none", "unexplained")
 ALL = {verdict: example.report(verdict) for verdict in VERDICTS} | {"recorded": example.recorded()}
@@ -417,3 +421,18 @@ def test_a_verdict_before_the_end_doubts_and_the_force_that_acted_are_told() -> 
         assert said in text, said
     assert "Not looked at yet" not in words(report | {"complete": True})
     assert "Look at kpx" in words(report | {"verdict": "unexplained"})
+
+
+def test_what_the_fmu_alone_leaves_is_told_where_sensors_made_up_for_it() -> None:
+    report = example.report("named")
+    held = next(row for row in report["gap"] if row["role"] == "evaluation")
+    assert "augmented.fmu alone" not in words(report)
+    held["nrmse_alone"] = 1.2 * held["nrmse_after"]
+    assert "augmented.fmu alone" not in words(report)
+    held["nrmse_alone"] = 2.0 * held["nrmse_after"]
+    text = words(report).replace("\u00a0", " ")
+    assert f"augmented.fmu alone has none: {short(held['nrmse_alone'])} % at {held['condition']}" in text
+    none, shown = np.zeros(0), np.zeros((0, 1))
+    of = Condition(held["condition"], role="evaluation")
+    checked = Gap(of, none, shown, shown, shown, np.zeros(1), 5.0, held["nrmse_after"], 0.1, 0.5, 0.9)
+    assert "% by augmented.fmu alone, which has no sensors)" in sentence(Discovery.read(report), [checked])

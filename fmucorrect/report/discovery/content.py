@@ -14,6 +14,9 @@ from fmucorrect.report.base.json_table import Numbers, read
 from fmucorrect.report.base.words import quantity
 from fmucorrect.report.discovery.text import at
 
+FARTHER = 1.5
+"""By how many times the augmented FMU's own error has to be larger than the one with the sensors' errors to be told."""
+
 
 @dataclass(frozen=True)
 class Study:
@@ -214,7 +217,8 @@ class Where:
 @dataclass(frozen=True)
 class Gap:
     """Of one condition: NRMSE (%) and R2 before and after the change. role: evaluation or development. noise_floor: the NRMSE
-    that noise alone makes."""
+    that noise alone makes. nrmse_alone: NRMSE of augmented.fmu alone, without what the sensors took on; nan where it was not
+    simulated."""
 
     condition: str
     role: str
@@ -223,6 +227,12 @@ class Gap:
     noise_floor: float
     r2_before: float
     r2_after: float
+    nrmse_alone: float
+
+    @property
+    def far(self) -> bool:
+        """Whether augmented.fmu is farther from the measurement than what was found, sensors and all."""
+        return self.nrmse_alone > FARTHER * self.nrmse_after
 
     @property
     def held_out(self) -> bool:

@@ -49,6 +49,11 @@ def gap_section(page: Page, items: Sequence[Gap], recorded: bool) -> None:
         page.caution(f"At {listed(worse)} the error is larger after the change than before it.")
     if changed and not any(item.held_out for item in items):
         page.caution("No condition was held out: nothing here says that it carries over to where it was not fitted.")
+    if far := [item for item in items if item.far]:
+        own = listed([f"{short(item.nrmse_alone)} % at {item.condition}" for item in far])
+        page.text_block(
+            f"After has the sensors' gains and lags in it, as the records show them. augmented.fmu alone has none: {own}."
+        )
     ordered = sorted(items, key=lambda item: not item.held_out)
     page.figure(chart(ordered))
     table: list[Row] = []
