@@ -246,6 +246,32 @@ def test_a_poor_model_is_no_fault(tmp_path: Path) -> None:
     assert screen(make(tmp_path, lacks=1.5, only=())).warnings == ()
 
 
+@pytest.mark.parametrize(
+    ("fault", "told"),
+    [
+        (lambda item, other: np.apply_along_axis(stretched, 0, item.measured), "another run, or its time is stretched"),
+        (lambda item, other: other.measured, "another run, or its time is stretched"),
+        (lambda item, other: np.roll(item.measured, 90, axis=0), "0.9 s earlier, "),
+        (lambda item, other: np.roll(item.measured, -90, axis=0), "0.9 s later, "),
+    ],
+)
+def test_a_record_that_has_nothing_of_its_run(
+    tmp_path: Path, fault: Callable[[Pair, Pair], np.ndarray], told: str
+) -> None:
+    """Of one condition; the others say that the model is right."""
+    study = make(tmp_path)
+    one, two = pairs_of(study)
+    (finding,) = of_pairs(study, [replace(one, measured=fault(one, two)), two])
+    assert (finding.kind, finding.level) == ("nothing in common with its simulation", "warning")
+    assert finding.where == "condition 'one'"
+    assert told in finding.text
+
+
+def stretched(x: np.ndarray) -> np.ndarray:
+    """In a time that runs faster."""
+    return np.interp(0.78 * np.arange(len(x)), np.arange(len(x)), x)
+
+
 @pytest.mark.parametrize("factor", [3.0, 5.0, 9.81])
 def test_a_poor_model_may_be_wrong_in_size(tmp_path: Path, factor: float) -> None:
     """Below 6, and by factors that are none of a displacement, a resonance may do it."""

@@ -49,6 +49,11 @@ HALF = 0.7
 """Correlation from which a channel follows its simulation: half of its variance."""
 MOST = 12
 """Channels whose signs are looked at together."""
+UNRELATED = 0.25
+"""Correlation of any measured with any simulated channel below which a record has next to nothing of its run. Records of other
+runs reach 0.2, over a hundred swings; of models that lack a good part of what acts the best channel has more than 0.5."""
+SWINGS = 12
+"""From which on that means something."""
 TWINS = 1e-3
 """Share of its size by which a channel differs from another one that is the same sensor; in the simulation they differ by at
 least ten times as much."""
@@ -67,6 +72,7 @@ def of_pairs(study: Study, pairs: Sequence[Pair]) -> tuple[Finding, ...]:
         *_quiet(study, pairs),
         *_begin(study, pairs),
         *_clocks(study, pairs),
+        *_unrelated(study, pairs),
         *_duplicated(study, pairs, twins),
         *_assigned(study, pairs, tables, doubtful),
         *_sizes(study, pairs, tables),
@@ -195,6 +201,41 @@ def _clocks(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
                 "Its stated sample rate is not the true one; what was found has been taken out",
                 "Nothing is to be done, or write the record with its true sample rate.",
             )
+
+
+def _unrelated(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
+    """Records of which no channel has anything of any simulated one: of another run, or with another clock."""
+    for item in pairs:
+        swings = min(_turns(item.measured).max(), _turns(item.response).max())
+        most = float(np.abs(correlations(item)).max())
+        if swings < SWINGS or most >= UNRELATED:
+            continue
+        late, then, j = max((_shifted(item, j) for j in range(len(study.channels))), key=lambda found: abs(found[1]))
+        told = f"no measured channel correlates with a simulated one by more than {most:.2g}"
+        if abs(then) > HALF:
+            when = f"{abs(late):.4g} s {'later' if late < 0.0 else 'earlier'}"
+            told += f"; {when}, {study.channels[j].name!r} would, by {then:+.2f}"
+            means = "Its clock is not that of the run, or the model moves at another time than the machine"
+            remedy = "Let the offset be told by an [excitation] that both have, or correct the stamps of the record."
+        else:
+            means = "It is the record of another run, or its time is stretched: what is learned or found from it means nothing"
+            remedy = "Look whether it was measured with these inputs, and what unit and sample rate its time has."
+        where = f"condition {item.condition.name!r}"
+        yield Finding("nothing in common with its simulation", "warning", where, told, means, remedy)
+
+
+def _shifted(item: Pair, j: int) -> tuple[float, float, int]:
+    """By how many s channel j was measured too late to correlate best with its simulation, up to half a record, and by how much
+    it correlates then; j."""
+    from scipy.signal import correlate
+
+    a, b = (values[:, j] - values[:, j].mean() for values in (item.measured, item.response))
+    size, half = float(np.linalg.norm(a) * np.linalg.norm(b)), len(a) // 2
+    if size == 0.0:
+        return 0.0, 0.0, j
+    found = correlate(a, b, "full", "fft")[len(b) - 1 - half : len(b) + half] / size
+    at = int(np.abs(found).argmax())
+    return (at - half) * float(item.t_ns[1] - item.t_ns[0]) / NANOSECONDS, float(found[at]), j
 
 
 def _twins(pairs: Sequence[Pair], j: int, k: int) -> list[int]:
