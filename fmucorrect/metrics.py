@@ -159,3 +159,13 @@ def _check(predicted: np.ndarray, measured: np.ndarray) -> None:
         bad = np.argwhere(~np.isfinite(values))
         if len(bad):
             raise SignalError(f"the {name} is not finite at row {bad[0][0]}, channel {bad[0][1] + 1}")
+
+
+def linear_share(y: Float64[np.ndarray, " N"], x: Float64[np.ndarray, " N"], length: int) -> float:
+    """Share of the power of y that a linear filter could make of x: the coherence by Welch's method, weighted by y's spectrum.
+    Of series that have nothing to do with each other about one over the number of parts of this length, rows."""
+    from scipy.signal import csd, welch
+
+    (_, powers), (_, power) = (welch(series, nperseg=length) for series in (y, x))
+    _, shared = csd(y, x, nperseg=length)
+    return float((np.abs(shared) ** 2 / np.maximum(power, np.finfo(float).tiny)).sum() / powers.sum())

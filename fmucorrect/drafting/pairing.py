@@ -16,6 +16,7 @@ from fmucorrect.drafting.guess import SENSED, likeness, quantity, si
 from fmucorrect.drafting.joints import kind, kind_by_name, unit_of, written_out
 from fmucorrect.errors import RecordError, few
 from fmucorrect.fmu import FmuDescription, IsolatedStepper, Variable, input_record
+from fmucorrect.metrics import linear_share
 from fmucorrect.records import timebase
 from fmucorrect.records.contents import TopicContents
 from fmucorrect.records.timebase import seconds_text
@@ -499,8 +500,6 @@ def _heard(
 ) -> Float64[np.ndarray, "C O"]:
     """The share of each column's power that is linear in each output, less what it is larger or smaller (powers of ten), with
     the sign of their correlation; 0 where it is of another size. A column without a unit is taken in the output's."""
-    from scipy.signal import csd, welch
-
     found, length = np.zeros_like(correlation), len(trial.measured) // 8
     if length < 8:
         return found
@@ -511,9 +510,7 @@ def _heard(
             said = unit not in units.UNSAID and output.unit not in units.UNSAID
             factor = units.conversion(SENSED.get(unit, unit), output.unit, column, fmu.defined) if said else 1.0
             away = abs(np.log10(trial.ratio(column, output.name) * factor)) / SIZED
-            (_, powers), (_, power) = (welch(series, nperseg=length) for series in (measured, simulated))
-            _, shared = csd(measured, simulated, nperseg=length)
-            share = float((np.abs(shared) ** 2 / np.maximum(power, np.finfo(float).tiny)).sum() / powers.sum())
+            share = linear_share(measured, simulated, length)
             if share >= HEARD and away <= 1.0:
                 found[c, o] = sign * share * (1.0 - away / 2.0)
     return found

@@ -8,6 +8,7 @@ from itertools import combinations, product
 import numpy as np
 from jaxtyping import Float64
 
+from fmucorrect.metrics import linear_share
 from fmucorrect.pairs import Pair
 from fmucorrect.screening.finding import Finding
 from fmucorrect.signals import NANOSECONDS
@@ -52,6 +53,11 @@ MOST = 12
 UNRELATED = 0.25
 """Correlation of any measured with any simulated channel below which a record has next to nothing of its run. Records of other
 runs reach 0.2, over a hundred swings; of models that lack a good part of what acts the best channel has more than 0.5."""
+LINEAR = 0.5
+"""Share of a channel's power that a linear filter makes of its simulation from which both are of one run, however far the
+model's stiffness is off: most of it. By chance it is about one in PARTS, of what sweeps alike some times that."""
+PARTS = 12
+"""Into so many a record is cut for that."""
 SWINGS = 12
 """From which on that means something."""
 TWINS = 1e-3
@@ -210,6 +216,8 @@ def _unrelated(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
         most = float(np.abs(correlations(item)).max())
         if swings < SWINGS or most >= UNRELATED:
             continue
+        if max(_linear(item, j) for j in range(len(study.channels))) > LINEAR:
+            continue  # a model that answers in quadrature
         late, then, j = max((_shifted(item, j) for j in range(len(study.channels))), key=lambda found: abs(found[1]))
         told = f"no measured channel correlates with a simulated one by more than {most:.2g}"
         if abs(then) > HALF:
@@ -222,6 +230,10 @@ def _unrelated(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
             remedy = "Look whether it was measured with these inputs, and what unit and sample rate its time has."
         where = f"condition {item.condition.name!r}"
         yield Finding("nothing in common with its simulation", "warning", where, told, means, remedy)
+
+
+def _linear(item: Pair, j: int) -> float:
+    return linear_share(item.measured[:, j], item.response[:, j], max(len(item.measured) // PARTS, 1))
 
 
 def _shifted(item: Pair, j: int) -> tuple[float, float, int]:
