@@ -65,7 +65,7 @@ class Info:
     of all of them, in the FMU's own units. units: of variables that the FMU leaves without one, as the study knew them.
     evaluation: figures, for people. state: S, numbers that the network hands on from sample to sample, 0 for none. sees: what
     it sees beside the channels. solver: the FMU that was simulated in training, by its file's name; "" where logs were, or in
-    bundles that do not say it.
+    bundles that do not say it. defaults: what its parameters were by themselves, {} likewise.
     """
 
     name: str
@@ -83,6 +83,7 @@ class Info:
     state: int = 0
     sees: tuple[Channel, ...] = ()
     solver: str = ""
+    defaults: Mapping[str, float] = field(default_factory=dict)
 
     __repr__ = brief
 
@@ -113,12 +114,13 @@ class Info:
 
     def unlike(self, given: Mapping[str, float], defaults: Mapping[str, float] = MappingProxyType({})) -> list[str]:
         """Which start values are others than those trained with, and what they were. given: those of the FMU that are set;
-        defaults: those that hold otherwise, as far as they are known. One that took several values in training may lie
-        beyond them by as much as they lie apart, where the correction for another speed ends, too; a constant one may not
-        differ. A bundle that knows neither of start values nor of a solver says nothing."""
+        defaults: those that hold otherwise, as far as they are known: another FMU has others. One that took several values in
+        training may lie beyond them by as much as they lie apart, where the correction for another speed ends, too; a constant
+        one may not differ. A bundle that knows neither of start values nor of a solver says nothing."""
         known = self.start_values_known
         found: list[str] = []
-        for name in sorted(known | (set(given) if known or self.solver else set())):
+        own = self.defaults.keys() & defaults.keys()
+        for name in sorted(known | own | (set(given) if known or self.solver else set())):
             value, trained = given.get(name, defaults.get(name)), self.trained(name, defaults)
             if value is None or (trained is None and name in known):
                 continue
@@ -134,9 +136,11 @@ class Info:
         return set(self.parameters).union(*(condition.get("parameters", {}) for condition in self.conditions))
 
     def trained(self, name: str, defaults: Mapping[str, float]) -> Trained | None:
-        """What `unlike` allows a start value to be; None where it is not known what it was. defaults: as there."""
+        """What `unlike` allows a start value to be; None where it is not known what it was. defaults: as there, for a bundle
+        that does not say what its FMU had."""
         rows = [{**self.parameters, **condition.get("parameters", {})} for condition in self.conditions]
-        values = [one for one in (row.get(name, defaults.get(name)) for row in rows) if one is not None]
+        otherwise = self.defaults.get(name, defaults.get(name))
+        values = [one for one in (row.get(name, otherwise) for row in rows) if one is not None]
         if not values:
             return None
         low, high = min(values), max(values)
@@ -145,7 +149,7 @@ class Info:
 
     def to_json(self) -> dict[str, Any]:
         data = {"format": 2 if self.state or self.sees else 1, **asdict(self)}
-        for key in (STATE, SEES, "solver"):
+        for key in (STATE, SEES, "solver", "defaults"):
             if not data[key]:
                 del data[key]
         return data
@@ -179,6 +183,7 @@ class Info:
             state=top.whole(STATE, STATES) if version == 2 and (STATE in data or not sees) else 0,
             sees=sees,
             solver=top.text("solver") if "solver" in data else "",
+            defaults=top.table("defaults").all(_Table.number) if "defaults" in data else {},
         )
 
 

@@ -82,6 +82,7 @@ def inspect(paths: Sequence[Path], reading: Reading = AS_IT_IS) -> Inspection:
                 continue
             problems = list(_against(model, other, reading))
             _judge(f"{_path(model).name} and {_path(other).name}", problems, fits, misfits)
+            warnings += _withheld(model, other) if isinstance(other, Study) else ()
     for study in (thing for thing in things if isinstance(thing, Study)):
         for fmu in (thing for thing in things if isinstance(thing, FmuDescription)):
             _judge(f"{study.path.name} and {fmu.path.name}", _against_model(study, fmu, {}), fits, misfits)
@@ -93,6 +94,22 @@ def inspect(paths: Sequence[Path], reading: Reading = AS_IT_IS) -> Inspection:
         tuple(seen),
         pairs,
     )
+
+
+def _withheld(model: Bundle, study: Study) -> Iterator[Finding]:
+    """Conditions at which the FMU is another than in training, so that nothing is corrected."""
+    defaults = sources.start_values(study)
+    for condition in study.conditions:
+        unlike = model.info.unlike({**study.parameters, **condition.parameters}, defaults)
+        if unlike:
+            yield Finding(
+                "corrector that would be withheld",
+                "warning",
+                f"condition {condition.name!r}, {_path(model).name}",
+                few(unlike),
+                "The model is not the one that the corrector was trained with: what it lacks may be another thing",
+                "Train on this study, or take the FMU and the start values of the training.",
+            )
 
 
 def _left_out(study: Study) -> Iterator[str]:

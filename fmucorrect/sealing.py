@@ -28,7 +28,7 @@ from jaxtyping import Float64
 from onnx import TensorProto, helper, numpy_helper
 
 import fmucorrect
-from fmucorrect import bundle, outputs
+from fmucorrect import bundle, outputs, sources
 from fmucorrect.bundle import Bundle, Info
 from fmucorrect.comparison import Comparison, compare
 from fmucorrect.errors import BundleError
@@ -98,6 +98,7 @@ def about(study: Study, pairs: Sequence[Pair]) -> Info:
         conditions=tuple(map(_trained_on, study.development)),
         parameters=dict(study.parameters),
         solver=_solver(study),
+        defaults=sources.own_parameters(study) if _solver(study) else {},
         units=dict(study.simulation.units),
         sees=tuple(map(_for_bundle, pairs[0].seen_beside(study.training.corrector.sees))),
         study_hash=study.hash,

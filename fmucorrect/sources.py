@@ -104,6 +104,13 @@ def start_values(study: Study) -> dict[str, float]:
     return found
 
 
+def own_parameters(study: Study) -> dict[str, float]:
+    """Of these, what may be set before a run: the FMU's parameters."""
+    known = start_values(study)
+    names = () if study.fmu is None else (v.name for v in open_fmu(study.fmu, warn=False).of("parameter"))
+    return {name: known[name] for name in names if np.isfinite(known.get(name, np.nan))}
+
+
 def driving(study: Study, condition: Condition) -> tuple[Variable, ...]:
     """The FMU's inputs that the input series of a condition has columns for; what else a log holds drives nothing. Raises
     RecordError where it has none at all."""

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmucorrect import bundle, records, runs
+from fmucorrect import bundle, inspection, records, runs
 from fmucorrect.cli import main
 from fmucorrect.errors import RecordError
 from fmucorrect.records import writer
@@ -55,6 +55,29 @@ def test_a_solver_that_was_trained_as_it_is_was_trained_with_its_own_values(mode
     assert info.unlike({"stiffness": 2.0}, {"stiffness": 1.0}) == ["stiffness is 2, trained with 1"]
     assert info.unlike({"stiffness": 1.0}, {"stiffness": 1.0, "mass": 3.0}) == []
     assert bundle.Info.from_json(info.to_json(), "here").solver == "rig.fmu"
+
+
+def test_another_fmu_is_told_by_what_the_first_one_was_by_itself(model: bundle.Bundle) -> None:
+    """Exported again with another default, or with what a discovery moved: nobody sets it, and yet it is another model."""
+    info = replace(
+        model.info, parameters={}, conditions=({"name": "a"},), solver="a.fmu", defaults={"stiffness": 2.0, "mass": 3.0}
+    )
+    assert info.unlike({}, {"stiffness": 2.0, "mass": 3.0, "new": 1.0}) == []
+    assert info.unlike({}, {"stiffness": 1.0, "mass": 3.0}) == ["stiffness is 1, trained with 2"]
+    assert info.unlike({"stiffness": 2.0}, {"stiffness": 1.0, "mass": 3.0}) == []
+    assert info.unlike({"mass": 4.0}) == ["mass is 4, trained with 3"]
+    assert bundle.Info.from_json(info.to_json(), "here").defaults == info.defaults
+    assert "defaults" not in replace(info, defaults={}).to_json()
+
+
+def test_inspect_tells_where_a_run_would_withhold_it(model: bundle.Bundle) -> None:
+    study = load_study(STUDY)
+    found = inspection.inspect([STUDY, MODEL])
+    assert not [item for item in found.warnings if item.kind == "corrector that would be withheld"]
+    one, *_ = study.conditions
+    other = replace(one, parameters={**one.parameters, "equivalent_conicity": 0.2})
+    (told,) = inspection._withheld(model, replace(study, conditions=(other,)))
+    assert "equivalent_conicity is 0.2, trained with 0.1" in told.text
 
 
 def test_run_and_replay_withhold_and_say_why(
