@@ -17,7 +17,7 @@ from fmucorrect.errors import SHOWN, FmucorrectError, RecordError, few
 from fmucorrect.fmu import FmuDescription, fixed, open_fmu
 from fmucorrect.pairs import Pair, pair, read_samples
 from fmucorrect.records.contents import Contents
-from fmucorrect.screening import Finding, of_pairs, of_records
+from fmucorrect.screening import Finding, coarse, of_pairs, of_records
 from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Reading
 from fmucorrect.study import Study, check_study, load_study
 from fmucorrect.study_places import nearest, place
@@ -155,6 +155,7 @@ def _screened(study: Study, problems: list[str], seen: list[str]) -> tuple[list[
             pairs.append(pair(study, condition))
             seen.append(f"condition {condition.name!r}: {pairs[-1].clock}")
         found += of_pairs(study, pairs)
+        found += coarse(study, [item for item in pairs if item.condition.role != "evaluation"])
     except FmucorrectError as error:
         if not known:
             problems.append(str(error))

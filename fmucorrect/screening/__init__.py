@@ -5,10 +5,10 @@
 
 finding.py says what a finding is, recorded.py looks at files alone, lifeless.py at whether a channel lives, same.py finds
 one record inside another, floor.py the noise that a changed copy keeps, simulated.py holds simulation and measurement
-against each other, repeatable.py a run against the same run once more, load_cells.py pushes where a load cell should feel
-it. Of evaluation conditions only what no training could use is looked at, and nothing but a finding comes of it: whether
-they are held out at all, whether their channels live, their inputs cover the run, and their sensors, signs and units are
-those of the others.
+against each other, repeatable.py a run against the same run once more, coarse.py against one at half the step,
+load_cells.py pushes where a load cell should feel it. Of evaluation conditions only what no training could use is looked at,
+and nothing but a finding comes of it: whether they are held out at all, whether their channels live, their inputs cover the
+run, and their sensors, signs and units are those of the others.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from dataclasses import dataclass
 
 from fmucorrect.errors import FmucorrectError, StudyError
 from fmucorrect.pairs import Pair, pair
+from fmucorrect.screening.coarse import coarse
 from fmucorrect.screening.finding import Finding
 from fmucorrect.screening.load_cells import unfelt
 from fmucorrect.screening.recorded import of_records
@@ -27,7 +28,7 @@ from fmucorrect.screening.simulated import of_pairs
 from fmucorrect.signals import Condition
 from fmucorrect.study import Study
 
-__all__ = ["Finding", "Screened", "of_pairs", "of_records", "screen"]
+__all__ = ["Finding", "Screened", "coarse", "of_pairs", "of_records", "screen"]
 
 _log = logging.getLogger("fmucorrect")
 
@@ -45,9 +46,9 @@ class Screened:
 
 
 def screen(study: Study, advance: Callable[[int], object] = lambda _: None) -> Screened:
-    """Look at all records, simulate every condition once and the shortest one twice, and log each warning; advance(1) after
-    each of development. Raises StudyError that lists every error, and what reading, simulation and registration raise in
-    development; in evaluation, which may never be asked for, that is a warning."""
+    """Look at all records, simulate every condition once and the shortest one twice more, once at half the step, and log each
+    warning; advance(1) after each of development. Raises StudyError that lists every error, and what reading, simulation and
+    registration raise in development; in evaluation, which may never be asked for, that is a warning."""
     found = of_records(study)
     _refuse(study, found)
     pairs: list[Pair] = []
@@ -61,7 +62,13 @@ def screen(study: Study, advance: Callable[[int], object] = lambda _: None) -> S
                 held.append(pair(study, condition))
             except FmucorrectError as error:
                 found = (*found, _unpaired(condition, error))
-    found = (*found, *of_pairs(study, [*pairs, *held]), *unrepeated(study, pairs), *unfelt(study))
+    found = (
+        *found,
+        *of_pairs(study, [*pairs, *held]),
+        *unrepeated(study, pairs),
+        *coarse(study, pairs),
+        *unfelt(study),
+    )
     _refuse(study, found)
     for finding in found:
         _log.warning("%s", finding.text)

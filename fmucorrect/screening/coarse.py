@@ -1,0 +1,65 @@
+"""Whether the communication step is short enough: one development condition run once more, at half of it.
+
+An FMU holds its inputs for a step. With a step as long as the sample interval it answers half a step late to what drives it,
+and what an acceleration passes on at once a whole one: more than sensors are late, and a search would call it a lag, a mass, a
+gain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+
+from fmucorrect.errors import FmucorrectError
+from fmucorrect.noise import of_sensors
+from fmucorrect.pairs import Pair, simulate
+from fmucorrect.screening.finding import Finding
+from fmucorrect.study import Study
+from fmucorrect.study_places import place
+
+LATE = 1e-3
+"""s that a channel may be late by for the step alone: twice what discovery expects of sensors (nuisances.LAG), which has room
+for it."""
+
+
+def coarse(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
+    """Of the shortest run among the pairs, which costs two more: the channel that a step of half the length moves most, by more
+    than LATE or, beside a lag, by more than its noise. A step's error is about proportional to it, so that what half of it does
+    is counted twice. Nothing where the solver takes no other step."""
+    runs = [item for item in pairs if item.condition.simulated is None and item.condition.inputs is not None]
+    if study.fmu is None or not runs:
+        return
+    item, step = min(runs, key=lambda item: len(item.simulated)), study.simulation.step_size
+    finer = replace(study, simulation=replace(study.simulation, step_ns=max(study.simulation.step_ns // 2, 1)))
+    with suppress(FmucorrectError):
+        run = simulate(finer, item.condition)
+        begins = float(item.rows.start) * step
+        noise = of_sensors(study.channels, item.condition, item.measured, item.response, step, begins).sigma
+        t, worst = item.simulated.t_ns[item.rows], (1.0, "", "")
+        for j, channel in enumerate(study.channels):
+            moved = 2.0 * (np.interp(t, run.t_ns, run.values[:, j]) - item.response[:, j])
+            slope = np.gradient(item.response[:, j], step)
+            lag = float(moved @ slope) / max(float(slope @ slope), np.finfo(float).tiny)
+            beside = float(np.std(moved - lag * slope))
+            for times, told in (
+                (abs(lag) / LATE, f"about {1e3 * lag:.2g} ms late"),
+                (
+                    beside / noise[j],
+                    f"off by about {beside:.2g} {channel.unit} rms, {beside / noise[j]:.2g} times its noise",
+                ),
+            ):
+                worst = max(worst, (times, channel.name, told), key=lambda one: np.nan_to_num(one[0]))
+        times, name, told = worst
+        if name:
+            yield Finding(
+                "step that shows",
+                "warning",
+                place(study.places, ("simulation", "step_size")),
+                f"at {step:g} s channel {name!r} is {told}, as half a step tells at condition {item.condition.name!r}",
+                "Inputs are held for a whole step; discovery takes what comes of it for a sensor's lag, a mass or a gain",
+                f"Write a shorter step_size, {step / 2.0 ** min(np.ceil(np.log2(2.0 * times)), 5.0):.3g} say; not needed to "
+                "train a corrector.",
+            )
