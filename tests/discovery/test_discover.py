@@ -165,7 +165,7 @@ def test_what_the_page_takes_is_what_is_written(found):
     rows = [(content.Discovery, report), (content.Effect, report["effects"][0]), (content.Where, report["where"])]
     rows += [
         (content.Candidate, report["candidates"][0]),
-        (content.Gap, report["gap"][0]),
+        (content.Gap, next(row for row in report["gap"] if row["role"] == "evaluation")),
         (content.Cost, report["cost"]),
     ]
     rows += [(content.Study, report["study"]), (content.Sensor, report["sensors"][0])]
