@@ -99,7 +99,8 @@ class FmucorrectError(Exception):
         if got is not None:
             parts.append(f"got {one_line(str(got))}")
         message = ", ".join(parts)
-        super().__init__(f"{message}. {remedy}" if remedy else message)
+        stop = "" if message.endswith(("?", ".")) else "."
+        super().__init__(f"{message}{stop} {remedy}" if remedy else message)
 
 
 class StudyError(FmucorrectError):

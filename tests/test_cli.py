@@ -19,6 +19,8 @@ import pytest
 from click.testing import CliRunner, Result
 
 from fmucorrect import __version__, cli, records
+from fmucorrect.cli.group import Span
+from fmucorrect.errors import FmucorrectError
 from fmucorrect.signals import Channel, Record
 
 ROOT = Path(__file__).parents[1]
@@ -577,3 +579,15 @@ def test_a_console_that_lacks_characters_shows_the_others(model: Path, encoding:
 )
 def test_every_command_that_writes_can_be_told_to_write_over(command: str) -> None:
     assert "--overwrite" in call(command, "--help").output
+
+
+@pytest.mark.parametrize(
+    ("told", "seconds"), [("900", 900.0), ("6m", 360.0), ("15min", 900.0), ("2h", 7200.0), ("1.5 s", 1.5)]
+)
+def test_a_time_as_people_write_it(told: str, seconds: float) -> None:
+    assert Span().convert(told, None, None) == seconds
+
+
+def test_a_question_ends_with_one_mark() -> None:
+    assert str(FmucorrectError("no 'a'; did you mean 'b'?", remedy="Write b.")) == "no 'a'; did you mean 'b'? Write b."
+    assert str(FmucorrectError("no 'a'", got="b", remedy="Write a.")) == "no 'a', got b. Write a."

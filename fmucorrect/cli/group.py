@@ -92,8 +92,10 @@ class Span(click.ParamType):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
         """In s. Raises click.BadParameter."""
-        found = re.fullmatch(r"(\d+(?:\.\d*)?|\.\d+) *(s|min|h)?", str(value).strip())
-        seconds = float(found[1]) * {None: 1.0, "s": 1.0, "min": 60.0, "h": 3600.0}[found[2]] if found else 0.0
+        found = re.fullmatch(r"(\d+(?:\.\d*)?|\.\d+) *(s|min|m|h)?", str(value).strip())
+        seconds = (
+            float(found[1]) * {None: 1.0, "s": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0}[found[2]] if found else 0.0
+        )
         if seconds <= 0.0:
             self.fail(f"{value!r} is no time: give s, or a number with s, min or h, as 900, 15min or 2h", param, ctx)
         return seconds
