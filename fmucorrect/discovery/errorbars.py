@@ -30,7 +30,10 @@ def spread(problem: Problem, setting: Setting, fitted: Fitted) -> Float64[np.nda
 
 def base_std(problem: Problem, setting: Setting, fitted: Fitted) -> Float64[np.ndarray, " A"]:
     """Standard deviation of each base parameter, in its tolerances: about 1 where the records say nothing of it. Those that do
-    the same as another are not known, though their sum may be."""
+    the same as another are not known, though their sum may be. NaN of a set that was not fitted to its end, in a search that
+    was stopped."""
+    if len({len(fitted.at), len(fitted.slopes), len(fitted.base)}) > 1:
+        return np.full(len(fitted.model.base), np.nan)
     return np.sqrt(np.diag(_joint(problem, setting, fitted))[fitted.slopes.shape[1] :])
 
 
