@@ -88,6 +88,7 @@ def evaluate(item: Pair, model: Bundle) -> Comparison:
 def about(study: Study, pairs: Sequence[Pair]) -> Info:
     """What a bundle says of the study that it comes from: a window of one row, no envelope, no state."""
     left = np.concatenate([item.measured - _simulated(item) for item in pairs])
+    solver = _solver(study)
     return Info(
         name=study.name,
         channels=tuple(map(_for_bundle, study.channels)),
@@ -97,8 +98,8 @@ def about(study: Study, pairs: Sequence[Pair]) -> Info:
         envelope={},
         conditions=tuple(map(_trained_on, study.development)),
         parameters=dict(study.parameters),
-        solver=_solver(study),
-        defaults=sources.own_parameters(study) if _solver(study) else {},
+        solver=solver,
+        defaults=sources.own_parameters(study) if solver else {},
         units=dict(study.simulation.units),
         sees=tuple(map(_for_bundle, pairs[0].seen_beside(study.training.corrector.sees))),
         study_hash=study.hash,

@@ -106,9 +106,8 @@ def start_values(study: Study) -> dict[str, float]:
 
 def own_parameters(study: Study) -> dict[str, float]:
     """Of these, what may be set before a run: the FMU's parameters."""
-    known = start_values(study)
-    names = () if study.fmu is None else (v.name for v in open_fmu(study.fmu, warn=False).of("parameter"))
-    return {name: known[name] for name in names if np.isfinite(known.get(name, np.nan))}
+    every = () if study.fmu is None else open_fmu(study.fmu, warn=False).of("parameter")
+    return {v.name: v.begins for v in every if v.number and v.start and np.isfinite(v.begins)}
 
 
 def driving(study: Study, condition: Condition) -> tuple[Variable, ...]:

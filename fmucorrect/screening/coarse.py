@@ -8,7 +8,6 @@ gain.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -34,32 +33,31 @@ def coarse(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
         return
     item, step = min(runs, key=lambda item: len(item.simulated)), study.simulation.step_size
     finer = replace(study, simulation=replace(study.simulation, step_ns=max(study.simulation.step_ns // 2, 1)))
-    with suppress(FmucorrectError):
+    try:
         run = simulate(finer, item.condition)
-        begins = float(item.rows.start) * step
-        noise = of_sensors(study.channels, item.condition, item.measured, item.response, step, begins).sigma
-        t, worst = item.simulated.t_ns[item.rows], (1.0, "", "")
-        for j, channel in enumerate(study.channels):
-            moved = 2.0 * (np.interp(t, run.t_ns, run.values[:, j]) - item.response[:, j])
-            slope = np.gradient(item.response[:, j], step)
-            lag = float(moved @ slope) / max(float(slope @ slope), np.finfo(float).tiny)
-            beside = float(np.std(moved - lag * slope))
-            for times, told in (
-                (abs(lag) / LATE, f"about {1e3 * lag:.2g} ms late"),
-                (
-                    beside / noise[j],
-                    f"off by about {beside:.2g} {channel.unit} rms, {beside / noise[j]:.2g} times its noise",
-                ),
-            ):
-                worst = max(worst, (times, channel.name, told), key=lambda one: np.nan_to_num(one[0]))
-        times, name, told = worst
-        if name:
-            yield Finding(
-                "step that shows",
-                "warning",
-                place(study.places, ("simulation", "step_size")),
-                f"at {step:g} s channel {name!r} is {told}, as half a step tells at condition {item.condition.name!r}",
-                "Inputs are held for a whole step; discovery takes what comes of it for a sensor's lag, a mass or a gain",
-                f"Write a shorter step_size, {step / 2.0 ** min(np.ceil(np.log2(2.0 * times)), 5.0):.3g} say; not needed to "
-                "train a corrector.",
-            )
+    except FmucorrectError:
+        return
+    begins = float(item.rows.start) * step
+    noise = of_sensors(study.channels, item.condition, item.measured, item.response, step, begins).sigma
+    t, found = item.simulated.t_ns[item.rows], list[tuple[float, str]]()
+    for j, channel in enumerate(study.channels):
+        moved = 2.0 * (np.interp(t, run.t_ns, run.values[:, j]) - item.response[:, j])
+        slope = np.gradient(item.response[:, j], step)
+        lag = float(moved @ slope) / max(float(slope @ slope), np.finfo(float).tiny)
+        found.append((abs(lag) / LATE, f"channel {channel.name!r} is about {1e3 * lag:.2g} ms late"))
+        if np.isfinite(noise[j]):
+            off = float(np.std(moved - lag * slope))
+            times = off / max(float(noise[j]), np.finfo(float).tiny)  # a study may say that there is none
+            told = f"off by about {off:.2g} {channel.unit} rms, {times:.2g} times its noise"
+            found.append((times, f"channel {channel.name!r} is {told}"))
+    times, told = max(found)
+    if times > 1.0:
+        yield Finding(
+            "step that shows",
+            "warning",
+            place(study.places, ("simulation", "step_size")),
+            f"at {step:g} s {told}, as half a step tells at condition {item.condition.name!r}",
+            "Inputs are held for a whole step; discovery takes what comes of it for a sensor's lag, a mass or a gain",
+            f"Write a shorter step_size, {step / 2.0 ** min(np.ceil(np.log2(2.0 * times)), 5.0):.3g} say; not needed to "
+            "train a corrector.",
+        )
