@@ -7,6 +7,7 @@ import math
 import re
 import subprocess
 from collections.abc import Mapping
+from functools import cache
 from html import unescape
 from pathlib import Path
 from typing import Any
@@ -33,9 +34,14 @@ FIGURES = {"named": 16, "ambiguous": 14, "none": 6, "unexplained": 14, "recorded
 """Joints, bands, harmonics, time, amplitude, speed, gap, five conditions, two pictures an effect, as far as known."""
 
 
+@cache
+def built(text: str) -> Page:
+    """Of a report.json; many tests read the same one."""
+    return discovery_page.build(Discovery.read(json.loads(text)))
+
+
 def page_of(report: Mapping[str, Any]) -> Page:
-    """As it is built of report.json."""
-    return discovery_page.build(Discovery.read(report))
+    return built(json.dumps(report))
 
 
 def words(report: Mapping[str, Any]) -> str:

@@ -33,6 +33,18 @@ def still(figure: Figure, key: str, name: str) -> str:
     return _Still(figure, key, name).text()
 
 
+class _Given(dict[str, Any]):
+    """What was set of a figure or of a part of it, read as plotly's objects are, which take ten times as long to look into:
+    what was not set is None, of a part an empty one."""
+
+    def __getattr__(self, name: str) -> Any:
+        found = self.get(name, _Given() if name in ("line", "marker", "margin", "title") else None)
+        return _Given(found) if type(found) is dict else found
+
+    def __eq__(self, other: object) -> bool:
+        return self is other  # a curve is like no other: whether its arrays are equal has no one answer
+
+
 class _Axis:
     """One axis: from values to pixels."""
 
@@ -96,8 +108,9 @@ class _Axis:
 
 class _Still:
     def __init__(self, figure: Figure, key: str, name: str) -> None:
-        self._layout, self._key, self._name = cast(Any, figure).layout, key, name
-        self._traces = [trace for trace in cast(Any, figure).data if trace.visible in (None, True)]
+        self._layout, self._key, self._name = _Given(cast(Any, figure).layout.to_plotly_json()), key, name
+        traces = [_Given(trace.to_plotly_json()) for trace in cast(Any, figure).data]
+        self._traces = [trace for trace in traces if trace.visible in (None, True)]
         margin = self._layout.margin
         self._height = float(self._layout.height or 400)
         left, right = max(float(margin.l or 62), self._labels()), float(margin.r or 16)
@@ -129,7 +142,7 @@ class _Still:
         return list(pairs) or [("x", "y")]
 
     def _given(self, key: str) -> Any:
-        return self._layout[f"{key[0]}axis{key[1:]}"]
+        return _Given(self._layout.get(f"{key[0]}axis{key[1:]}", {}))
 
     def _labels(self) -> float:
         """Room for the names at the left."""
@@ -270,7 +283,7 @@ class _Still:
     def _shapes(self, x: str, y: str, box: tuple[float, float, float, float]) -> None:
         """Rules and bands that belong to a panel."""
         left, top, right, bottom = box
-        for shape in self._layout.shapes:
+        for shape in map(_Given, self._layout.shapes or ()):
             across, along = str(shape.xref or "x"), str(shape.yref or "y")
             if not {across.split()[0], along.split()[0]} <= {x, y, "paper"}:
                 continue
@@ -288,7 +301,7 @@ class _Still:
     def _titles(self) -> None:
         """Of the panels: plotly puts them down as remarks on the paper."""
         left, top, right, bottom = self._box
-        for remark in self._layout.annotations:
+        for remark in map(_Given, self._layout.annotations or ()):
             if remark.xref == "paper" and remark.yref == "paper" and remark.text:
                 x, y = left + float(remark.x) * (right - left), bottom - float(remark.y) * (bottom - top)
                 self._word(x, y - 5, remark.text, {"left": "start", "right": "end"}.get(remark.xanchor, "middle"))
