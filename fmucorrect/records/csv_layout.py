@@ -350,12 +350,12 @@ def _mark(path: str, header: _Header, rows: Sequence[tuple[int, list[str]]]) -> 
     sure: set[str] = set()
     for line, cells in rows:
         for c, cell in enumerate(cells):
-            if _DIGITS.fullmatch(cell) and not seconds.is_date(cell.split(" ")[0]):
-                for mark in ",.":
-                    if mark in cell:
-                        first.setdefault(mark, (f"line {line}, column {header.cells[c]!r}", cell))
-                        if not _THOUSANDS.fullmatch(cell.replace(mark, ",")):
-                            sure.add(mark)
+            open_marks = [mark for mark in ",." if mark in cell and mark not in sure]
+            if open_marks and _DIGITS.fullmatch(cell) and not seconds.is_date(cell.split(" ")[0]):
+                for mark in open_marks:
+                    first.setdefault(mark, (f"line {line}, column {header.cells[c]!r}", cell))
+                    if not _THOUSANDS.fullmatch(cell.replace(mark, ",")):
+                        sure.add(mark)
     if header.delimiter == ",":  # a comma that stands for the mark is between quotation marks
         return "," if "," in sure and "." not in first else "."
     if len(first) == 2:

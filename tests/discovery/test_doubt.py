@@ -27,7 +27,9 @@ from fmucorrect.study import load_study
 RIGHT = [{"channel": name, "gain_by": by, "lag_by": 0.1} for name, by in (("a", 1.9), ("b", -1.2), ("c", 0.4))]
 
 
-@pytest.mark.parametrize(("stiffer", "told"), [(1.07, ["k1, which moved by 3."]), (1.02, [])])
+@pytest.mark.parametrize(
+    ("stiffer", "told"), [(1.07, ["k1, which moved by 3."]), pytest.param(1.02, [], marks=pytest.mark.slow)]
+)
 def test_a_parameter_far_from_its_tolerance_is_told(library, tmp_path, stiffer, told):
     """By less than makes it a finding of its own."""
     x = integrated(lambda t, y: [y[1], (force(t) - stiffer * K * y[0] - C1 * y[1]) / M], 2)[0]

@@ -104,6 +104,7 @@ def test_a_mass_and_all_that_holds_it_are_one_class_where_the_base_moves(library
     assert classes(found) == [{"m1", "k1 and c1"}]
 
 
+@pytest.mark.slow
 def test_masses_on_a_stiff_link_are_one_class(library, tmp_path):
     def rate(t, y):
         link = LINK * (y[1] - y[0]) + 40.0 * (y[3] - y[2])

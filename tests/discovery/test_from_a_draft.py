@@ -78,6 +78,7 @@ def logged(folder: Path, number: int) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_from_an_fmu_and_logs_to_a_verdict(tmp_path: Path) -> None:
     fmu, logs = corner(tmp_path), [logged(tmp_path, number) for number in (1, 2, 3)]
     study = tmp_path / "study.toml"

@@ -154,7 +154,7 @@ LAWS = {
 
 
 @pytest.mark.parametrize("effect", LAWS)
-@pytest.mark.parametrize("where", [1, 3])
+@pytest.mark.parametrize("where", [pytest.param(1, marks=pytest.mark.slow), 3])
 def test_the_joint_of_the_law_explains_the_residual_by_the_laws_force(measured, effect, where):
     problem, term = measured(effect, (f"joint {where}",), **LAWS[effect])
     found = shares(problem)
@@ -215,7 +215,9 @@ def test_the_force_for_known_terms_at_other_joints(measured):
     assert found[2].share > 0.9
 
 
-@pytest.mark.parametrize("where", [("joint 2",), ("joint 1", "joint 3")], ids=["joint", "group"])
+@pytest.mark.parametrize(
+    "where", [pytest.param(("joint 2",), marks=pytest.mark.slow), ("joint 1", "joint 3")], ids=["joint", "group"]
+)
 @pytest.mark.parametrize("effect", ["coulomb_friction", "bouc_wen_hysteresis"])
 def test_a_picture_has_the_force_on_the_law(measured, effect, where):
     problem, term = measured(effect, where, **LAWS[effect])

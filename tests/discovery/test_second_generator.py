@@ -123,7 +123,7 @@ def written(tmp_path_factory):
     return folder, found
 
 
-@pytest.mark.parametrize("name", ["crane", "beam"])
+@pytest.mark.parametrize("name", ["crane", pytest.param("beam", marks=pytest.mark.slow)])
 def test_with_nothing_hidden_the_truth_is_the_fmu(written, name):
     from fmucorrect import pairs
     from fmucorrect.study import load_study

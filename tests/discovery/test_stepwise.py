@@ -79,6 +79,7 @@ def test_what_few_conditions_leave_open_is_decided_by_all(library, tmp_path):
     assert {term.key for term in best(by_all).model.terms} == {spring.key, friction.key}
 
 
+@pytest.mark.slow
 def test_a_sensor_that_few_conditions_do_not_show_is_found_in_all(library, tmp_path):
     with problem_of(tmp_path, library, offset=OFFSET) as problem:
         spring = spring_of(problem.study)
@@ -97,6 +98,7 @@ def test_a_lag_of_the_excitation_that_few_conditions_do_not_show_is_found_in_all
     assert best(by_all).model.terms[1].values["lag"] == pytest.approx(LATE * STEP, abs=0.5e-3)
 
 
+@pytest.mark.slow
 def test_a_hum_that_few_conditions_do_not_show_is_found_in_all(library, tmp_path):
     with problem_of(tmp_path, library, hum=HUM) as problem:
         spring = spring_of(problem.study)

@@ -306,7 +306,12 @@ def test_run(study: Path, order: str):
 
 @pytest.mark.parametrize("version", ["2.0"], indirect=True)
 @pytest.mark.parametrize(
-    ("name", "order"), [("discover", "DO_STEP CRASH"), ("train", "CONSTRUCTOR EXIT"), ("compare", "DO_STEP LOOP")]
+    ("name", "order"),
+    [
+        ("discover", "DO_STEP CRASH"),
+        ("train", "CONSTRUCTOR EXIT"),
+        pytest.param("compare", "DO_STEP LOOP", marks=pytest.mark.slow),
+    ],
 )
 def test_other_commands(study: Path, name: str, order: str):
     process = command(study, order, name, study, "-o", study.parent / "out", "--step-timeout", 1)

@@ -41,7 +41,7 @@ def test_a_file_cut_anywhere_gives_a_prefix_or_an_error(suffix: str, judge: Judg
     assert not problems
 
 
-@pytest.mark.parametrize("name", ["run", "replay"])
+@pytest.mark.parametrize("name", [pytest.param("run", marks=pytest.mark.slow), "replay"])
 def test_a_command_killed_anywhere(name: str, tmp_path: Path) -> None:
     killer, scenario = Killer(tmp_path), next(one for one in SCENARIOS if one.name == name)
     outcomes = [killer.kill(random.Random(f"{name} {number}"), [scenario]) for number in range(2)]

@@ -23,7 +23,7 @@ SHARED = next((found for folder in Path(__file__).parents if (found := folder.pa
 SUFFIXES = (".mcap", ".csv", ".parquet", ".mf4", ".mdf", ".tdms", ".mat", ".fmu", ".toml")
 
 
-@pytest.mark.parametrize("begin", range(0, CASES, EACH))
+@pytest.mark.parametrize("begin", [0, *(pytest.param(i, marks=pytest.mark.slow) for i in range(EACH, CASES, EACH))])
 def test_generated_inputs(begin: int, judge: Judge, workshop: Workshop) -> None:
     problems = [judge.problem(case(workshop, number, SEED, QUICK)) for number in range(begin, begin + EACH)]
     assert not list(filter(None, problems))

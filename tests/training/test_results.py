@@ -78,7 +78,10 @@ def test_ctrl_c_says_that_the_same_command_goes_on(
     assert result.stderr.endswith(said)
 
 
-@pytest.mark.parametrize(("families", "taken"), [('"window"', "window"), ('"linear", "window"', "linear")])
+@pytest.mark.parametrize(
+    ("families", "taken"),
+    [('"window"', "window"), pytest.param('"linear", "window"', "linear", marks=pytest.mark.slow)],
+)
 def test_the_page_shows_by_epochs_what_was_taken_and_nothing_else(families: str, taken: str, tmp_path: Path) -> None:
     path, out = make_study(tmp_path), tmp_path / "model"
     path.write_text(

@@ -168,7 +168,7 @@ def test_every_name_has_the_prefix(inner: int, outer: int, wrapped: Wrap, unpack
     assert {name for name in names if not name.startswith(f"{open_fmu(fmu).identifier}_")} == set()
 
 
-@pytest.mark.parametrize("command", [GCC, ZIG], ids=["gcc", "zig"])
+@pytest.mark.parametrize("command", [GCC, pytest.param(ZIG, marks=pytest.mark.slow)], ids=["gcc", "zig"])
 @pytest.mark.parametrize(
     ("model", "inner", "outer"), [(RIG, 2, 2), (RIG, 3, 3), (OSCILLATOR, 2, 3), (OSCILLATOR, 3, 2)]
 )
@@ -205,7 +205,7 @@ def halves(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     return [one.path for one in (with_effects, *alone)]
 
 
-@pytest.mark.parametrize("command", [GCC, ZIG], ids=["gcc", "zig"])
+@pytest.mark.parametrize("command", [GCC, pytest.param(ZIG, marks=pytest.mark.slow)], ids=["gcc", "zig"])
 def test_nor_of_effects_and_of_a_network_alone(
     command: Sequence[str], unpacked: Unpacked, halves: list[Path], tmp_path: Path
 ) -> None:
