@@ -293,8 +293,9 @@ class Reading:
 
     columns: a column of the file by the name that it goes by here; a file without that column is read as it is. units: of
     columns, by either name, in place of what the file says. repair: repair rules of `records.timebase`, as "sort,drop".
-    time: the column that is the time; a file without that column is read as it is. rate: Hz, of the samples of files that have
-    no time at all; one that has a time keeps it; 0: not known. Of text files: delimiter (one character,
+    time: the column that is the time; a file without that column is read as it is. time_unit: as "ms", of times whose unit the
+    file does not say; "": s. rate: Hz, of the samples of files that have no time at all; one that has a time keeps it; 0: not
+    known. Of text files: delimiter (one character,
     "tab" or "space"), decimal ("." or ","), encoding (as Python names it). "" of any: found out.
     """
 
@@ -302,6 +303,7 @@ class Reading:
     units: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     repair: str = ""
     time: str = ""
+    time_unit: str = ""
     rate: float = 0.0
     delimiter: str = ""
     decimal: str = ""
@@ -312,6 +314,9 @@ class Reading:
 
 AS_IT_IS = Reading()
 """A file that says all of itself."""
+
+TOLD = ("time", "time_unit", "rate", "delimiter", "decimal", "encoding")
+"""What of a Reading the source of a file itself needs: the rest is done to what it gives."""
 
 
 @dataclass(frozen=True)

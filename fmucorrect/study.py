@@ -17,7 +17,7 @@ from typing import Any
 from fmucorrect import sketch
 from fmucorrect.brief import brief
 from fmucorrect.errors import StudyError
-from fmucorrect.signals import NANOSECONDS, Channel, Condition, Reading
+from fmucorrect.signals import NANOSECONDS, TOLD, Channel, Condition, Reading
 from fmucorrect.study_places import Location, Places, by_line, like, misfit, nearest, place, units_misfits, unknown_unit
 from fmucorrect.study_schema import Excitation, Group, Joint, Rotation, read_study
 from fmucorrect.study_training import Training
@@ -172,10 +172,7 @@ def load_study(path: str | Path) -> Study:
             reading=Reading(
                 MappingProxyType({**table.records.columns, **row.records.columns}),
                 MappingProxyType({**table.records.units, **row.records.units}),
-                *(
-                    getattr(row.records, key) or getattr(table.records, key)
-                    for key in ("repair", "time", "rate", "delimiter", "decimal", "encoding")
-                ),
+                **{key: getattr(row.records, key) or getattr(table.records, key) for key in ("repair", *TOLD)},
             ),
         )
         for row in table.conditions

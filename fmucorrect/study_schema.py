@@ -169,6 +169,11 @@ def _rules(text: str) -> str:
     return f"there is no repair rule {wrong[0]!r}{those(wrong[0], sorted(RULES))}" if wrong else ""
 
 
+def _of_time(text: str) -> str:
+    of_time = not text or (not unknown_unit(text) and units.parse(text).dimension == units.parse("s").dimension)
+    return "" if of_time else f"must be a unit of time, as s, ms or us, got {text!r}"
+
+
 def _delimiter(text: str) -> str:
     known = len(text) < 2 or text in DELIMITERS
     return "" if known else f"must be one character, or one of {', '.join(DELIMITERS)}, got {text!r}"
@@ -182,6 +187,7 @@ class RecordsTable(Reading):
     rate: Annotated[float, Gt(0), Le(FASTEST_RATE)] = 0.0
     decimal: Literal["", ".", ","] = ""
     repair: Annotated[str, _rules] = ""
+    time_unit: Annotated[str, _of_time] = ""
     delimiter: Annotated[str, _delimiter] = ""
     clock: Annotated[Any, _clock] = None
 

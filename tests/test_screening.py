@@ -173,6 +173,31 @@ def test_a_name_that_no_record_has(tmp_path: Path, line: str) -> None:
         screen(make(tmp_path, more='records = { columns = { "s11" = "s2" } }\n'))
 
 
+def test_times_in_ms_that_do_not_say_so(tmp_path: Path) -> None:
+    """Taken as s the run would last for hours: it is asked for before anything runs; the same where units say it in vain."""
+    make(tmp_path)
+    for path in tmp_path.glob("*.csv"):
+        head, *rows = path.read_text().splitlines()
+        times = [(float(row.split(",", 1)[0]) * 1e3, row.split(",", 1)[1]) for row in rows]
+        path.write_text("\n".join([head.replace("time", "t", 1), *(f"{t:.6g},{rest}" for t, rest in times)]) + "\n")
+    study = tmp_path / "study.toml"
+    with pytest.raises(
+        StudyError, match=r'times of a unit that is not said: .* lie 10 s apart, 1e\+03 steps .*time_unit = "ms"'
+    ):
+        screen(load_study(study))
+    said = study.read_text()
+    study.write_text(said.replace("[excitation]", '[records]\nunits = { t = "ms" }\n[excitation]'))
+    with pytest.raises(
+        StudyError, match=r"column 't' is the time, and units are those of the other columns.*time_unit"
+    ):
+        screen(load_study(study))
+    study.write_text(said.replace("[excitation]", '[records]\ntime_unit = "ms"\n[excitation]'))
+    assert screen(load_study(study)).warnings == ()
+    study.write_text(said.replace("[excitation]", '[records]\ntime_unit = "mm"\n[excitation]'))
+    with pytest.raises(StudyError, match=r"\[records\], key time_unit: must be a unit of time"):
+        load_study(study)
+
+
 def changed(**columns: Callable[[Table], np.ndarray]) -> Fault:
     return lambda table: table | {name: column(table) for name, column in columns.items()}
 

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import shlex
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from fmucorrect.cli.group import OVERWRITE, PATH, UserError, progress_bar, reading_of, reading_options, say
+from fmucorrect.cli.group import OVERWRITE, PATH, UserError, progress_bar, reading_options, say
 
-TOLD = 5
+if TYPE_CHECKING:
+    from fmucorrect.signals import Reading
+
+LISTED = 5
 """Columns left out that the terminal names: a log may have a hundred of text."""
 
 
@@ -25,11 +29,7 @@ def new(
     runs: tuple[Path, ...],
     references: tuple[Path, ...],
     out: Path,
-    time: str,
-    rate: float,
-    delimiter: str,
-    decimal: str,
-    encoding: str,
+    reading: Reading,
     overwrite: bool,
 ) -> None:
     """Draft a study from MODEL, an FMU, and RUNS, logs of what drove the machine and of what was measured.
@@ -46,7 +46,6 @@ def new(
     read = [("the FMU", model), *(("the run", run) for run in (*runs, *references))]
     outputs.check_file(out, read, "new", overwrite)
     outputs.check_ending(out, "a study is written", (".toml",))
-    reading = reading_of(time, rate, delimiter, decimal, encoding)
     for log in (*runs, *references):
         for text in records.unused(log, reading):
             say(f"ignored: --{text} ({log.name})", err=True)
@@ -61,10 +60,10 @@ def new(
     )
     for text in found.filled:
         say(f"Mended, as `repair` says: {text}")
-    for text in found.left_out[:TOLD]:
+    for text in found.left_out[:LISTED]:
         say(f"Left out: {text}")
-    if len(found.left_out) > TOLD:
-        say(f"Left out, as its last lines say: {len(found.left_out) - TOLD} more")
+    if len(found.left_out) > LISTED:
+        say(f"Left out, as its last lines say: {len(found.left_out) - LISTED} more")
     for guess in found.channels:
         if guess.by_name:
             say(f"Look at {guess.column!r}: by its name alone it is taken for {guess.output!r} ({guess.why}).")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import io
 import math
 import os
@@ -52,30 +53,43 @@ ALLOW_DAMAGED = click.option(
 
 
 def reading_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """The options of every command that opens a record file by itself; `reading_of` takes them."""
+    """The options of every command that opens a record file by itself; it gets them as `reading`."""
+
+    @functools.wraps(command)
+    def read(**given: Any) -> Any:
+        from fmucorrect.signals import TOLD
+
+        reading = _reading_of(**{key: given.pop(key) for key in TOLD})
+        return command(**given, reading=reading)
+
     for name, text in (
         ("encoding", "Encoding of a text file, as cp1250 or shift_jis."),
         ("decimal", "Decimal mark of a text file: . or ,"),
         ("delimiter", "What stands between the cells of a text file: one character, tab or space."),
+        ("time-unit", "Unit of the times, as ms, where the file does not say it; default s."),
         ("time", "Column that is the time, where none is named so."),
     ):
-        command = click.option(f"--{name}", default="", help=text)(command)
+        read = click.option(f"--{name}", default="", help=text)(read)
     rates = Number(min=0.0, max=1e9)
     text = "Samples a second, Hz, of a file that has no time at all."
-    return click.option("--rate", type=rates, default=0.0, help=text)(command)
+    return click.option("--rate", type=rates, default=0.0, help=text)(read)
 
 
-def reading_of(time: str, rate: float, delimiter: str, decimal: str, encoding: str) -> Reading:
+def _reading_of(**told: Any) -> Reading:
     """What the options tell of a record file. Raises UserError."""
+    from fmucorrect.records.seconds import unit_ns
     from fmucorrect.signals import DELIMITERS, Reading
 
-    if decimal not in ("", ".", ","):
-        raise UserError(f"--decimal is . or , and not {decimal!r}")
-    if len(delimiter) > 1 and delimiter not in DELIMITERS:
-        raise UserError(f"--delimiter is one character, tab or space, and not {delimiter!r}")
-    if time and rate:
+    reading = Reading(**told)
+    if reading.decimal not in ("", ".", ","):
+        raise UserError(f"--decimal is . or , and not {reading.decimal!r}")
+    if len(reading.delimiter) > 1 and reading.delimiter not in DELIMITERS:
+        raise UserError(f"--delimiter is one character, tab or space, and not {reading.delimiter!r}")
+    if reading.time_unit and unit_ns(reading.time_unit) is None:
+        raise UserError(f"--time-unit is a unit of time, as s, ms or us, and not {reading.time_unit!r}")
+    if reading.time and reading.rate:
         raise UserError("give either --time, the column that is the time, or --rate, where a file holds samples only")
-    return Reading(time=time, rate=rate, delimiter=delimiter, decimal=decimal, encoding=encoding)
+    return reading
 
 
 OVERWRITE = click.option(

@@ -22,7 +22,6 @@ from fmucorrect.cli.group import (
     ignored,
     open_study,
     progress_bar,
-    reading_of,
     reading_options,
     say,
 )
@@ -184,11 +183,7 @@ def replay(
     topic: str | None,
     repair: str | None,
     units: tuple[str, ...],
-    time: str,
-    rate: float,
-    delimiter: str,
-    decimal: str,
-    encoding: str,
+    reading: Reading,
     out: Path,
     overwrite: bool,
     live: bool,
@@ -208,7 +203,7 @@ def replay(
     from fmucorrect import bundle, records, runs, sources
 
     unit, of_columns = _units(units)
-    told = replace(reading_of(time, rate, delimiter, decimal, encoding), units=of_columns)
+    told = replace(reading, units=of_columns)
     model = bundle.load(corrector)
     needed = {*model.info.features, *model.info.envelope}
     of_no_use = {key: value for key, value in features.items() if key not in needed}
@@ -251,11 +246,7 @@ def replay(
 @OVERWRITE
 def inspect(
     paths: tuple[Path, ...],
-    time: str,
-    rate: float,
-    delimiter: str,
-    decimal: str,
-    encoding: str,
+    reading: Reading,
     as_json: bool,
     out: Path | None,
     overwrite: bool,
@@ -267,16 +258,15 @@ def inspect(
     Example: fmucorrect inspect study.toml corrector.onnx
     """
     from fmucorrect import inspection, outputs
+    from fmucorrect.signals import TOLD
     from fmucorrect.study import load_study
 
     if out is not None:
         studies = [load_study(path) for path in paths if path.suffix.lower() == ".toml"]
         read = [*(("the file", path) for path in paths), *(pair for study in studies for pair in study.files())]
         outputs.check_file(out, read, "inspect", overwrite)
-    reading = reading_of(time, rate, delimiter, decimal, encoding)
     if all(path.suffix.lower() in (".fmu", ".onnx", ".toml") for path in paths):
-        given = {"time": time, "rate": rate, "delimiter": delimiter, "decimal": decimal, "encoding": encoding}
-        given = {name: value or None for name, value in given.items()}
+        given = {name.replace("_", "-"): getattr(reading, name) or None for name in TOLD}
         ignored(given, "none of these is a record file; of a study's own records its [records] says so")
     found = inspection.inspect(paths, reading)
     mark = {} if out is None else {"made_by": outputs.mark("inspect")}
@@ -328,10 +318,10 @@ def _reading(log: Path, condition: Condition, told: Reading) -> Reading:
     """How the log is read: as its study says, where it is the simulated record of that condition; what is told goes before."""
     if condition.simulated is None or condition.simulated.resolve() != log.resolve():
         return told
+    from fmucorrect.signals import TOLD
+
     known = condition.reading
-    given = {
-        key: value for key in ("time", "rate", "delimiter", "decimal", "encoding") if (value := getattr(told, key))
-    }
+    given = {key: value for key in TOLD if (value := getattr(told, key))}
     return replace(known, units={**known.units, **told.units}, **given)
 
 

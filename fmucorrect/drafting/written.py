@@ -14,7 +14,7 @@ from fmucorrect.drafting.parameters import TOLERANCE, ParameterGuess
 from fmucorrect.effects import toml
 from fmucorrect.errors import few, one_line
 from fmucorrect.fmu import FmuDescription
-from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Reading
+from fmucorrect.signals import AS_IT_IS, NANOSECONDS, TOLD, Reading
 
 SHOWN_STARTS = 12
 """Start values that a comment lists; of a whole vehicle's hundred it shows some."""
@@ -98,7 +98,7 @@ class Draft:
         guesses = (*self.driving.inputs, *self.channels)
         unsaid = {guess.column: guess.column_unit for guess in guesses if guess.column_unit}
         renamed = [guess for guess in self.driving.inputs if guess.variable != guess.column]
-        keys = ("time", "rate", "delimiter", "decimal", "encoding", "repair")
+        keys = (*TOLD, "repair")
         told = {key: value for key in keys if (value := getattr(self.reading, key))}
         if unsaid or told:
             yield ""

@@ -32,9 +32,9 @@ from fmucorrect.records.contents import Contents, Topic, TopicContents
 from fmucorrect.records.guarded import Guarded, damaged
 from fmucorrect.records.naming import field_names
 from fmucorrect.records.parts import PartsSource, is_recording, parts_of, refuse
-from fmucorrect.records.source import TOLD, Sink, counted
+from fmucorrect.records.source import Sink, counted
 from fmucorrect.records.writing import Writer
-from fmucorrect.signals import AS_IT_IS, Reading, Record
+from fmucorrect.signals import AS_IT_IS, TOLD, Reading, Record
 from fmucorrect.unchanged import state
 
 SUFFIXES = (".mcap", ".csv", ".parquet", ".mf4", ".mdf", ".tdms", ".mat")
@@ -166,6 +166,8 @@ def _unused(seen: Contents, reading: Reading) -> Iterator[str]:
     if reading.time and not any(is_time(topic, reading.time) for topic in topics):
         theirs = ", ".join(dict.fromkeys(repr(topic.time) for topic in topics if topic.time))
         yield f"time = {reading.time!r}: there is no such column; the time is {theirs or 'that of the log'}"
+    if reading.time_unit and all(topic.time_said for topic in topics):
+        yield f"time_unit = {reading.time_unit!r}: the file says the unit of its time itself"
     for key, kinds in (("delimiter", ("CSV",)), ("decimal", ("CSV",)), ("encoding", ("CSV", "LabVIEW"))):
         if (value := getattr(reading, key)) and not any(kind in seen.format for kind in kinds):
             yield f"{key} = {value!r}: that is of text files, and this one is {seen.format}"
@@ -173,7 +175,7 @@ def _unused(seen: Contents, reading: Reading) -> Iterator[str]:
 
 Seen = TypeVar("Seen")
 _Told = tuple[str | float, ...]
-"""The values of source.TOLD."""
+"""The values of signals.TOLD."""
 
 
 @lru_cache(maxsize=256)
@@ -241,7 +243,9 @@ def _source(path: str | PathLike[str], reading: Reading) -> Guarded:
         from fmucorrect.records.mcap import McapSource
         from fmucorrect.records.stamped import StampedMcap
 
-        return Guarded(name, lambda path: StampedMcap(path, reading.time) if reading.time else McapSource(path))
+        return Guarded(
+            name, lambda path: StampedMcap(path, reading.time, reading.time_unit) if reading.time else McapSource(path)
+        )
     if suffix == ".csv" or suffix in TEXT:
         from fmucorrect.records.csv import CsvSource as Opened
     elif suffix == ".parquet":

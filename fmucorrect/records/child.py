@@ -28,8 +28,8 @@ from fmucorrect.errors import FmucorrectError, RecordError
 from fmucorrect.places import own_process
 from fmucorrect.records.contents import Column, Extent, Topic
 from fmucorrect.records.guarded import Guarded
-from fmucorrect.records.source import TOLD, Block
-from fmucorrect.signals import AS_IT_IS, Reading
+from fmucorrect.records.source import Block
+from fmucorrect.signals import AS_IT_IS, TOLD, Reading
 from fmucorrect.workfolder import WorkFolder
 
 START_S = 120.0
@@ -83,12 +83,7 @@ class ChildSource:
         self.truncated: bool = told["truncated"]
         self.damage: str = told["damage"]
         self.left_out: tuple[str, ...] = tuple(told["left_out"])
-        self._topics = tuple(
-            Topic(
-                t["name"], tuple(Column(*c) for c in t["columns"]), t["encoding"], t["metadata"], t["note"], t["time"]
-            )
-            for t in told["topics"]
-        )
+        self._topics = tuple(Topic(**t | {"columns": tuple(Column(*c) for c in t["columns"])}) for t in told["topics"])
 
     def topics(self) -> tuple[Topic, ...]:
         """The topics in file order."""
@@ -180,8 +175,7 @@ def serve(opened: str, path: str, shown: str, told_reading: str) -> None:
     try:
         source = Guarded(path, lambda path: source_class(path, reading))
         topics = [
-            {"name": t.name, "columns": [[c.name, c.unit] for c in t.columns], "encoding": t.encoding}
-            | {"metadata": dict(t.metadata), "note": t.note, "time": t.time}
+            vars(t) | {"columns": [[c.name, c.unit] for c in t.columns], "metadata": dict(t.metadata)}
             for t in source.topics()
         ]
         told = {"format": source.format, "truncated": source.truncated, "damage": source.damage}

@@ -62,7 +62,7 @@ class Layout:
     date: the place of dates, where the time has only clock times. delimiter: " " for any number of blanks.
     first_line: the number of the line with the first row. per: ns in a unit of the time. stamps: "", or what dates and
     clock times count from. mark: the decimal mark, "" while nothing tells. unnamed_last: columns at the end without a
-    name, whose cells must be empty.
+    name, whose cells must be empty. time_said: whether the file says what its times count.
     """
 
     encoding: str
@@ -81,6 +81,7 @@ class Layout:
     assumed: tuple[str, ...]
     left_out: tuple[str, ...]
     rate: float = 0.0
+    time_said: bool = True
 
 
 @dataclass(frozen=True)
@@ -147,7 +148,7 @@ def layout(place: str, path: str, reading: Reading) -> Layout:
     header = _header(path, whole, delimiters, reading.time, reading.rate)
     if len(header.cells) > MOST_COLUMNS:
         raise RecordError("the header is too wide", where=path, expected=f"at most {MOST_COLUMNS} columns")
-    return _columns(path, encoding, assumed, whole, header, 1 if declared else 0, reading.decimal)
+    return _columns(path, encoding, assumed, whole, header, 1 if declared else 0, reading)
 
 
 def _header(path: str, lines: Sequence[str], delimiters: str, told: str, rate: float) -> _Header:
@@ -259,7 +260,7 @@ def _header_cells(line: str, delimiter: str) -> Iterator[list[str]]:
 
 
 def _columns(
-    path: str, encoding: str, assumed: list[str], lines: Sequence[str], header: _Header, skipped: int, told_mark: str
+    path: str, encoding: str, assumed: list[str], lines: Sequence[str], header: _Header, skipped: int, reading: Reading
 ) -> Layout:
     """Names, units, kinds and marks, by the header and the rows behind it."""
     row = _row_below(lines, header)
@@ -296,12 +297,16 @@ def _columns(
         assumed.append(f"the time is the date {columns[date].name!r} and the clock time {columns[time].name!r}")
     elif header.time or not naming.is_time(columns[time].name):
         assumed.append(f"the time is column {time + 1}, {columns[time].name!r}")
-    mark = told_mark or _mark(path, header, rows)
+    mark = reading.decimal or _mark(path, header, rows)
+    said = bool(header.rate) or date is not None or columns[time].unit != "1"
+    if not said and reading.time_unit:
+        columns[time] = Column(columns[time].name, reading.time_unit)
     per, stamps = (1, "") if header.rate else _clock(path, header, date, columns[time], rows, mark, assumed)
     numeric, truths, left_out = _kinds(header, columns, rows, mark, date)
     return Layout(
         encoding, header.delimiter, mark, tuple(columns), time, date, tuple(numeric), truths, first_row + 1, per, stamps,
         _unnamed_last(columns), "\n".join(preamble)[:2000], tuple(assumed), tuple(left_out), header.rate,
+        said or bool(stamps),
     )  # fmt: skip
 
 

@@ -55,7 +55,7 @@ class Hdf5Source(Tables):
         import h5py  # noqa: F401 # pyright: ignore[reportUnusedImport]
 
     def __init__(self, path: str, reading: Reading = AS_IT_IS) -> None:
-        super().__init__(path, reading.time, reading.rate)
+        super().__init__(path, reading)
         import h5py
 
         if _is_classic(path):

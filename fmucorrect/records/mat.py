@@ -42,7 +42,7 @@ class MatSource(Tables):
         import scipy.io  # noqa: F401 # pyright: ignore[reportUnusedImport]
 
     def __init__(self, path: str, reading: Reading = AS_IT_IS) -> None:
-        super().__init__(path, reading.time, reading.rate)
+        super().__init__(path, reading)
         content = _content(path)
         self.damage = _beyond(path)
         self.truncated = bool(self.damage)

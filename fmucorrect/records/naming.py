@@ -114,10 +114,10 @@ def time_column(header: str, known: bool = False) -> Column | None:
     return found if known or is_time(found.name) else None
 
 
-def time_unit(header: str, told: str) -> str:
-    """The unit of what is the time: as it is told ("1" or "" where it is not), else as its name says, else s."""
+def time_unit(header: str, said: str) -> str:
+    """The unit of what is the time: as the file says it ("1" or "" where it does not), else as its name does; "" of neither."""
     named = time_column(header, known=True)
-    return next(unit for unit in (told, named.unit if named is not None else "", "s") if unit not in units.UNSAID)
+    return next((unit for unit in (said, named.unit if named is not None else "") if unit not in units.UNSAID), "")
 
 
 def bare(header: str) -> str:

@@ -41,10 +41,6 @@ their rate in Hz: rate in [records], --rate."
 """What to do about a file in which no time is found."""
 
 
-TOLD = ("time", "rate", "delimiter", "decimal", "encoding")
-"""What of a Reading a source itself needs: the rest is done to what it gives."""
-
-
 def counted(rate: float) -> str:
     """What is told of rows without a time."""
     return f"there is no time: rows are {rate:.10g} a second, the first one at 0 s"

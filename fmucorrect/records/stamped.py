@@ -13,6 +13,7 @@ from fmucorrect.records.contents import Extent, Topic
 from fmucorrect.records.mcap import McapSource
 from fmucorrect.records.source import NO_TIME, Block, extent_of
 from fmucorrect.signals import NANOSECONDS
+from fmucorrect.units import UNSAID
 
 _PARTS = (("sec", "nanosec"), ("secs", "nsecs"), ("seconds", "nanos"), ("sec", "nsec"))
 """What whole seconds and the nanoseconds above them are called: ROS 2, ROS 1, protobuf, Foxglove's JSON."""
@@ -25,9 +26,10 @@ class StampedMcap(McapSource):
     is, 0.1 us.
     """
 
-    def __init__(self, path: str, time: str) -> None:
+    def __init__(self, path: str, time: str, unit: str = "") -> None:
+        """time: the column, or the name of the two. unit: of one whose unit the file does not say; "": s."""
         super().__init__(path)
-        self._time = time
+        self._time, self._unit = time, unit
 
     def topics(self) -> tuple[Topic, ...]:
         """In file order."""
@@ -55,7 +57,8 @@ class StampedMcap(McapSource):
         """The columns that are the time, and ns in a unit of the first."""
         there = {column.name: column.unit for column in topic.columns}
         if self._time in there:
-            return (self._time,), seconds.unit_ns(there[self._time]) or NANOSECONDS
+            said = there[self._time]
+            return (self._time,), seconds.unit_ns(said if said not in UNSAID else self._unit) or NANOSECONDS
         for whole, rest in _PARTS:
             names = (f"{self._time}.{whole}", f"{self._time}.{rest}")
             if there.keys() >= set(names):

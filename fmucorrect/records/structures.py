@@ -17,7 +17,7 @@ from fmucorrect.errors import RecordError
 from fmucorrect.records import naming, seconds
 from fmucorrect.records.contents import Column, Extent, Topic
 from fmucorrect.records.source import MOST_COLUMNS, UNTIMED, Block, at_rate, counted, extent_of
-from fmucorrect.signals import NANOSECONDS
+from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Reading
 
 _ABOUT_SIGNALS = ("label", "title", "blockName", "stateName", "dimensions", "valueDimensions", "plotStyle", "name")
 """Members of a Simulink signal that describe it."""
@@ -33,7 +33,7 @@ class Unreadable:
 @dataclass
 class Table:
     """Series that share a time: the variables beside it, or the members of its structure. name: of the structure. time: of
-    the variable."""
+    the variable. time_said: whether its unit is said."""
 
     name: str
     t_ns: np.ndarray
@@ -41,6 +41,7 @@ class Table:
     units: dict[str, str] = field(default_factory=dict[str, str])
     assumed: list[str] = field(default_factory=list[str])
     time: str = ""
+    time_said: bool = True
 
 
 class Tables:
@@ -50,10 +51,10 @@ class Tables:
     truncated = False
     damage = ""
 
-    def __init__(self, path: str, told_time: str = "", rate: float = 0.0) -> None:
+    def __init__(self, path: str, reading: Reading = AS_IT_IS) -> None:
         self.path = path
         self.left_out: tuple[str, ...] = ()
-        self._told, self._rate = told_time, rate
+        self._told, self._told_unit, self._rate = reading.time, reading.time_unit, reading.rate
         self._origin = 0
         self._metadata: dict[str, str] = {}
         self._names: Mapping[str, str] = {}
@@ -89,6 +90,7 @@ class Tables:
                 self._metadata | ({"assumed": "; ".join(table.assumed)} if table.assumed else {}),
                 "" if table.series else "no numbers as long as the time",
                 table.time,
+                table.time_said,
             )
             for table in self._tables
         )
@@ -146,7 +148,9 @@ class Tables:
     def _table(self, path: str, key: str, content: Mapping[str, Any], unit: Any) -> Table:
         about: Any = content.get("TimeInfo")
         unit = unit or (_within(about, "Units") if isinstance(about, dict) else None) or ""
-        text, assumed = naming.time_unit(key, str(unit)), list[str]()
+        said, assumed = naming.time_unit(key, str(unit)), list[str]()
+        told = self._told_unit if not said else ""
+        text = said or told or "s"
         unit, _, since = text.partition(" since ")
         start = seconds.parse_stamp(since.strip()) if since else (0, "")
         per = seconds.unit_ns(unit) if start else None
@@ -158,21 +162,20 @@ class Tables:
             )
         if since:
             assumed.append(f"{name!r} counts {text!r}")
-        bare = not since and per in (NANOSECONDS, seconds.DAY)
+        bare = not since and (per == seconds.DAY or (per == NANOSECONDS and not told))
         if bare and (days := seconds.day_count(times.astype(np.float64), per == seconds.DAY)):
             times, per = times.astype(np.float64) - days[0], seconds.DAY
             exact = np.spacing(float(days[0])) * 86400e6
             assumed.append(f"{name!r} is taken as {days[1]}, exact to {exact:.0g} us")
-        elif unit == "s" and not since and len(times) and (epoch := seconds.epoch_unit(float(times[0]))):
+        elif unit == "s" and not told and not since and len(times) and (epoch := seconds.epoch_unit(float(times[0]))):
             per = epoch[0]
             assumed.append(f"{name!r} has no unit: {float(times[0]):.0f} is taken as {epoch[1]} since 1970")
         elif key.lower() != "time":
             assumed.append(f"the time is {name!r}, in {unit}")
         whole = times.dtype.kind in "iu"
         t_ns = seconds.whole_to_ns(times, per) if whole else seconds.to_ns(times.astype(np.float64), per)
-        return Table(
-            path, seconds.shifted(t_ns, start[0] or (self._origin if not path else 0)), assumed=assumed, time=key
-        )
+        t_ns = seconds.shifted(t_ns, start[0] or (self._origin if not path else 0))
+        return Table(path, t_ns, assumed=assumed, time=key, time_said=bool(said))
 
     def _member(self, name: str, value: Any, unit: Any, table: Table | None) -> None:
         if isinstance(value, dict):

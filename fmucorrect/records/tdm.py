@@ -41,7 +41,7 @@ class TdmSource(Tables):
         import tdm_loader  # noqa: F401 # pyright: ignore[reportUnusedImport, reportMissingImports]
 
     def __init__(self, path: str, reading: Reading = AS_IT_IS) -> None:
-        super().__init__(path, reading.time)
+        super().__init__(path, reading)
         import tdm_loader
 
         try:
@@ -100,10 +100,11 @@ class TdmSource(Tables):
         name, values, unit, _ = channel
         if values.dtype.kind == "M":
             return Table(title, values.astype("datetime64[ns]").astype(np.int64), time=name)
-        per = seconds.unit_ns(naming.time_unit(name, unit))
+        said = naming.time_unit(name, unit)
+        per = seconds.unit_ns(said or self._told_unit or "s")
         if per is None:
             raise RecordError(f"the unit of the time '{title}.{name}' is not known", where=self.path, got=repr(unit))
-        return Table(title, seconds.to_ns(values.astype(np.float64), per), time=name)
+        return Table(title, seconds.to_ns(values.astype(np.float64), per), time=name, time_said=bool(said))
 
     def _channel(
         self, title: str, channel: tuple[str, np.ndarray, str, dict[str, str]], tables: list[Table], timed: bool

@@ -89,7 +89,7 @@ class TdmsSource:
 
     def __init__(self, path: str, reading: Reading = AS_IT_IS) -> None:
         self.path = path
-        self._rate = reading.rate
+        self._rate, self._told_unit = reading.rate, reading.time_unit
         self.damage = _damage(path)
         self.truncated = bool(self.damage)
         tdms = _nptdms()
@@ -144,7 +144,8 @@ class TdmsSource:
     def _timed(self, group: Any, time: Any) -> list[_Series]:
         """The channels as long as the time channel of their group."""
         metadata = _metadata(group)
-        unit = naming.time_unit(time.name, _unit(time))
+        said = naming.time_unit(time.name, _unit(time))
+        unit = said or self._told_unit or "s"
         per = 0 if _is_stamps(time) else seconds.unit_ns(unit)
         rows = self._whole_length(time)
         fitting: list[Any] = []
@@ -164,9 +165,8 @@ class TdmsSource:
             return [_Series(Topic(group.name, (), "time channel", metadata, note), group.name, {}, 0)]
         there = min([len(time), *(len(channel) for channel in fitting)])
         self._require_room(group.name, [time, *fitting], there)
-        topic = Topic(
-            group.name, _columns(fitting), "time channel", metadata, "" if fitting else "no numbers", time.name
-        )
+        note, known = "" if fitting else "no numbers", bool(said) or not per
+        topic = Topic(group.name, _columns(fitting), "time channel", metadata, note, time.name, known)
         return [_Series(topic, group.name, {c.name: c for c in fitting}, there, time, per)]
 
     def _waveforms(self, group: Any) -> list[_Series]:

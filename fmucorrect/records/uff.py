@@ -44,7 +44,7 @@ class UffSource(Tables):
         import pyuff  # noqa: F401 # pyright: ignore[reportUnusedImport, reportMissingImports]
 
     def __init__(self, path: str, reading: Reading = AS_IT_IS) -> None:
-        super().__init__(path, reading.time)
+        super().__init__(path, reading)
         import pyuff
 
         try:
@@ -78,8 +78,8 @@ class UffSource(Tables):
         return not why
 
     def _add(self, name: str, one: dict[str, Any], told: str) -> None:
-        unit = str(one.get("abscissa_axis_units_lab") or "s").strip()
-        per = seconds.unit_ns("s" if unit == "NONE" else unit)
+        unit = str(one.get("abscissa_axis_units_lab") or "NONE").strip()
+        per = seconds.unit_ns((self._told_unit or "s") if unit == "NONE" else unit)
         if per is None:
             raise RecordError(f"the unit of the time of {name!r} is not known", where=self.path, got=repr(unit))
         t_ns = seconds.to_ns(np.asarray(one["x"], np.float64), per)

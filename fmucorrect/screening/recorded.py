@@ -41,6 +41,12 @@ SUDDEN = 0.1
 CLIPPED = 3
 """Samples in a row at a channel's very end, and times that this happens, that make it a clipped one."""
 
+FAR = 300.0
+"""Steps of the simulation between two samples, from which on a unit that the file does not say is asked for: a thousand are
+what ms make that are taken as s, where each step was logged."""
+SLOW = 0.01
+"""s between samples, up to which they do not count ms: that would be more than 100 kHz, and the step is too short instead."""
+
 MASSIVE = ("displacement", "velocity", "angle")
 """Quantities that cannot jump from sample to sample."""
 
@@ -55,6 +61,7 @@ def of_records(study: Study) -> tuple[Finding, ...]:
         found += _damaged(condition) if study.allow_damaged else ()  # else none is read
         found += _channels(study, condition, measured[condition.name])
         found += _frozen(condition, measured[condition.name])
+        found += _paced(study, condition, measured[condition.name])
         found += _covered(study, condition)
         found += _begun(study, condition)
         if condition.role == "development":
@@ -68,12 +75,11 @@ def _misnamed(study: Study) -> Iterator[Finding]:
     named = {("units", name): name for reading in files.values() for name in reading.units}
     named |= {("columns", name): column for reading in files.values() for name, column in reading.columns.items()}
     named |= {("time", reading.time): reading.time for reading in files.values() if reading.time}
-    there: set[str] = set()
+    there, times = set[str](), set[str]()
     for path, reading in files.items():  # no further than needed: to open some kinds of files takes long
         topics = records.topics(path, reading) if named else ()
-        there |= {topic.time for topic in topics} | {
-            topic.full_name(column.name) for topic in topics for column in topic.columns
-        }
+        times |= {topic.time for topic in topics}
+        there |= times | {topic.full_name(column.name) for topic in topics for column in topic.columns}
         named = {
             (key, name): column
             for (key, name), column in named.items()
@@ -84,13 +90,19 @@ def _misnamed(study: Study) -> Iterator[Finding]:
             )
         }
     for (key, name), column in named.items():
+        of_time = key == "units" and column in times
         yield Finding(
             "name without a column",
             "error",
             f"[records] {key}" + ("" if key == "time" else f", {name!r}"),
-            f"no record of the study has a column {column!r}{' of times' * (key == 'time')}{nearest(column, sorted(there))}",
+            f"column {column!r} is the time, and units are those of the other columns"
+            if of_time
+            else f"no record of the study has a column {column!r}{' of times' * (key == 'time')}"
+            f"{nearest(column, sorted(there))}",
             "What is said of it is lost",
-            "Write the column's name as the file has it, or take the line out.",
+            'Write time_unit = "ms", or what it is, in its place.'
+            if of_time
+            else "Write the column's name as the file has it, or take the line out.",
         )
     inputs = [] if study.fmu is None else [variable.name for variable in open_fmu(study.fmu, warn=False).of("input")]
     slips = [slip for condition in study.conditions for slip in renamed_for_nothing(study, condition, inputs)]
@@ -279,6 +291,28 @@ def _lifeless(measured: Record, channel: Channel) -> tuple[str, str, str] | None
         seen = f"{column} holds {measured.values[rows.start, j]:g} {channel.unit} {_span(measured, rows)}, while others move"
         return "stuck channel", seen, "The sensor broke off, or got caught, and that part of it is no measurement"
     return None
+
+
+def _paced(study: Study, condition: Condition, measured: Record) -> Iterator[Finding]:
+    """Times that count something else than s, for all that the file says: the run would last a thousand times as long."""
+    path, reading = condition.measurement, condition.reading
+    if path is None or reading.time_unit or len(measured) < 2:
+        return
+    apart = float(np.median(np.diff(measured.t_ns)))
+    if apart <= max(FAR * study.simulation.step_ns, SLOW * NANOSECONDS) or all(
+        topic.time_said for topic in records.topics(path, reading)
+    ):
+        return
+    run = float(measured.t_ns[-1] - measured.t_ns[0])
+    yield Finding(
+        "times of a unit that is not said",
+        "error",
+        f"condition {condition.name!r}",
+        f"taken as s, the samples of {path.name} lie {apart / NANOSECONDS:.3g} s apart, {apart / study.simulation.step_ns:.3g} "
+        f"steps of the simulation, and its run lasts {run / NANOSECONDS:.3g} s",
+        "Counted in ms it would be a thousandth of that",
+        'Write in [records] what they count: time_unit = "ms", say, or time_unit = "s".',
+    )
 
 
 def _frozen(condition: Condition, measured: Record) -> Iterator[Finding]:
