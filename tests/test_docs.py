@@ -62,6 +62,8 @@ def test_no_case_seed_or_commit_on_the_pages(monkeypatch: pytest.MonkeyPatch):
         ("```python\nraise SystemExit(3)\n```\n", "non-zero exit status 3"),
         ("```console\n$ fmucorrect inspect nothing.fmu\n```\n", "non-zero exit status 2"),
         ("```console\n$ no-such-program\n```\n", "there is no no-such-program"),
+        ("```console\n$ fmucorrect --version\n```\n\n```text\nfmucorrect, version ...\n```\n", ""),
+        ("```console\n$ fmucorrect --version\n```\n\n```text\nversion 99\n```\n", "did not print:\nversion 99"),
         ("```sh\nfalse\n```\n", "no python or console block"),
         ("```toml\n# at the end of a.txt\nx = 1\n```\n```python\nassert 'x = 1' in open('a.txt').read()\n```\n", ""),
     ],

@@ -166,7 +166,7 @@ Hidden effects, severities, sensors and parameters by chance, each trained short
 
 Every condition that was held out, of rigs, quarter cars, a chain of masses and the data of others, as simulated, by the best of what
 anyone would try first, and corrected. [The table](../../exported_models/gallery.md) has the figures, the targets and where they were
-missed (`python tools/gallery.py --seeds 3`).
+missed (`python tools/gallery.py`).
 
 ![NRMSE of each plant as simulated, by the best baseline and corrected](../../exported_models/gallery.svg)
 
@@ -264,7 +264,7 @@ def draws() -> list[tuple[str, Table, Table | None]]:
         what = heading.partition(": ")[2].replace(", as run first", "")
         inside = tables(body)
         figures = next(t for t in inside if t[0][0] == "figure")
-        wrong = next((t for t in inside if t[0][0] == "case"), None)
+        wrong = next((t for t in inside if t[0][0] == "kind"), None)
         found.append((what, figures, wrong))
     return found
 
@@ -302,8 +302,7 @@ def discovery() -> tuple[str, str]:
     head += [columns[-1][0], "target"]
     newest = unseen[0][2]
     assert newest is not None, "the newest draw has no table of what went wrong"
-    keep = [i for i, name in enumerate(newest[0]) if name != "case"]
-    wrong = table([newest[0][i] for i in keep], [[row[i] for i in keep] for row in newest[1]])
+    wrong = table(*newest)
     rigs = []
     for name, rig in RIGS.items():
         text = (rig / "discovery" / "README.md").read_text(encoding="utf-8")
@@ -451,8 +450,8 @@ def robustness() -> tuple[str, str]:
 `python tools/attack.py`: {attack["inputs"]} damaged or hostile files through {attack["commands"]} commands, and {attack["kills"]} kills
 at random moments. An input is counted once, by the worst of what its commands made of it. *Clean error*: exit 2 and one message.
 *Same result*: the numbers of the whole file. *Another valid file*: what was changed lies under no checksum, and the numbers are
-those that now stand there. *Different, said*: other numbers, and the output says so. Every other kind (a crash, a hang, a
-traceback, a file left over, a wrong number without a word) would have a column of its own here if it had occurred.
+those that now stand there. *Different, said*: other numbers, and the output says so. A kind that did not occur (a crash, a
+traceback, a file left over, a wrong number without a word) has no column.
 
 {table(["input", *verdicts, "all"], rows)}
 

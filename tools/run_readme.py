@@ -1,10 +1,11 @@
 """Runs what Markdown pages show: python tools/run_readme.py README.md docs/start/index.md ...
 
-Each page has a temporary folder of its own beside copies of FILES. There, in order: a ```python
-block runs in an interpreter of its own; of a ```console block every line that begins with "$ " runs, which must be a program
-of this environment; a ```toml block that begins with "# at the end of NAME" is written there. All other blocks are shown
-only, and the page says so. The code cells of a notebook run as one script. Without arguments: README.md, all pages and
-notebooks of docs, and the READMEs of packages whose blocks no test runs. Stops at the first that fails.
+Each page has a temporary folder of its own beside copies of FILES. There, in order: a ```python block runs in an interpreter
+of its own; of a ```console block every line that begins with "$ " runs, which must be a program of this environment, and each
+line of a ```text block behind it must have come of it, "..." standing for anything; a ```toml block that begins with "# at the
+end of NAME" is written there. All other blocks are shown only, and the page says so. The code cells of a notebook run as one
+script. Without arguments: README.md, all pages and notebooks of docs, and the READMEs of packages whose blocks no test runs.
+Stops at the first that fails.
 """
 
 from __future__ import annotations
@@ -35,7 +36,8 @@ FILES = {
     "trained/corrector.onnx": "docs/start/quarter_car/corrector.onnx",
 }
 PACKAGES = (ROOT / "fmucorrect" / "README.md", ROOT / "fmucorrect" / "railway" / "README.md")
-BLOCK = re.compile(r"^```(python|console|toml)\n(.*?)^```", re.M | re.S)
+BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.M | re.S)
+RUN = ("python", "console", "toml")
 APPENDED = re.compile(r"# at the end of (\S+)\n")
 
 
@@ -53,8 +55,8 @@ def run(page: Path) -> int:
     """How many blocks of a page ran."""
     text = page.read_text(encoding="utf-8")
     found = cells(text) if page.suffix == ".ipynb" else BLOCK.findall(text)
-    blocks = [(kind, text) for kind, text in found if kind != "toml" or APPENDED.match(text)]
-    if not blocks:
+    count = sum(kind in RUN and (kind != "toml" or APPENDED.match(text) is not None) for kind, text in found)
+    if not count:
         return 0
     print(f"=== {page}", flush=True)
     with tempfile.TemporaryDirectory() as name:
@@ -62,20 +64,24 @@ def run(page: Path) -> int:
         for target, source in FILES.items():
             (folder / target).parent.mkdir(parents=True, exist_ok=True)
             (shutil.copytree if (ROOT / source).is_dir() else shutil.copyfile)(ROOT / source, folder / target)
-        for kind, text in blocks:
+        said = None
+        for kind, text in found:
             begun = time.monotonic()
+            if kind == "text" and said is not None:
+                compare(text, said)
+            said = None
             if kind == "python":
                 print(f"--- python\n{text}", flush=True)
                 subprocess.run([sys.executable, "-c", text], cwd=folder, check=True)
-            elif kind == "toml":
+            elif kind == "toml" and APPENDED.match(text):
                 with (folder / text.split()[5]).open("a", encoding="utf-8") as stream:
                     stream.write("\n" + text)
+            elif kind == "console":
+                said = "".join(command(line, folder) for line in text.splitlines() if line.startswith("$ "))
             else:
-                for line in text.splitlines():
-                    if line.startswith("$ "):
-                        command(line, folder)
+                continue
             print(f"--- {time.monotonic() - begun:.1f} s", flush=True)
-    return len(blocks)
+    return count
 
 
 def cells(notebook: str) -> list[tuple[str, str]]:
@@ -84,8 +90,17 @@ def cells(notebook: str) -> list[tuple[str, str]]:
     return [("python", "\n\n".join("".join(lines) for lines in code))]
 
 
-def command(line: str, folder: Path) -> None:
-    """One line of a console block, by the program of this environment."""
+def compare(text: str, said: str) -> None:
+    """Ends the run where a page shows a line that did not come of its commands."""
+    lines = [" ".join(line.split()) for line in said.splitlines()]
+    for shown in filter(str.strip, text.splitlines()):
+        wanted = ".*".join(map(re.escape, " ".join(shown.split()).split("...")))
+        if not any(re.fullmatch(wanted, line) for line in lines):
+            sys.exit(f"the page shows a line that the commands before it did not print:\n{shown}")
+
+
+def command(line: str, folder: Path) -> str:
+    """What one line of a console block printed, by the program of this environment."""
     print(f"--- {line}", flush=True)
     program, *arguments = shlex.split(line.removeprefix("$ "))
     path = Path(sys.executable).with_name(program)
@@ -95,7 +110,16 @@ def command(line: str, folder: Path) -> None:
             sys.exit(f"{line}: there is no {program} in this environment")
         path = Path(found)
     words = [word for a in arguments for word in (matching(a, folder) if "*" in a else [a])]
-    subprocess.run([str(path), *words], cwd=folder, check=True, env={**os.environ, "CI": "true"})
+    environment, said = {**os.environ, "CI": "true", "PYTHONUNBUFFERED": "1"}, ""
+    with subprocess.Popen(
+        [str(path), *words], cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    ) as process:
+        for printed in process.stdout or ():
+            print(printed, end="", flush=True)
+            said += printed
+    if process.returncode:
+        raise subprocess.CalledProcessError(process.returncode, line)
+    return said
 
 
 def matching(pattern: str, folder: Path) -> list[str]:

@@ -55,9 +55,8 @@ def new(
     outputs.write(out, text)
     inspected = inspection.inspect([out])
     say(inspected.text())
-    say(
-        f"\n{out} is written, with {text.count('# guess:')} guesses: search it for '# guess:', and mend what is not so."
-    )
+    guesses = text.count("  # guess:")  # behind a value; the head says what the mark means
+    say(f"\n{out} is written, with {guesses} guesses: search it for '# guess:', and mend what is not so.")
     for text in found.filled:
         say(f"Mended, as `repair` says: {text}")
     for text in found.left_out[:LISTED]:
@@ -71,9 +70,11 @@ def new(
         say(f"Look at {text}.")
     for run in found.runs:
         if run.missing:
-            say(f"{run.path.name} lacks {'; '.join(run.missing)}. Leave this log out, or what it lacks.")
+            say(f"{run.path.name} lacks {'; '.join(run.missing)}. Leave this log out, or say what it calls them: "
+            'records = { columns = { "name in the study" = "column of the log" } } of its condition.')
     if inspected.misfits:
-        raise UserError(f"{len(inspected.misfits)} of what was drafted does not fit yet, see above")
+        raise UserError(f"the draft is written, but {len(inspected.misfits)} thing{'s do' if len(inspected.misfits) > 1 else ' does'} not fit, "
+            "see above")
     told = shlex.quote(str(out))
     train = f"or fmucorrect train {told} -o trained"
     if sum(run.role == "development" for run in found.runs) < 2:

@@ -151,6 +151,12 @@ class Commands(click.Group):
                 stream.reconfigure(errors="replace")
         return super().main(*args, **kwargs)
 
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """What each command is for, in a whole sentence: click's own cuts it."""
+        first = {name: (command.help or "").split("\n\n")[0] for name, command in sorted(self.commands.items())}
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, " ".join(text.split())) for name, text in first.items()])
+
     def invoke(self, ctx: click.Context) -> Any:
         try:
             with _terminated_in_order():
