@@ -511,6 +511,8 @@ def test_what_a_column_is_by_a_word_of_its_name(name: str, what: str) -> None:
         ("Fundament.vF", "velocity", False),
         ("Zylinder.xKolben", "displacement", False),
         ("acc_z", "acceleration", False),
+        ("defl", "displacement", False),
+        ("defl_rate", "velocity", False),
         ("body_vel_z", "velocity", False),
         ("F_front", "force", False),
         ("damperForce", "force", False),

@@ -22,8 +22,9 @@ MOST = 0.9
 rest."""
 INTRODUCTION = """# Many plants, and what `fmucorrect train` makes of them
 
-`python tools/gallery.py` (`--seeds 3` for more of each): NRMSE in % of the measured range, mean of the channels, on conditions that were
-held out of everything; medians of as many trainings, each with another seed, as the last column says. *Best baseline*:
+`python tools/gallery.py` (`--seeds 3` for more of each): NRMSE in % of the measured range, mean of the channels, on
+conditions that were held out of everything; medians of as many trainings, each with another seed, as the last column
+says. *Best baseline*:
 the best there, of an amplitude factor, ridge regressions on 10 taps and on 400 ms of the simulation, and measurements
 interpolated over the condition, all fitted to the conditions of development. *Named effects*, and *both*, one
 training on the model that has them, stand where a discovery was run: here by `--discover 10`, of the rigs and the

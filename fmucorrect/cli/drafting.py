@@ -70,11 +70,12 @@ def new(
         say(f"Look at {text}.")
     for run in found.runs:
         if run.missing:
-            say(f"{run.path.name} lacks {'; '.join(run.missing)}. Leave this log out, or say what it calls them: "
-            'records = { columns = { "name in the study" = "column of the log" } } of its condition.')
-    if inspected.misfits:
-        raise UserError(f"the draft is written, but {len(inspected.misfits)} thing{'s do' if len(inspected.misfits) > 1 else ' does'} not fit, "
-            "see above")
+            say(
+                f"{run.path.name} lacks {'; '.join(run.missing)}. Leave this log out, or say what it calls them: "
+                'records = { columns = { "name in the study" = "column of the log" } } of its condition.'
+            )
+    if count := len(inspected.misfits):
+        raise UserError(f"the draft is written, but {count} thing{'s do' if count > 1 else ' does'} not fit, see above")
     told = shlex.quote(str(out))
     train = f"or fmucorrect train {told} -o trained"
     if sum(run.role == "development" for run in found.runs) < 2:
