@@ -70,7 +70,7 @@ def inspect(paths: Sequence[Path], reading: Reading = AS_IT_IS) -> Inspection:
     pairs: dict[Path, Sequence[Pair]] = {}
     for study in (thing for thing in things if isinstance(thing, Study)):
         problems = study_problems(study)
-        seen += [*_left_out(study), *_repaired(study)]
+        seen += [*_left_out(study), *_repaired(study), *_undriven(study)]
         found, simulated = _screened(study, problems, seen)
         warnings += [finding for finding in found if finding.level == "warning"]
         problems += [finding.text for finding in found if finding.level == "error"]
@@ -123,6 +123,25 @@ def _left_out(study: Study) -> Iterator[str]:
         yield from (f"{path.name}: left out: {text}" for text in contents.left_out)
         said = (item.topic.metadata.get("assumed", "") for item in contents.topics)
         yield from (f"{path.name}: assumed: {text}" for text in dict.fromkeys(said) if text)
+
+
+def _undriven(study: Study) -> Iterator[str]:
+    """Inputs of the FMU that nothing drives and that are no joint's force: they rest where they start."""
+    if study.fmu is None:
+        return
+    pushing = {joint.force for joint in study.joints}
+    by_inputs: dict[tuple[str, ...], list[str]] = {}
+    for condition in study.conditions:
+        with suppress(FmucorrectError):  # study_problems says why
+            driven = {variable.name for variable in sources.driving(study, condition)} | pushing
+            rest = tuple(
+                v.name for v in open_fmu(study.fmu, warn=False).of("input") if v.number and v.name not in driven
+            )
+            if condition.simulated is None and rest:
+                by_inputs.setdefault(rest, []).append(condition.name)
+    for rest, names in by_inputs.items():
+        where = "" if len(names) == len(study.conditions) else f"condition{'s' * (len(names) > 1)} {few(names)}: "
+        yield f"{where}nothing drives {few(rest)} of the FMU: what no column is for stays at its start value"
 
 
 def _repaired(study: Study) -> Iterator[str]:

@@ -87,6 +87,11 @@ def find_driving(fmu: FmuDescription, log: Run, step_ns: int) -> Driving:
         driving = Driving(inputs, try_out(plant, log, {g.variable: g.column for g in inputs}, step_ns))
         while (further := _further(plant, log, driving, step_ns)) is not None:
             driving = further
+        if alone := _alone(fmu, log, driving):
+            inputs = (*driving.inputs, *alone)
+            driving = replace(
+                driving, inputs=inputs, trial=try_out(plant, log, {g.variable: g.column for g in inputs}, step_ns)
+            )
         return _sized(plant, log, driving, step_ns)
 
 
@@ -113,25 +118,50 @@ def _further(plant: Plant, log: Run, known: Driving, step_ns: int) -> Driving | 
     return None if best is None else best[1]
 
 
+def _alone(fmu: FmuDescription, log: Run, known: Driving) -> tuple[InputGuess, ...]:
+    """Inputs that no column drives yet and that are alone of their kind, where one column that is used for nothing is of it
+    and no output: it can be nothing else."""
+    driven = [guess.variable for guess in known.inputs]
+    free = [v for v in undriven(fmu, driven) if v.unit not in units.UNSAID]
+    found: list[InputGuess] = []
+    for variable in free:
+        fits = [
+            c
+            for c, unit in log.columns.items()
+            if unit not in units.UNSAID and may_be(variable.unit, unit, fmu.defined)
+        ]
+        others = [v for v in (*fmu.of("input"), *fmu.of("output")) if v.number and v is not variable]
+        if len(fits) == 1 and not any(may_be(v.unit, variable.unit, fmu.defined) for v in others):
+            found.append(
+                InputGuess(variable.name, fits[0], "the only input, and the only column, in units of that kind")
+            )
+    return tuple(found)
+
+
+def undriven(fmu: FmuDescription, driven: Sequence[str]) -> list[Variable]:
+    """Inputs that move a model and that nothing drives; a force at a joint waits for what the model lacks."""
+    free = [v for v in fmu.of("input") if v.number and not v.discrete and v.name not in driven]
+    pushing = {joint.force for joint in find_joints(fmu, driven)} if driven and free else ()
+    return [variable for variable in free if variable.name not in pushing]
+
+
 def _possible(fmu: FmuDescription, log: Run, known: Driving) -> Iterator[tuple[Variable, str]]:
     """Inputs without a column, and columns that move and may be of the same quantity, but for those that are named as an
     output. Once something drives the model, a force at a joint is left to what the model lacks."""
     driven = [guess.variable for guess in known.inputs]
     moving = dict(zip(known.trial.columns, np.ptp(known.trial.measured, axis=0) > 0.0, strict=True))
-    free = [v for v in fmu.of("input") if v.number and not v.discrete and v.name not in driven]
-    pushing = {joint.force for joint in find_joints(fmu, driven)} if driven and free else ()
     outputs = {
         column
         for column, unit in log.columns.items()
         for output in known.trial.outputs
         if may_be(output.unit, unit, fmu.defined) and likeness(column, output.name) >= NAMED
     }
-    for variable in free:
+    for variable in undriven(fmu, driven):
         for column, unit in log.columns.items():
             theirs = "displacement" if quantity(unit) == "angle" else quantity(unit)
             alike = not kind(variable) or theirs in (None, kind(variable))
             fits = alike and may_be(variable.unit, unit, fmu.defined)
-            if fits and variable.name not in pushing and moving.get(column) and column not in outputs:
+            if fits and moving.get(column) and column not in outputs:
                 yield variable, column
 
 
@@ -139,7 +169,9 @@ def _shown(
     fmu: FmuDescription, log: Run, known: Driving, trial: Trial, column: str
 ) -> tuple[float, ChannelGuess] | None:
     """By how much the responses are explained better with this column as an input, and the response that shows it best; None
-    where that is not enough."""
+    where that is not enough: once something drives the model, a further input explains most of what was left of them, or a
+    response that nothing explained before. What the column itself showed of an output before is lost: a response that is
+    taken for an input makes others look explained."""
     driven = known.trial.measured[: len(trial.simulated), [known.trial.columns.index(column)]]
     copied = np.abs(correlations(known.trial.measured[: len(driven)], driven))[:, 0]
     others = [c for c, r in zip(known.trial.columns, copied, strict=True) if r < (NEARLY if known.inputs else COPY)]
@@ -153,9 +185,11 @@ def _shown(
         return None
     left = sum(1.0 - guess.shown**2 for guess in after)
     was = sum(1.0 - before.get(guess.column, 0.0) ** 2 for guess in after)
-    if known.inputs and left > LESS * was:
+    shown = {guess.column: guess.shown for guess in find_channels(fmu, log, known.trial)}
+    gain = was - left - shown.get(column, 0.0) ** 2
+    if known.inputs and (gain <= 0.0 or (left > LESS * was and all(guess.column in shown for guess in after))):
         return None
-    return was - left, best
+    return gain, best
 
 
 def _sized(plant: Plant, log: Run, driving: Driving, step_ns: int) -> Driving:
