@@ -16,7 +16,7 @@ taken from it. V = J, or more where the study's [training.corrector] sees names 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
@@ -113,12 +113,9 @@ def _solver(study: Study) -> str:
     return "" if study.fmu is None or logged else study.fmu.name
 
 
-def corners(channels: Sequence[Channel], pairs: Sequence[Pair], narrow: Collection[str] = ()) -> Corners:
+def corners(channels: Sequence[Channel], pairs: Sequence[Pair]) -> Corners:
     """Where a correction may be used: half the span of speed beyond its ends, 5 % of amplitude and frequency, 1.25 times the
-    largest response; fading over as much again (responses until 1.5 times). Nothing of what the conditions do not say.
-
-    narrow: conditions at which the band did not hold when they were left out. An end of the speeds with one of them was not
-    reached from the speeds beside it, and nothing is beyond it."""
+    largest response; fading over as much again (responses until 1.5 times). Nothing of what the conditions do not say."""
     found: Corners = {}
     extent = np.max([np.abs(_simulated(item)).max(0) for item in pairs], axis=0)
     for channel, limit in zip(channels, extent.tolist(), strict=True):
@@ -129,9 +126,7 @@ def corners(channels: Sequence[Channel], pairs: Sequence[Pair], narrow: Collecti
         low, high = min(values), max(values)
         if low > 0.0:
             margin = (high - low) / 2.0 if k == 0 and high > low else 0.05 * high
-            ends = {v for v, item in zip(values, pairs, strict=True) if k == 0 and item.condition.name in narrow}
-            first, last = low - margin * (low not in ends), high + margin * (high not in ends)
-            found[name] = (first - margin, first, last, last + margin)
+            found[name] = (low - 2.0 * margin, low - margin, high + margin, high + 2.0 * margin)
     return found
 
 

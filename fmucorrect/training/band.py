@@ -54,9 +54,6 @@ SPREAD = 1.25
 """sigma is never less than the members' standard deviation: of a normal distribution it is sqrt(pi / 2) times the mean absolute
 deviation (deep ensembles: Lakshminarayanan et al., Simple and scalable predictive uncertainty estimation, NeurIPS 2017). What
 was left out says too little of it: there the members agree, and elsewhere they differ by as much as they err."""
-NARROW = 0.8
-"""Share of the measured samples in motion below which a band that is stated as 90 % is told to be too narrow, and nothing is
-corrected beyond a speed at which that was so when it was left out."""
 LEAST = 1e-3
 """Of the mean error, the smallest floor; and of floor and size that a fit gives, what is kept where the members' deviations
 alone are wide enough."""

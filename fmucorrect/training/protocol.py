@@ -15,7 +15,6 @@ from fmucorrect.screening import Finding, Screened, screen
 from fmucorrect.sealing import about, corners, ramps
 from fmucorrect.study import Study
 from fmucorrect.study_training import Family, Training
-from fmucorrect.training.band import NARROW
 from fmucorrect.training.data import samples, sizes
 from fmucorrect.training.deployed import Corrector
 from fmucorrect.training.distilled import WORSE, Distilled
@@ -87,8 +86,7 @@ def train(study: Study, training: Training | None = None, workshop: Workshop | N
     if selection.family in BLIND:
         sees, development = (), [samples(item, training.window) for item in checked.pairs]
     basis = sizes(development)
-    narrow = [name for name, held in selection.covered.items() if held < NARROW]
-    envelope = corners(study.channels, checked.pairs, narrow)
+    envelope = corners(study.channels, checked.pairs)
     head = fitted.head()
     known_motions, filtered = None, None
     if selection.family != "nothing":

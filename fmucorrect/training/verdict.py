@@ -8,7 +8,6 @@ from fmucorrect.comparison import BAND_90, Comparison
 from fmucorrect.noise import known_floor, removed
 from fmucorrect.stepper import Status
 from fmucorrect.study_training import Family
-from fmucorrect.training.band import NARROW
 from fmucorrect.training.fallback import Fallback
 from fmucorrect.training.novelty import FALSE_ALARMS, Guard
 from fmucorrect.training.selection import HARDLY, Selection
@@ -42,14 +41,14 @@ def verdict(selection: Selection, evaluations: Sequence[Comparison] = (), guard:
     if worse := [found for item in unseen if (found := _worse(item))]:
         text += f" WORSE than the simulation at {', '.join(worse)}, which nothing was fitted to: do not use it there."
     narrow = [
-        f"{name} ({100 * held:.0f} %) when it was left out" for name, held in selection.covered.items() if held < NARROW
+        f"{name} ({100 * held:.0f} %) when it was left out"
+        for name, held in selection.covered.items()
+        if held < _NARROW
     ]
     in_motion = [(item.condition.name, item.within(BAND_90, item.excited).mean()) for item in unseen]
-    narrow += [f"{name} ({100 * held:.0f} % in motion)" for name, held in in_motion if held < NARROW]
+    narrow += [f"{name} ({100 * held:.0f} % in motion)" for name, held in in_motion if held < _NARROW]
     if narrow:
         text += f" Its 90 % band is too narrow at {', '.join(narrow)}."
-    if ends := _ends(selection, evaluations):
-        text += f" It ends at {' and '.join(f'{speed:g}' for speed in ends)} km/h, and fades beyond."
     if guard is not None and guard.misses > _UNNOTICED:
         text += (
             f" Under another excitation it may not notice that it is elsewhere: {100 * guard.misses:.0f} % of the rows of "
@@ -123,18 +122,12 @@ def _places(evaluations: Sequence[Comparison]) -> str:
     return "speeds" if len(speeds) > 1 else "conditions"
 
 
-def _ends(selection: Selection, evaluations: Sequence[Comparison]) -> list[float]:
-    """Of the lowest and the highest speed of development those at which the band did not hold when they were left out, which
-    the envelope ends at (sealing.corners)."""
-    speeds = {i.condition.name: i.condition.speed for i in evaluations if i.condition.role == "development"}
-    ends = {min(speeds.values()), max(speeds.values())} if len(set(speeds.values())) > 1 else set[float]()
-    return sorted({v for n, v in speeds.items() if v in ends and v > 0.0 and selection.covered.get(n, 1.0) < NARROW})
-
-
 _TELLING = 0.3
 """Share of what is left that noise makes, from which it is told: below, the error without it is the same within 5 %."""
 _NOISE = 0.95
 """Share of what is left that noise makes, from which nothing is said of the rest: noise itself is known no better."""
+_NARROW = 0.8
+"""Share of the measured samples in motion below which a band that is stated as 90 % is told to be too narrow."""
 _UNNOTICED = 0.5
 """Share of the rows of made motions that pass as known from which it is told: most of them."""
 _WORSE = 0.02

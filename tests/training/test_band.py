@@ -71,20 +71,6 @@ def test_another_unit_is_another_unit() -> None:
     assert np.allclose(metres.deviation, band.deviation, rtol=1e-6, atol=1e-12)
 
 
-def test_nothing_is_beyond_a_speed_at_which_the_band_did_not_hold(study: Study) -> None:
-    """When it was left out: from the speeds beside it, it was not reached."""
-    pairs = [pair(study, c) for c in study.development]
-    speeds = sorted({item.condition.speed for item in pairs})
-    last = [item.condition.name for item in pairs if item.condition.speed == speeds[-1]]
-    usual, ended = corners(study.channels, pairs), corners(study.channels, pairs, last[:1])
-    half = (speeds[-1] - speeds[0]) / 2.0
-    assert usual["speed"] == (speeds[0] - 2.0 * half, speeds[0] - half, speeds[-1] + half, speeds[-1] + 2.0 * half)
-    assert ended["speed"] == (*usual["speed"][:2], speeds[-1], speeds[-1] + half)
-    assert {**ended, "speed": ()} == {**usual, "speed": ()}
-    middle = [item.condition.name for item in pairs if item.condition.speed not in (speeds[0], speeds[-1])]
-    assert corners(study.channels, pairs, middle) == usual
-
-
 def test_the_exported_sigma_is_the_calibrated_one(study: Study, trained: Trained) -> None:
     assert trained.distilled is not None
     ensemble, pairs = trained.distilled.ensemble, [pair(study, c) for c in study.development]
