@@ -191,7 +191,8 @@ def parse(text: str) -> Unit:
             match = _FACTOR.match(symbol)
             scale, base = _symbol(match.group(1)) if match else (math.nan, None)
             if match is None or base is None:
-                raise SignalError(f"unit {text!r} is not known ({symbol!r})", remedy="Write it as in 'm/s2' or 'N.m'.")
+                part = "" if symbol == text else f" ({symbol!r})"
+                raise SignalError(f"unit {text!r} is not known{part}", remedy="Write it as in 'm/s2' or 'N.m'.")
             power = sign * int(match.group(2) or 1)
             factor *= scale**power
             dimension = [d + power * b for d, b in zip(dimension, base, strict=True)]

@@ -1,11 +1,11 @@
 """Runs what Markdown pages show: python tools/run_readme.py README.md docs/start/index.md ...
 
 Each page has a temporary folder of its own beside copies of FILES. There, in order: a ```python block runs in an interpreter
-of its own; of a ```console block every line that begins with "$ " runs, which must be a program of this environment, and each
-line of a ```text block behind it must have come of it, "..." standing for anything; a ```toml block that begins with "# at the
-end of NAME" is written there. All other blocks are shown only, and the page says so. The code cells of a notebook run as one
-script. Without arguments: README.md, all pages and notebooks of docs, and the READMEs of packages whose blocks no test runs.
-Stops at the first that fails.
+of its own; of a ```console block every line that begins with "$ " runs, which must be a program of this environment; each line
+of a ```text block behind one of these must have come of it, "..." standing for anything; a ```toml block that begins with
+"# at the end of NAME" is written there. All other blocks are shown only, and the page says so. The code cells of a notebook
+run as one script. Without arguments: README.md, all pages and notebooks of docs, and the READMEs of packages whose blocks no
+test runs. Stops at the first that fails.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ def run(page: Path) -> int:
             said = None
             if kind == "python":
                 print(f"--- python\n{text}", flush=True)
-                subprocess.run([sys.executable, "-c", text], cwd=folder, check=True)
+                said = printed([sys.executable, "-c", text], folder)
             elif kind == "toml" and APPENDED.match(text):
                 with (folder / text.split()[5]).open("a", encoding="utf-8") as stream:
                     stream.write("\n" + text)
@@ -110,15 +110,19 @@ def command(line: str, folder: Path) -> str:
             sys.exit(f"{line}: there is no {program} in this environment")
         path = Path(found)
     words = [word for a in arguments for word in (matching(a, folder) if "*" in a else [a])]
+    return printed([str(path), *words], folder)
+
+
+def printed(arguments: list[str], folder: Path) -> str:
+    """What a program prints, shown as it comes. Raises subprocess.CalledProcessError where it fails."""
     environment, said = {**os.environ, "CI": "true", "PYTHONUNBUFFERED": "1"}, ""
-    with subprocess.Popen(
-        [str(path), *words], cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
-    ) as process:
-        for printed in process.stdout or ():
-            print(printed, end="", flush=True)
-            said += printed
+    out, both = subprocess.PIPE, subprocess.STDOUT
+    with subprocess.Popen(arguments, cwd=folder, env=environment, stdout=out, stderr=both, text=True) as process:
+        for line in process.stdout or ():
+            print(line, end="", flush=True)
+            said += line
     if process.returncode:
-        raise subprocess.CalledProcessError(process.returncode, line)
+        raise subprocess.CalledProcessError(process.returncode, arguments)
     return said
 
 

@@ -195,8 +195,8 @@ def replay(
     """Send a logged simulation through a corrector, as if it ran live; memory does not grow with the LOG.
 
     The operating condition comes from --study and --condition, else from the log itself (those that fmucorrect writes
-    carry it); --speed, --amplitude, --frequency and --start go before both. Asked for are those that some condition of
-    the corrector's training had.
+    carry it); --speed, --amplitude, --frequency and --start go before both. Needed are only those that some condition
+    of the corrector's training had.
 
     Example: fmucorrect replay run.csv --corrector corrector.onnx --study study.toml --condition 385 -o out.mcap
     """
@@ -386,4 +386,6 @@ def _print_summary(summary: Summary, as_json: bool) -> None:
         if summary.unlike:
             say(f"outside: {summary.unlike}; the corrector is withheld")
         elif summary.status["outside"] > 0:
-            say("outside: the corrector was not trained for this, there it fades, and is no surer than the simulation")
+            say(
+                "outside: the corrector was not trained for this; there it fades, and the band is that of the simulation"
+            )

@@ -59,7 +59,7 @@ def _verdict(report: Discovery, checked: Sequence[Gap]) -> str:
     error = f"the error at {worst.condition.name} falls from {worst.nrmse_before:.3g} to {worst.nrmse_after:.3g} %"
     beside = [f"sensor noise {worst.noise_floor:.2g} %"] if known(worst.noise_floor) else []
     beside += [
-        f"{row.nrmse_alone:.3g} % by augmented.fmu alone, which has no sensors"
+        f"{row.nrmse_alone:.3g} % with augmented.fmu alone, without gains and lags of sensors"
         for row in report.gap
         if row.condition == worst.condition.name and row.far
     ]
@@ -123,7 +123,7 @@ def sized(row: Effect) -> str:
         return row.at
     name, main = next(iter(row.parameters.items()))  # the first is the main one
     acts = row.acting  # a size that is said is the force that acted
-    acted = f"at most {quantity(acts.peak, unit=acts.unit)} acted" if acts else ""
+    acted = f"peak {quantity(acts.peak, unit=acts.unit)}" if acts else ""
     if acted and abs(main.value) < main.std:
         return f"{row.at} ({acted})"
     if main.meaning == OF_FACTOR:

@@ -50,9 +50,9 @@ def test_a_size_that_is_lost_in_its_own_error_is_not_told():
     force = {"friction_force": {"value": 3e-4, **parameter}, "breakaway_force": {"value": 165.0, **parameter}}
     acting = {"rms": 115.0, "peak": 164.0, "unit": "N"}
     row = {"effect": "stribeck_friction", "joint": "damper", "parameters": force, "acting": acting}
-    assert sized(read(Effect, row, "row")) == "Stribeck friction at damper (at most 164 N acted)"
+    assert sized(read(Effect, row, "row")) == "Stribeck friction at damper (peak 164 N)"
     force["friction_force"]["value"] = 100.0
-    assert sized(read(Effect, row, "row")) == "Stribeck friction at damper (friction force 100 N, at most 164 N acted)"
+    assert sized(read(Effect, row, "row")) == "Stribeck friction at damper (friction force 100 N, peak 164 N)"
 
 
 def test_a_parameter_is_told_before_and_after_all_that_moves_it(problem):

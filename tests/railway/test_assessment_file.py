@@ -260,7 +260,7 @@ def test_a_unit_of_speed_that_contradicts_the_fmu_is_told(folder: Path, unit: st
 
 
 @pytest.mark.parametrize(("unit", "told"), [
-    ("furlong", "unit 'furlong' is not known ('furlong'). Write it as in 'm/s2' or 'N.m'. The FMU declares none of that name."),
+    ("furlong", "unit 'furlong' is not known. Write it as in 'm/s2' or 'N.m'. The FMU declares none of that name."),
     ("kg", "'kg' is no unit of speed; write one like 'm/s' or 'km/h'"),
     ("mph", ""),
 ])  # fmt: skip

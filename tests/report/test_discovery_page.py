@@ -441,4 +441,6 @@ def test_what_the_fmu_alone_leaves_is_told_where_sensors_made_up_for_it() -> Non
     none, shown = np.zeros(0), np.zeros((0, 1))
     of = Condition(held["condition"], role="evaluation")
     checked = Gap(of, none, shown, shown, shown, np.zeros(1), 5.0, held["nrmse_after"], 0.1, 0.5, 0.9)
-    assert "% by augmented.fmu alone, which has no sensors)" in sentence(Discovery.read(report), [checked])
+    assert "% with augmented.fmu alone, without gains and lags of sensors)" in sentence(
+        Discovery.read(report), [checked]
+    )
