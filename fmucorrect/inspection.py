@@ -17,7 +17,7 @@ from fmucorrect.errors import SHOWN, FmucorrectError, RecordError, few
 from fmucorrect.fmu import FmuDescription, fixed, open_fmu
 from fmucorrect.pairs import Pair, pair, read_samples
 from fmucorrect.records.contents import Contents
-from fmucorrect.screening import Finding, coarse, of_pairs, of_records
+from fmucorrect.screening import Finding, coarse, of_pairs, of_records, together
 from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Reading
 from fmucorrect.study import Study, check_study, load_study
 from fmucorrect.study_places import nearest, place
@@ -72,6 +72,7 @@ def inspect(paths: Sequence[Path], reading: Reading = AS_IT_IS) -> Inspection:
         problems = study_problems(study)
         seen += [*_left_out(study), *_repaired(study), *_undriven(study)]
         found, simulated = _screened(study, problems, seen)
+        found = together(found)
         warnings += [finding for finding in found if finding.level == "warning"]
         problems += [finding.text for finding in found if finding.level == "error"]
         pairs |= {} if problems else {study.path: simulated}

@@ -293,10 +293,10 @@ class Reading:
 
     columns: a column of the file by the name that it goes by here; a file without that column is read as it is. units: of
     columns, by either name, in place of what the file says. repair: repair rules of `records.timebase`, as "sort,drop".
-    time: the column that is the time; a file without that column is read as it is. time_unit: as "ms", of times whose unit the
-    file does not say; "": s. rate: Hz, of the samples of files that have no time at all; one that has a time keeps it; 0: not
-    known. Of text files: delimiter (one character,
-    "tab" or "space"), decimal ("." or ","), encoding (as Python names it). "" of any: found out.
+    time: the column that is the time; a file without that column is read as it is. time_unit: as "ms", of numbers that are
+    times, in place of what the file says; "": as it says, else s. rate: Hz, of the samples of files that have no time at all;
+    one that has a time keeps it; 0: not known. Of text files: delimiter (one character, "tab" or "space"), decimal ("." or
+    ","), encoding (as Python names it). "" of any: found out.
     """
 
     columns: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))

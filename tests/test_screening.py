@@ -182,7 +182,7 @@ def test_times_in_ms_that_do_not_say_so(tmp_path: Path) -> None:
         path.write_text("\n".join([head.replace("time", "t", 1), *(f"{t:.6g},{rest}" for t, rest in times)]) + "\n")
     study = tmp_path / "study.toml"
     with pytest.raises(
-        StudyError, match=r'times of a unit that is not said: .* lie 10 s apart, 1e\+03 steps .*time_unit = "ms"'
+        StudyError, match=r'times that may be of another unit: .* lie 10 s apart, 1e\+03 steps .*time_unit = "ms"'
     ):
         screen(load_study(study))
     said = study.read_text()

@@ -66,7 +66,7 @@ def reading_options(command: Callable[..., Any]) -> Callable[..., Any]:
         ("encoding", "Encoding of a text file, as cp1250 or shift_jis."),
         ("decimal", "Decimal mark of a text file: . or ,"),
         ("delimiter", "What stands between the cells of a text file: one character, tab or space."),
-        ("time-unit", "Unit of the times, as ms, where the file does not say it; default s."),
+        ("time-unit", "Unit of the times, as ms, in place of what the file says."),
         ("time", "Column that is the time, where none is named so."),
     ):
         read = click.option(f"--{name}", default="", help=text)(read)

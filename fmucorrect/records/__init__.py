@@ -166,8 +166,8 @@ def _unused(seen: Contents, reading: Reading) -> Iterator[str]:
     if reading.time and not any(is_time(topic, reading.time) for topic in topics):
         theirs = ", ".join(dict.fromkeys(repr(topic.time) for topic in topics if topic.time))
         yield f"time = {reading.time!r}: there is no such column; the time is {theirs or 'that of the log'}"
-    if reading.time_unit and all(topic.time_said for topic in topics):
-        yield f"time_unit = {reading.time_unit!r}: the file says the unit of its time itself"
+    if reading.time_unit and not any(topic.counts for topic in topics):
+        yield f"time_unit = {reading.time_unit!r}: it has stamps, or a time of the log's own"
     for key, kinds in (("delimiter", ("CSV",)), ("decimal", ("CSV",)), ("encoding", ("CSV", "LabVIEW"))):
         if (value := getattr(reading, key)) and not any(kind in seen.format for kind in kinds):
             yield f"{key} = {value!r}: that is of text files, and this one is {seen.format}"

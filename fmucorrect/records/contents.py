@@ -39,7 +39,8 @@ class Topic:
 
     encoding: how a sample is written, in words. metadata: text by key, as the file gives it.
     note: why there are no columns, if the encoding cannot be read. time: the column that is the time of all; "" where it is
-    none (the log's own time, a rate). time_said: whether the file says in which unit.
+    none (the log's own time, a rate). counts: whether its times are numbers
+    of a unit (Reading.time_unit), and no stamps.
     """
 
     name: str
@@ -48,7 +49,7 @@ class Topic:
     metadata: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     note: str = ""
     time: str = ""
-    time_said: bool = True
+    counts: bool = False
 
     def full_name(self, column: str) -> str:
         """`topic.column`: the topic's leading slash goes, inner slashes stay."""

@@ -67,9 +67,7 @@ class CsvSource:
         metadata = {key: text for key, text in told.items() if text}
         note = "" if found.numeric else "; ".join(found.left_out)
         time = "" if found.rate else found.columns[found.time].name
-        return (
-            Topic("", tuple(found.columns[c] for c in found.numeric), "text", metadata, note, time, found.time_said),
-        )
+        return (Topic("", tuple(found.columns[c] for c in found.numeric), "text", metadata, note, time, found.counts),)
 
     def blocks(self, topic: str, columns: Sequence[str]) -> Iterator[Block]:
         """Blocks of lines. Raises RecordError for a cell that is no number, with line and column."""

@@ -62,7 +62,7 @@ class Layout:
     date: the place of dates, where the time has only clock times. delimiter: " " for any number of blanks.
     first_line: the number of the line with the first row. per: ns in a unit of the time. stamps: "", or what dates and
     clock times count from. mark: the decimal mark, "" while nothing tells. unnamed_last: columns at the end without a
-    name, whose cells must be empty. time_said: whether the file says what its times count.
+    name, whose cells must be empty. counts: whether its times are numbers, and no stamps.
     """
 
     encoding: str
@@ -81,7 +81,7 @@ class Layout:
     assumed: tuple[str, ...]
     left_out: tuple[str, ...]
     rate: float = 0.0
-    time_said: bool = True
+    counts: bool = False
 
 
 @dataclass(frozen=True)
@@ -298,15 +298,14 @@ def _columns(
     elif header.time or not naming.is_time(columns[time].name):
         assumed.append(f"the time is column {time + 1}, {columns[time].name!r}")
     mark = reading.decimal or _mark(path, header, rows)
-    said = bool(header.rate) or date is not None or columns[time].unit != "1"
-    if not said and reading.time_unit:
+    if reading.time_unit and not header.rate and date is None:
         columns[time] = Column(columns[time].name, reading.time_unit)
     per, stamps = (1, "") if header.rate else _clock(path, header, date, columns[time], rows, mark, assumed)
     numeric, truths, left_out = _kinds(header, columns, rows, mark, date)
     return Layout(
         encoding, header.delimiter, mark, tuple(columns), time, date, tuple(numeric), truths, first_row + 1, per, stamps,
         _unnamed_last(columns), "\n".join(preamble)[:2000], tuple(assumed), tuple(left_out), header.rate,
-        said or bool(stamps),
+        not header.rate and not stamps,
     )  # fmt: skip
 
 

@@ -80,7 +80,7 @@ class Mdf4Source:
 
     def __init__(self, path: str, reading: Reading = AS_IT_IS) -> None:
         self.path = path
-        self._told, self._told_unit = reading.time, reading.time_unit
+        self._told = reading.time
         module = _asammdf()
         try:
             self._file: Any = module.MDF(path)
@@ -208,9 +208,7 @@ class Mdf4Source:
         if len(times) != 1:
             return None, "it has no time" if not times else "it has several channels that are its time"
         index, channel = times[0]
-        unit = str(
-            self._file.get(group=number, index=index, record_count=1).unit or channel.unit or self._told_unit or "s"
-        )
+        unit = str(self._file.get(group=number, index=index, record_count=1).unit or channel.unit or "s")
         per = seconds.unit_ns(unit)
         return (None, f"the unit of its time is not known: {unit!r}") if per is None else ((index, per), "")
 

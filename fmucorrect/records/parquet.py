@@ -84,7 +84,7 @@ class ParquetSource:
         for own in ("pandas", "ARROW:schema"):
             self._metadata.pop(own, None)
         self._told = reading.time
-        self._told_unit, self._time_said = reading.time_unit, True
+        self._told_unit, self._counts = reading.time_unit, False
         self._rate = reading.rate
         self._time = self._time_place()
         self._per = NANOSECONDS if self._time is None else self._time_unit(self._time)
@@ -104,7 +104,7 @@ class ParquetSource:
         named = None if self._time is None else naming.time_column(str(self._fields[self._time].name), known=True)
         time = "" if named is None else named.name
         metadata = self._metadata | ({"assumed": assumed} if assumed else {})
-        return (Topic("", columns, "columns", metadata, note, time, self._time_said),)
+        return (Topic("", columns, "columns", metadata, note, time, self._counts),)
 
     def blocks(self, topic: str, columns: Sequence[str]) -> Iterator[Block]:
         """Batches of rows; null is NaN."""
@@ -208,8 +208,7 @@ class ParquetSource:
             )
         said = naming.time_column(str(field.name), known=True)
         unit = said.unit if said is not None and (field.metadata or {}).get(b"unit") is None else self._unit(field)
-        self._time_said = unit != "1"
-        unit = unit if self._time_said else self._told_unit or unit
+        self._counts, unit = True, self._told_unit or unit
         per = seconds.unit_ns("s" if unit == "1" else unit)
         if per is None:
             raise RecordError(

@@ -203,7 +203,7 @@ class PartsSource:
         metadata = dict(first.metadata) | {"parts": self._told(name)}
         other = next((i for i, its in columns.items() if its != first.columns), None)
         if other is None:
-            return Topic(name, first.columns, first.encoding, metadata, first.note, first.time, first.time_said)
+            return Topic(name, first.columns, first.encoding, metadata, first.note, first.time, first.counts)
         each = [
             f"{self._parts[i][0]}: {', '.join(f'{c.name} [{c.unit}]' for c in columns[i])}" for i in (used[0][0], other)
         ]

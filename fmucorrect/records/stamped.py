@@ -13,7 +13,6 @@ from fmucorrect.records.contents import Extent, Topic
 from fmucorrect.records.mcap import McapSource
 from fmucorrect.records.source import NO_TIME, Block, extent_of
 from fmucorrect.signals import NANOSECONDS
-from fmucorrect.units import UNSAID
 
 _PARTS = (("sec", "nanosec"), ("secs", "nsecs"), ("seconds", "nanos"), ("sec", "nsec"))
 """What whole seconds and the nanoseconds above them are called: ROS 2, ROS 1, protobuf, Foxglove's JSON."""
@@ -27,14 +26,18 @@ class StampedMcap(McapSource):
     """
 
     def __init__(self, path: str, time: str, unit: str = "") -> None:
-        """time: the column, or the name of the two. unit: of one whose unit the file does not say; "": s."""
+        """time: the column, or the name of the two. unit: of its numbers, in place of what the file says, or ""."""
         super().__init__(path)
         self._time, self._unit = time, unit
 
     def topics(self) -> tuple[Topic, ...]:
         """In file order."""
         every = super().topics()
-        return tuple(replace(topic, time=self._time if self._columns_of_time(topic) else "") for topic in every)
+        columns = [len(found[0]) if (found := self._columns_of_time(topic)) else 0 for topic in every]
+        return tuple(
+            replace(topic, time=self._time * (count > 0), counts=count == 1)
+            for topic, count in zip(every, columns, strict=True)
+        )
 
     def blocks(self, topic: str, columns: Sequence[str]) -> Iterator[Block]:
         """All rows of a topic in file order; without a time where a row has none."""
@@ -57,8 +60,7 @@ class StampedMcap(McapSource):
         """The columns that are the time, and ns in a unit of the first."""
         there = {column.name: column.unit for column in topic.columns}
         if self._time in there:
-            said = there[self._time]
-            return (self._time,), seconds.unit_ns(said if said not in UNSAID else self._unit) or NANOSECONDS
+            return (self._time,), seconds.unit_ns(self._unit or there[self._time]) or NANOSECONDS
         for whole, rest in _PARTS:
             names = (f"{self._time}.{whole}", f"{self._time}.{rest}")
             if there.keys() >= set(names):

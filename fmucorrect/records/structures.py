@@ -33,7 +33,7 @@ class Unreadable:
 @dataclass
 class Table:
     """Series that share a time: the variables beside it, or the members of its structure. name: of the structure. time: of
-    the variable. time_said: whether its unit is said."""
+    the variable. counts: whether its times are numbers of a unit, and no stamps."""
 
     name: str
     t_ns: np.ndarray
@@ -41,7 +41,7 @@ class Table:
     units: dict[str, str] = field(default_factory=dict[str, str])
     assumed: list[str] = field(default_factory=list[str])
     time: str = ""
-    time_said: bool = True
+    counts: bool = False
 
 
 class Tables:
@@ -90,7 +90,7 @@ class Tables:
                 self._metadata | ({"assumed": "; ".join(table.assumed)} if table.assumed else {}),
                 "" if table.series else "no numbers as long as the time",
                 table.time,
-                table.time_said,
+                table.counts,
             )
             for table in self._tables
         )
@@ -148,9 +148,8 @@ class Tables:
     def _table(self, path: str, key: str, content: Mapping[str, Any], unit: Any) -> Table:
         about: Any = content.get("TimeInfo")
         unit = unit or (_within(about, "Units") if isinstance(about, dict) else None) or ""
-        said, assumed = naming.time_unit(key, str(unit)), list[str]()
-        told = self._told_unit if not said else ""
-        text = said or told or "s"
+        told, assumed = self._told_unit, list[str]()
+        text = told or naming.time_unit(key, str(unit)) or "s"
         unit, _, since = text.partition(" since ")
         start = seconds.parse_stamp(since.strip()) if since else (0, "")
         per = seconds.unit_ns(unit) if start else None
@@ -175,7 +174,7 @@ class Tables:
         whole = times.dtype.kind in "iu"
         t_ns = seconds.whole_to_ns(times, per) if whole else seconds.to_ns(times.astype(np.float64), per)
         t_ns = seconds.shifted(t_ns, start[0] or (self._origin if not path else 0))
-        return Table(path, t_ns, assumed=assumed, time=key, time_said=bool(said))
+        return Table(path, t_ns, assumed=assumed, time=key, counts=not since)
 
     def _member(self, name: str, value: Any, unit: Any, table: Table | None) -> None:
         if isinstance(value, dict):

@@ -100,11 +100,10 @@ class TdmSource(Tables):
         name, values, unit, _ = channel
         if values.dtype.kind == "M":
             return Table(title, values.astype("datetime64[ns]").astype(np.int64), time=name)
-        said = naming.time_unit(name, unit)
-        per = seconds.unit_ns(said or self._told_unit or "s")
+        per = seconds.unit_ns(self._told_unit or naming.time_unit(name, unit) or "s")
         if per is None:
             raise RecordError(f"the unit of the time '{title}.{name}' is not known", where=self.path, got=repr(unit))
-        return Table(title, seconds.to_ns(values.astype(np.float64), per), time=name, time_said=bool(said))
+        return Table(title, seconds.to_ns(values.astype(np.float64), per), time=name, counts=True)
 
     def _channel(
         self, title: str, channel: tuple[str, np.ndarray, str, dict[str, str]], tables: list[Table], timed: bool

@@ -144,8 +144,7 @@ class TdmsSource:
     def _timed(self, group: Any, time: Any) -> list[_Series]:
         """The channels as long as the time channel of their group."""
         metadata = _metadata(group)
-        said = naming.time_unit(time.name, _unit(time))
-        unit = said or self._told_unit or "s"
+        unit = self._told_unit or naming.time_unit(time.name, _unit(time)) or "s"
         per = 0 if _is_stamps(time) else seconds.unit_ns(unit)
         rows = self._whole_length(time)
         fitting: list[Any] = []
@@ -165,8 +164,8 @@ class TdmsSource:
             return [_Series(Topic(group.name, (), "time channel", metadata, note), group.name, {}, 0)]
         there = min([len(time), *(len(channel) for channel in fitting)])
         self._require_room(group.name, [time, *fitting], there)
-        note, known = "" if fitting else "no numbers", bool(said) or not per
-        topic = Topic(group.name, _columns(fitting), "time channel", metadata, note, time.name, known)
+        note = "" if fitting else "no numbers"
+        topic = Topic(group.name, _columns(fitting), "time channel", metadata, note, time.name, bool(per))
         return [_Series(topic, group.name, {c.name: c for c in fitting}, there, time, per)]
 
     def _waveforms(self, group: Any) -> list[_Series]:

@@ -79,7 +79,7 @@ class UffSource(Tables):
 
     def _add(self, name: str, one: dict[str, Any], told: str) -> None:
         unit = str(one.get("abscissa_axis_units_lab") or "NONE").strip()
-        per = seconds.unit_ns((self._told_unit or "s") if unit == "NONE" else unit)
+        per = seconds.unit_ns(self._told_unit or ("s" if unit == "NONE" else unit))
         if per is None:
             raise RecordError(f"the unit of the time of {name!r} is not known", where=self.path, got=repr(unit))
         t_ns = seconds.to_ns(np.asarray(one["x"], np.float64), per)
@@ -88,7 +88,7 @@ class UffSource(Tables):
             raise RecordError(f"{name!r} has {len(values)} values and {len(t_ns)} times", where=self.path)
         table = self._at(t_ns, [told] if told else [])
         label = str(one.get("ordinate_axis_units_lab") or "").strip()
-        table.series[name] = values
+        table.series[name], table.counts = values, True
         table.units[name] = "1" if label in ("", "NONE") else label
 
 

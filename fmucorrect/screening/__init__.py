@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from fmucorrect.errors import FmucorrectError, StudyError
 from fmucorrect.pairs import Pair, pair
 from fmucorrect.screening.coarse import coarse
-from fmucorrect.screening.finding import Finding
+from fmucorrect.screening.finding import Finding, together
 from fmucorrect.screening.load_cells import unfelt
 from fmucorrect.screening.recorded import of_records
 from fmucorrect.screening.repeatable import unrepeated
@@ -28,7 +28,7 @@ from fmucorrect.screening.simulated import of_pairs
 from fmucorrect.signals import Condition
 from fmucorrect.study import Study
 
-__all__ = ["Finding", "Screened", "coarse", "of_pairs", "of_records", "screen"]
+__all__ = ["Finding", "Screened", "coarse", "of_pairs", "of_records", "screen", "together"]
 
 _log = logging.getLogger("fmucorrect")
 
@@ -62,12 +62,14 @@ def screen(study: Study, advance: Callable[[int], object] = lambda _: None) -> S
                 held.append(pair(study, condition))
             except FmucorrectError as error:
                 found = (*found, _unpaired(condition, error))
-    found = (
-        *found,
-        *of_pairs(study, [*pairs, *held]),
-        *unrepeated(study, pairs),
-        *coarse(study, pairs),
-        *unfelt(study),
+    found = together(
+        (
+            *found,
+            *of_pairs(study, [*pairs, *held]),
+            *unrepeated(study, pairs),
+            *coarse(study, pairs),
+            *unfelt(study),
+        )
     )
     _refuse(study, found)
     for finding in found:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, replace
 from typing import Literal
+
+from fmucorrect.errors import few
 
 
 @dataclass(frozen=True)
@@ -26,3 +29,16 @@ class Finding:
     def to_json(self) -> dict[str, str]:
         """For programs."""
         return asdict(self)
+
+
+def together(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Warnings of one kind, with one meaning and one remedy, as the first of them, which names the places of the others: a
+    mistake in every log is one mistake. Errors one by one."""
+    alike: dict[tuple[object, ...], list[Finding]] = {}
+    for i, item in enumerate(findings):
+        apart = i if item.level == "error" else -1
+        alike.setdefault((item.kind, item.meaning, item.remedy, apart), []).append(item)
+    return tuple(
+        first if not others else replace(first, seen=f"{first.seen}; likewise {few([item.where for item in others])}")
+        for first, *others in alike.values()
+    )

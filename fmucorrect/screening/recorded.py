@@ -30,6 +30,8 @@ OFF = 0.05
 """Share by which a stated frequency or speed may differ from what was measured; an amplitude by three times as much."""
 UNCOVERED = 0.1
 """Share of a run without inputs from which nothing sensible follows."""
+BRIEF = 0.005
+"""Share of a run without inputs of which nothing follows: a slow input that ends a sample before the others."""
 STILL = 0.02
 """Share of its largest value below which an input rests: holding it there is no harm."""
 SAMPLED = 0.9
@@ -42,8 +44,8 @@ CLIPPED = 3
 """Samples in a row at a channel's very end, and times that this happens, that make it a clipped one."""
 
 FAR = 300.0
-"""Steps of the simulation between two samples, from which on a unit that the file does not say is asked for: a thousand are
-what ms make that are taken as s, where each step was logged."""
+"""Steps of the simulation between two samples, from which on the unit of the times is asked for: a thousand are what ms make
+that are taken as s, where each step was logged."""
 SLOW = 0.01
 """s between samples, up to which they do not count ms: that would be more than 100 kHz, and the step is too short instead."""
 
@@ -294,18 +296,17 @@ def _lifeless(measured: Record, channel: Channel) -> tuple[str, str, str] | None
 
 
 def _paced(study: Study, condition: Condition, measured: Record) -> Iterator[Finding]:
-    """Times that count something else than s, for all that the file says: the run would last a thousand times as long."""
+    """Times that may count ms and are taken for s: the run would last a thousand times as long."""
     path, reading = condition.measurement, condition.reading
     if path is None or reading.time_unit or len(measured) < 2:
         return
     apart = float(np.median(np.diff(measured.t_ns)))
-    if apart <= max(FAR * study.simulation.step_ns, SLOW * NANOSECONDS) or all(
-        topic.time_said for topic in records.topics(path, reading)
-    ):
+    far = max(FAR * study.simulation.step_ns, SLOW * NANOSECONDS)
+    if apart <= far or not any(topic.counts for topic in records.topics(path, reading)):
         return
     run = float(measured.t_ns[-1] - measured.t_ns[0])
     yield Finding(
-        "times of a unit that is not said",
+        "times that may be of another unit",
         "error",
         f"condition {condition.name!r}",
         f"taken as s, the samples of {path.name} lie {apart / NANOSECONDS:.3g} s apart, {apart / study.simulation.step_ns:.3g} "
@@ -369,7 +370,7 @@ def _covered(study: Study, condition: Condition) -> Iterator[Finding]:
     holes = [(max(a, 0.0), min(b, run.length)) for a, b in holes if a < run.length and b > 0.0]
     missing = min(sum(max(b - a, 0.0) for a, b in (*ends, *holes)), run.length)
     apart = bool(at[0] >= run.length or at[-1] <= 0.0)
-    if not apart and missing <= 0.0:
+    if not apart and missing <= BRIEF * run.length:
         return
     state = "they are on another clock" if apart else "they are held at their first and last value"
     state += ", and a hole is bridged by a straight line" if holes else ""

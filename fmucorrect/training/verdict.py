@@ -69,7 +69,8 @@ def _when_left_out(selection: Selection, evaluations: Sequence[Comparison]) -> s
             f"No better than the simulation: at conditions that were left out in turn none of what was tried "
             f"({', '.join(others) or 'nothing else'}) beats it by more than its standard error and {100 * HARDLY:.0f} %. "
             + f"Of its error (NRMSE {bare:.2f} %) {noise}. " * bool(noise)
-            + "corrector.onnx gives the simulation as it is, with a band; `fmucorrect discover` may find what it lacks."
+            + "corrector.onnx gives the simulation as it is, with a band"
+            + ("." if _is_noise(selection.noise, bare) else "; `fmucorrect discover` may find what it lacks.")
         )
     found = f"{100 * selection.learned:.0f} % of what the simulation lacked"
     if _is_noise(selection.noise, left):

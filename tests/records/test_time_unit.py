@@ -56,7 +56,7 @@ FORMATS: dict[str, Callable[[Path, str], None]] = {
 def test_it_counts_what_is_told_and_s_where_nothing_is(suffix: str, time: str, tmp_path: Path) -> None:
     path = tmp_path / f"run{suffix}"
     FORMATS[suffix](path, time)
-    assert not records.topics(path)[0].time_said
+    assert records.topics(path)[0].counts
     as_s, as_ms = records.read(path), records.read(path, reading=MS)
     assert as_s.t_ns[-1] - as_s.t_ns[0] == 398 * NANOSECONDS
     assert np.array_equal(as_ms.t_ns * 1000, as_s.t_ns)
@@ -65,12 +65,19 @@ def test_it_counts_what_is_told_and_s_where_nothing_is(suffix: str, time: str, t
 
 
 @pytest.mark.parametrize("suffix", FORMATS)
-def test_what_the_file_says_stays(suffix: str, tmp_path: Path) -> None:
+def test_it_stands_in_place_of_what_the_file_says(suffix: str, tmp_path: Path) -> None:
     path = tmp_path / f"run{suffix}"
     FORMATS[suffix](path, "t_us")
-    assert records.topics(path)[0].time_said
+    assert np.array_equal(records.read(path, reading=MS).t_ns, 1000 * records.read(path).t_ns)
+
+
+def test_stamps_count_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    pd.DataFrame({"time": pd.to_datetime(T, unit="s", utc=True), "x": X}).to_csv(path, index=False)
+    assert not records.topics(path)[0].counts
     assert np.array_equal(records.read(path, reading=MS).t_ns, records.read(path).t_ns)
-    assert records.unused(path, MS) == ("time_unit = 'ms': the file says the unit of its time itself",)
+    (told,) = records.unused(path, MS)
+    assert told.startswith("time_unit = 'ms': it has stamps")
 
 
 def test_the_command_takes_one_and_refuses_what_is_none(tmp_path: Path) -> None:
