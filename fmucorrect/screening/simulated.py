@@ -18,13 +18,16 @@ from fmucorrect.study_places import place
 THOUSAND = "1000 (mm and m, kN and N)"
 INCH = "25.4 (inch and mm)"
 DEGREE = "57.3 (degree and radian) or 60 (s and min)"
+MRAD = "17.5 (mrad and degree)"
 GRAVITY = "9.81 (g and m/s2, kgf and N) or 9.55 (rpm and rad/s)"
 FACTORS = {THOUSAND: 1000.0, INCH: 25.4, DEGREE: 180.0 / np.pi, GRAVITY: 9.7}
+ANGLES = {THOUSAND: 1000.0, DEGREE: 180.0 / np.pi, MRAD: np.pi / 0.18}
+"""The same of angles."""
 NEAR = 0.2
 """Share by which sizes may differ from a factor: what the model lacks is in them too."""
 ALIKE = 0.9
 """Correlation from which any factor between sizes is told: below it the model may be wrong in size as well."""
-SIZED = {"angle": DEGREE, "displacement": INCH, "velocity": INCH, "acceleration": GRAVITY, "force": GRAVITY}
+SIZED = {"angle": (DEGREE, MRAD), "displacement": INCH, "velocity": INCH, "acceleration": GRAVITY, "force": GRAVITY}
 """The other factor that a quantity may be wrong by, for channels that are not ALIKE; none of the rest."""
 FAR = np.log(4.0)
 """A factor of 1000 is told of any channel whose size is this near to it: midway to the next factor, 57.3."""
@@ -58,6 +61,12 @@ LINEAR = 0.5
 model's stiffness is off: most of it. By chance it is about one in PARTS, of what sweeps alike some times that."""
 PARTS = 12
 """Into so many a record is cut for that."""
+OTHERS = 2
+"""Records beside one, from which on it is told to be unlike them."""
+CLEAR = 4.0
+"""Times as far from the others as these from one another, or as a sample, from which on a record lies elsewhere."""
+UNLIKE = np.log(5.0)
+"""Size of a channel against its simulation, beside that at the others: what a model lacks makes less of one."""
 SWINGS = 12
 """From which on that means something."""
 TWINS = 1e-3
@@ -79,6 +88,7 @@ def of_pairs(study: Study, pairs: Sequence[Pair]) -> tuple[Finding, ...]:
         *_begin(study, pairs),
         *_clocks(study, pairs),
         *_unrelated(study, pairs),
+        *_late(study, pairs),
         *_duplicated(study, pairs, twins),
         *_assigned(study, pairs, tables, doubtful),
         *_sizes(study, pairs, tables),
@@ -188,7 +198,7 @@ def _clocks(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
         where, offset = f"condition {item.condition.name!r}", item.offset
         gain = abs(offset.gain)
         if offset.gain < 0.0 or not 1.0 / GAIN < gain < GAIN:
-            factor = _factor(gain)
+            factor = _factor(gain, FACTORS)
             yield Finding(
                 "gain of the excitation",
                 "warning",
@@ -230,6 +240,40 @@ def _unrelated(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
             remedy = "Look whether it was measured with these inputs, and what unit and sample rate its time has."
         where = f"condition {item.condition.name!r}"
         yield Finding("nothing in common with its simulation", "warning", where, told, means, remedy)
+
+
+def _late(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
+    """A record that is late or early by what no other one is: its clock has another zero."""
+    if len(pairs) < OTHERS + 1 or study.excitation is not None:  # which registers each record
+        return
+    for j, channel in enumerate(study.channels):
+        found = [_shifted(item, j) for item in pairs]
+        late = np.array([shift for shift, _, _ in found])
+        for c, item in enumerate(pairs):
+            others, step = np.delete(late, c), float(item.t_ns[1] - item.t_ns[0]) / NANOSECONDS
+            usual = float(np.median(others))
+            apart, spread = late[c] - usual, float(np.abs(others - usual).max())
+            as_they = abs(_correlation_at(item, j, round(usual / step)))
+            if abs(apart) > CLEAR * max(spread, step) and abs(found[c][1]) > max(HALF, as_they + MARGIN):
+                yield Finding(
+                    "record of another zero",
+                    "warning",
+                    f"condition {item.condition.name!r}",
+                    f"{channel.name!r} lies {abs(apart):.4g} s {'later' if apart > 0.0 else 'earlier'} than simulated, by its "
+                    f"correlation ({as_they:.2f} -> {abs(found[c][1]):.2f}), and at no other condition",
+                    "Inputs and measurement of this record have clocks with another zero",
+                    "Say how they lie (clock in records of this condition), or correct the stamps.",
+                )
+                return
+
+
+def _correlation_at(item: Pair, j: int, rows: int) -> float:
+    """Of channel j with its simulation, that many rows later."""
+    a, b = item.measured[:, j], item.response[:, j]
+    a, b = (a[rows:], b[: len(b) - rows]) if rows >= 0 else (a[:rows], b[-rows:])
+    a, b = a - a.mean(), b - b.mean()
+    size = float(np.linalg.norm(a) * np.linalg.norm(b))
+    return float(a @ b) / size if size > 0.0 else 0.0
 
 
 def _linear(item: Pair, j: int) -> float:
@@ -320,6 +364,14 @@ def _assigned(
             keys = f"measurement_sign = {-channel.measurement_sign}"
             if own > -0.5:
                 seen += ", and with the other sensors the other way round than simulated"
+            for k in (k for (k, own_row), its in found.items() if k == own_row and k != j and its == having):
+                alike = study.channels[k].quantity == channel.quantity
+                if alike and _crossed([correlations(pairs[c]) for c in having], j, k):
+                    twin = study.channels[k]
+                    seen += (
+                        f"; it fits {twin.name!r} as well, and {twin.measurement!r} this channel: they may be swapped"
+                    )
+                    keys += f', or, if they are swapped, measurement = "{twin.measurement}" and its sign as it is,'
         remedy = f"Write {keys} for this channel."
         if len(having) < len(pairs):
             remedy = f"In the record of that condition, name its columns as they are (what would mend it: {keys})."
@@ -331,6 +383,14 @@ def _assigned(
             "The cables, names or directions of sensors are not as the study says",
             remedy,
         )
+
+
+def _crossed(tables: Sequence[Table], j: int, k: int) -> bool:
+    """Whether two channels that are the other way round are right as they are, once each has the other's column."""
+    table = np.mean(tables, axis=0)
+    return bool(
+        min(table[k, j], table[j, k]) > VOTE and table[k, j] + table[j, k] > -table[j, j] - table[k, k] - MARGIN
+    )
 
 
 def _wrong(pairs: Sequence[Pair], tables: Sequence[Table]) -> dict[int, int]:
@@ -394,35 +454,73 @@ def _sizes(study: Study, pairs: Sequence[Pair], tables: Sequence[Table]) -> Iter
     if not pairs:
         return
     ratios = np.array([_size(item, item.measured) / _size(item, item.response) for item in pairs])
+    found: dict[tuple[int, str], list[int]] = {}
     for j, channel in enumerate(study.channels):
-        near, own = [_factor(ratio) for ratio in ratios[:, j]], [table[j, j] for table in tables]
+        names = ANGLES if channel.quantity == "angle" else FACTORS
+        near, own = [_factor(ratio, names) for ratio in ratios[:, j]], [table[j, j] for table in tables]
         sure = {name for name, r in zip(near, own, strict=True) if abs(r) > ALIKE}
-        large = [_factor(ratio, (THOUSAND,), FAR) for ratio in ratios[:, j]]
-        wide = [_factor(ratio, near=MIDWAY) for ratio in ratios[:, j]]
+        large = [_factor(ratio, {THOUSAND: FACTORS[THOUSAND]}, FAR) for ratio in ratios[:, j]]
+        wide = [_factor(ratio, names, MIDWAY) for ratio in ratios[:, j]]
         likely = [name if name.endswith(SIZED.get(channel.quantity, ())) else "" for name in wide]
         sure |= {*large, *_beside_others(ratios, j, likely)}
         for factor in sorted(sure - {""}):
-            having = [c for c in range(len(pairs)) if factor in (wide[c], large[c])]
-            ratio = float(np.exp(np.mean(np.log(ratios[having, j]))))
+            found[j, factor] = [c for c in range(len(pairs)) if factor in (wide[c], large[c])]
+        if not sure - {""}:
+            yield from _unlike(study, pairs, ratios, j)
+    whole = {
+        factor for j, factor in found if all(found.get((k, factor)) == found[j, factor] for k in range(len(ratios[0])))
+    }
+    for factor in sorted(whole) if len(study.channels) > 1 else ():
+        having = found[0, factor]
+        ratio = float(np.exp(np.mean(np.log(ratios[having]))))
+        yield Finding(
+            "factor between units",
+            "warning",
+            _where("all channels", pairs, having),
+            f"measured over simulated is about {ratio:.4g}, {_how(pairs, having)}, near {factor}",
+            "What drives the model there is in another unit than its column says",
+            "Correct the unit of the inputs' columns in the file (or say it by units in [records]).",
+        )
+    for (j, factor), having in found.items():
+        if factor in whole and len(study.channels) > 1:
+            continue
+        channel, ratio = study.channels[j], float(np.exp(np.mean(np.log(ratios[having, j]))))
+        yield Finding(
+            "factor between units",
+            "warning",
+            _where(f"channel {channel.name!r}", pairs, having),
+            f"measured over simulated is {ratio:.4g}, {_how(pairs, having)}, near {factor}",
+            "A unit is wrong in the file, in the FMU or in the study",
+            f"Correct the unit of column {channel.measurement!r} in the file (or say it by units in [records]), "
+            "or unit and simulation of the channel.",
+        )
+
+
+def _unlike(study: Study, pairs: Sequence[Pair], ratios: Float64[np.ndarray, "C J"], j: int) -> Iterator[Finding]:
+    """A channel whose size is far from the simulation's by no factor between units: at every condition, or at a single one."""
+    channel, sizes = study.channels[j], np.log(ratios[:, j])
+    if (np.abs(sizes) > np.log(BEYOND)).all():
+        yield Finding(
+            "size far from the simulation's",
+            "warning",
+            f"channel {channel.name!r}",
+            f"measured over simulated is {float(np.exp(np.mean(sizes))):.4g}, at every condition alike, near no factor between "
+            "units",
+            "What drives the model is in another unit than the study says, or the channel is; a correction of this would "
+            "be praised for a slip",
+            "Look at the units of the logs' inputs, of this channel and of the FMU's variables.",
+        )
+    for c in range(len(pairs)) if len(pairs) > OTHERS else ():
+        others = np.delete(sizes, c)
+        usual = float(np.median(others))
+        if abs(sizes[c] - usual) > UNLIKE and (np.abs(others - usual) < np.log(ABOUT)).all():
             yield Finding(
-                "factor between units",
+                "size unlike that at the other conditions",
                 "warning",
-                _where(f"channel {channel.name!r}", pairs, having),
-                f"measured over simulated is {ratio:.4g}, {_how(pairs, having)}, near {factor}",
-                "A unit is wrong in the file, in the FMU or in the study",
-                f"Correct the unit of column {channel.measurement!r} in the file (or say it by units in [records]), "
-                "or unit and simulation of the channel.",
-            )
-        if not sure - {""} and (np.abs(np.log(ratios[:, j])) > np.log(BEYOND)).all():
-            ratio = float(np.exp(np.mean(np.log(ratios[:, j]))))
-            yield Finding(
-                "size far from the simulation's",
-                "warning",
-                f"channel {channel.name!r}",
-                f"measured over simulated is {ratio:.4g}, at every condition alike, near no factor between units",
-                "What drives the model is in another unit than the study says, or the channel is; a correction of this would "
-                "be praised for a slip",
-                "Look at the units of the logs' inputs, of this channel and of the FMU's variables.",
+                f"condition {pairs[c].condition.name!r}, channel {channel.name!r}",
+                f"measured over simulated is {ratios[c, j]:.4g}, and {np.exp(usual):.4g} at the others",
+                "A unit is wrong in the file of this condition, or its sensor was set otherwise",
+                f"Correct the unit of column {channel.measurement!r} there (or say it by units in records of the condition).",
             )
 
 
@@ -448,9 +546,10 @@ def _beside_others(ratios: Float64[np.ndarray, "C J"], j: int, likely: Sequence[
     return found
 
 
-def _factor(ratio: float, names: Collection[str] = tuple(FACTORS), near: float = NEAR) -> str:
-    """The factor between units, of those named, that a ratio, or its inverse, is near; "" for none."""
-    for name in names:
-        if ratio > 0.0 and abs(abs(np.log(ratio)) - np.log(FACTORS[name])) < near:
-            return name if ratio > 1.0 else f"1 / {name}"
-    return ""
+def _factor(ratio: float, factors: Mapping[str, float], near: float = NEAR) -> str:
+    """The nearest factor between units that a ratio, or its inverse, is near; "" for none."""
+    if not ratio > 0.0:
+        return ""
+    away = {name: abs(abs(np.log(ratio)) - np.log(factor)) for name, factor in factors.items()}
+    name = min(away, key=lambda one: away[one])
+    return "" if away[name] >= near else name if ratio > 1.0 else f"1 / {name}"
