@@ -235,6 +235,7 @@ def test_a_fault_is_found_and_its_key_named(tmp_path: Path, fault: Fault, kind: 
         (changed(s1=lambda m: -m["s1"]), "sensor reversed", "correlates"),
         (changed(s1=lambda m: 1e-3 * m["s1"]), "factor between units", "1 / 1000"),
         (changed(s2=lambda m: 25.4 * m["s2"]), "factor between units", "25.4"),
+        (changed(s3=lambda m: m["s3"] * np.pi / 0.18), "factor between units", "17.5 (mrad and degree)"),
     ],
 )
 def test_a_mistake_in_one_record_is_told_by_its_condition(
@@ -249,6 +250,38 @@ def test_a_mistake_in_one_record_is_told_by_its_condition(
         assert told in finding.seen
         assert "not so at the other conditions" in finding.seen
     assert [item.condition.name for item in checked.pairs] == ["one", "two"]
+
+
+FREE = HEAD.split("[excitation]")[0]
+"""Without an excitation that both sides have."""
+
+
+def delayed(table: Table) -> Table:
+    """By 0.3 s, all but the excitation."""
+    return {name: values if name == "road" else np.roll(values, 30) for name, values in table.items()}
+
+
+@pytest.mark.parametrize("only", [("one",), ("held",)])
+@pytest.mark.parametrize(
+    ("fault", "kind", "where", "told"),
+    [
+        (changed(s2=lambda m: 6.0 * m["s2"]), "size unlike that at the other conditions", ", channel 'wheel'", "6.6"),
+        (delayed, "record of another zero", "", "0.3 s later"),
+        (
+            lambda table: {name: 1e-3 * values for name, values in table.items()},
+            "factor between units",
+            ", all channels",
+            "1 / 1000",
+        ),
+    ],
+)
+def test_one_record_unlike_the_others(
+    tmp_path: Path, fault: Fault, kind: str, where: str, told: str, only: tuple[str, ...]
+) -> None:
+    (finding,) = screen(make(tmp_path, fault, head=FREE, only=only)).warnings
+    assert finding.kind == kind
+    assert finding.where == f"condition '{only[0]}'{where}"
+    assert told in finding.seen
 
 
 @pytest.mark.parametrize("only", [("one",), tuple(ROLES)])
