@@ -21,6 +21,7 @@ from fmucorrect.screening import Finding, coarse, of_pairs, of_records, together
 from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Reading
 from fmucorrect.study import Study, check_study, load_study
 from fmucorrect.study_places import nearest, place
+from fmucorrect.withheld import shown_otherwise
 
 
 @dataclass(frozen=True)
@@ -304,6 +305,7 @@ def _against(model: Bundle, other: Thing, reading: Reading) -> Iterator[str]:
 def _study_against(model: Bundle, study: Study) -> Iterator[str]:
     if study.simulation.step_ns != model.step_ns:
         yield f"the study steps by {study.simulation.step_size:g} s, the corrector by {model.step_ns / NANOSECONDS:g} s"
+    yield from shown_otherwise(model, study.channels)
     there = {channel.name: channel.unit for channel in study.channels}
     for channel in model.channels:
         if channel.name not in there:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import logging
 import math
 import time
 from collections.abc import Callable, Generator, Iterable, Mapping
@@ -37,7 +38,9 @@ from fmucorrect.stepper import (
 )
 from fmucorrect.study import Study
 from fmucorrect.study_schema import LONGEST
-from fmucorrect.withheld import admitted
+from fmucorrect.withheld import admitted, shown_otherwise
+
+_log = logging.getLogger("fmucorrect")
 
 FEATURES = ("speed", "amplitude", "frequency", "start")
 STARTS = "parameters"
@@ -116,6 +119,8 @@ def run_study(
     lost = sources.damages(condition) if study.allow_damaged else {}
     given = {**study.parameters, **condition.parameters}
     by = made(corrector, study)
+    for text in shown_otherwise(corrector, study.channels) if isinstance(corrector, Bundle) else ():
+        _log.warning("%s: it is right only if the output was renamed", text)
     corrector, unlike = (None, "") if corrector is None else admitted(corrector, given, sources.start_values(study))
     told = {
         "damage": "; ".join(f"{file.name}: {damage}" for file, damage in lost.items()),

@@ -6,7 +6,7 @@ is another thing all the same. Every row is then `outside`, the simulation passe
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import final
 
 import numpy as np
@@ -22,6 +22,18 @@ def admitted(corrector: Corrector, given: Mapping[str, float], defaults: Mapping
     they are not. given: those that are set. defaults: those that hold otherwise, as far as they are known."""
     why = "; ".join(corrector.info.unlike(given, defaults)) if isinstance(corrector, Bundle) else ""
     return (Withheld(corrector), why) if why else (corrector, "")
+
+
+def shown_otherwise(model: Bundle, channels: Sequence[Channel]) -> list[str]:
+    """Channels of a study that show another output of the FMU than in the corrector's training, in words: a slip, or a model
+    whose outputs were renamed."""
+    now = {channel.name: channel.simulation or channel.name for channel in channels}
+    then = {channel.name: channel.simulation or channel.name for channel in model.channels}
+    return [
+        f"channel {name!r} shows {now[name]!r} of the FMU, and showed {output!r} when the corrector was trained"
+        for name, output in then.items()
+        if now.get(name, output) != output
+    ]
 
 
 @final

@@ -110,3 +110,20 @@ def test_metadata_that_are_no_numbers_are_refused(tmp_path: Path) -> None:
         out.write("/simulation", record)
     with pytest.raises(RecordError, match="no usable parameters"):
         runs.logged_condition(tmp_path / "log.mcap")
+
+
+def test_a_channel_that_shows_another_output_is_told(
+    model: bundle.Bundle, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A line of the study that was edited after the training; the output may have been renamed, too."""
+    study = load_study(STUDY)
+    first, second, *others = study.channels
+    edited = replace(study, channels=(replace(first, simulation=second.simulation), second, *others))
+    told = f"channel '{first.name}' shows '{second.simulation}' of the FMU, and showed '{first.simulation}' when"
+    assert any(told in text for text in inspection._study_against(model, edited))
+    assert not any("shows" in text for text in inspection._study_against(model, study))
+    runs.run_study(edited, edited.condition("385"), tmp_path / "a.mcap", model, duration=0.1)
+    assert [record.message for record in caplog.records if told in record.message]
+    caplog.clear()
+    runs.run_study(study, study.condition("385"), tmp_path / "b.mcap", model, duration=0.1)
+    assert not [record.message for record in caplog.records if "shows" in record.message]
