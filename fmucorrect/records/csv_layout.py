@@ -32,6 +32,7 @@ MISSING = frozenset(
     [
         *("", "na", "n/a", "n.a.", "#n/a", "#na", "nan", "-nan", "null", "(null)", "<null>", "none", "nil", "missing"),
         *("-", "--", "---", "----", "no data", "nodata", "#value!", "#div/0!", "#num!", "#ref!", "#null!", "#name?"),
+        *("#nv", "#wert!", "#zahl!", "#bezug!"),  # of a German Excel
     ]
 )
 """What a cell without a value says, in small letters."""

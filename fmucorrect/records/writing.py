@@ -55,7 +55,10 @@ class Writer:
         block = Block(record.t_ns, np.asarray(record.values))
         rows, last = self._rows.get(topic, 0), self._last.get(topic, NO_TIME)
         timebase.check(block, record.names, f"{self._path}, topic {topic}", rows, last)
-        self._sink.append(topic, record)
+        try:
+            self._sink.append(topic, record)
+        except OSError as error:  # a full disk has no name of a file
+            raise RecordError(f"rows cannot be written: {error.strerror or error}", where=self._path) from error
         self._rows[topic] = rows + len(record)
         if len(record):
             self._last[topic] = int(record.t_ns[-1])
