@@ -173,7 +173,7 @@ def wrap(
         compiler.write_fmu(trial, files | _described(parts, outer, True, True))
         made = open_fmu(trial, warn=False)
         state, unsure = _check_state(made, parts.step_ns)
-        notes += [*unsure, *_faults(parts.inner, made)]
+        notes += [*unsure, *_faults(parts.inner, made), *_condition_notes(parts)]
         progress("write")
         files |= _described(parts, outer, state.copy, state.serialise)
         files[outputs.FACTS] = json.dumps(
@@ -317,6 +317,14 @@ def _step_notes(parts: _Parts) -> list[str]:
     return [
         f"the sample time {sample:g} s is no multiple of the solver's internal step {internal:g} s: it may refuse steps"
     ]
+
+
+def _condition_notes(parts: _Parts) -> list[str]:
+    """What of the operating condition only the host can say."""
+    begins = [f"corrector_{key} (begins at {value:.6g})" for key, value in parts.wiring.tunables.items() if value]
+    if not begins:
+        return []
+    return [f"the host sets the operating condition, as nothing in the solver says it: {', '.join(begins)}"]
 
 
 def _input_notes(parts: _Parts) -> list[str]:

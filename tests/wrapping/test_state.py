@@ -132,10 +132,14 @@ def test_only_a_state_that_works_is_promised(words):
     able = open_fmu(made.path).capabilities
     assert ("get and set state" in able) == made.state.copy == (words == "state forgets")
     assert "serialise state" not in able
+    *notes, condition = made.notes
+    assert condition.startswith(
+        "the host sets the operating condition, as nothing in the solver says it: corrector_speed ("
+    )
     if words == "bare":
-        assert made.notes == ()
+        assert notes == []
     else:
-        (note,) = made.notes
+        (note,) = notes
         expected = "not copied faithfully" if words == "state lies" else "serialised state did not lead on"
         assert expected in note
         assert "differs" in note

@@ -63,7 +63,7 @@ def test_libraries_of_other_names_and_platforms(tmp_path: Path) -> None:
         wrapped(packed(tmp_path / "a.fmu", {"binaries/linux64/Odd.so": library()}))
     both = {"binaries/linux64/odd.so": library(), "binaries/linux32/odd.so": b"", "binaries/win32/odd.dll": b""}
     made = wrapped(packed(tmp_path / "b.fmu", both))
-    assert [note for note in made.notes if "linux32, win32 are left out" in note] == list(made.notes)
+    assert len([note for note in made.notes if "linux32, win32 are left out" in note]) == 1
     with zipfile.ZipFile(made.path) as archive:
         assert not [name for name in archive.namelist() if "32" in name]
 
