@@ -13,7 +13,7 @@ from fmucorrect.cli.group import OVERWRITE, PATH, UserError, progress_bar, readi
 if TYPE_CHECKING:
     from fmucorrect.signals import Reading
 
-LISTED = 5
+NAMED_LEFT_OUT = 5
 """Columns left out that the terminal names: a log may have a hundred of text."""
 
 
@@ -59,10 +59,10 @@ def new(
     say(f"\n{out} is written, with {guesses} guesses: search it for '# guess:', and mend what is not so.")
     for text in found.filled:
         say(f"Mended, as `repair` says: {text}")
-    for text in found.left_out[:LISTED]:
+    for text in found.left_out[:NAMED_LEFT_OUT]:
         say(f"Left out: {text}")
-    if len(found.left_out) > LISTED:
-        say(f"Left out, as its last lines say: {len(found.left_out) - LISTED} more")
+    if len(found.left_out) > NAMED_LEFT_OUT:
+        say(f"Left out, as its last lines say: {len(found.left_out) - NAMED_LEFT_OUT} more")
     for guess in found.channels:
         if guess.by_name:
             say(f"Look at {guess.column!r}: by its name alone it is taken for {guess.output!r} ({guess.why}).")

@@ -43,7 +43,7 @@ SUDDEN = 0.1
 CLIPPED = 3
 """Samples in a row at a channel's very end, and times that this happens, that make it a clipped one."""
 
-FAR = 300.0
+STEPS_APART = 300.0
 """Steps of the simulation between two samples, from which on the unit of the times is asked for: a thousand are what ms make
 that are taken as s, where each step was logged."""
 SLOW = 0.01
@@ -301,7 +301,7 @@ def _paced(study: Study, condition: Condition, measured: Record) -> Iterator[Fin
     if path is None or reading.time_unit or len(measured) < 2:
         return
     apart = float(np.median(np.diff(measured.t_ns)))
-    far = max(FAR * study.simulation.step_ns, SLOW * NANOSECONDS)
+    far = max(STEPS_APART * study.simulation.step_ns, SLOW * NANOSECONDS)
     if apart <= far or not any(topic.counts for topic in records.topics(path, reading)):
         return
     run = float(measured.t_ns[-1] - measured.t_ns[0])

@@ -61,9 +61,9 @@ LINEAR = 0.5
 model's stiffness is off: most of it. By chance it is about one in PARTS, of what sweeps alike some times that."""
 PARTS = 12
 """Into so many a record is cut for that."""
-OTHERS = 2
+ENOUGH_BESIDE = 2
 """Records beside one, from which on it is told to be unlike them."""
-CLEAR = 4.0
+FAR_OFF = 4.0
 """Times as far from the others as these from one another, or as a sample, from which on a record lies elsewhere."""
 UNLIKE = np.log(5.0)
 """Size of a channel against its simulation, beside that at the others: what a model lacks makes less of one."""
@@ -244,7 +244,7 @@ def _unrelated(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
 
 def _late(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
     """A record that is late or early by what no other one is: its clock has another zero."""
-    if len(pairs) < OTHERS + 1 or study.excitation is not None:  # which registers each record
+    if len(pairs) < ENOUGH_BESIDE + 1 or study.excitation is not None:  # which registers each record
         return
     for j, channel in enumerate(study.channels):
         found = [_shifted(item, j) for item in pairs]
@@ -254,7 +254,7 @@ def _late(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
             usual = float(np.median(others))
             apart, spread = late[c] - usual, float(np.abs(others - usual).max())
             as_they = abs(_correlation_at(item, j, round(usual / step)))
-            if abs(apart) > CLEAR * max(spread, step) and abs(found[c][1]) > max(HALF, as_they + MARGIN):
+            if abs(apart) > FAR_OFF * max(spread, step) and abs(found[c][1]) > max(HALF, as_they + MARGIN):
                 yield Finding(
                     "record of another zero",
                     "warning",
@@ -510,7 +510,7 @@ def _unlike(study: Study, pairs: Sequence[Pair], ratios: Float64[np.ndarray, "C 
             "be praised for a slip",
             "Look at the units of the logs' inputs, of this channel and of the FMU's variables.",
         )
-    for c in range(len(pairs)) if len(pairs) > OTHERS else ():
+    for c in range(len(pairs)) if len(pairs) > ENOUGH_BESIDE else ():
         others = np.delete(sizes, c)
         usual = float(np.median(others))
         if abs(sizes[c] - usual) > UNLIKE and (np.abs(others - usual) < np.log(ABOUT)).all():
