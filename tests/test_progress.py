@@ -16,9 +16,9 @@ def test_a_line_a_minute(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capture
     told = capsys.readouterr()
     assert told.out == ""
     assert told.err.splitlines() == [
-        *("train: 3 of 10 epochs, 1 min, at most 2 more at this pace", "discover, fit: 3 of 7, 1 min"),
-        *("train: 6 of 10 epochs, 2 min, at most 1 more at this pace", "discover, fit: 3 of 7, 2 min"),
-        *("train: 9 of 10 epochs, 3 min, at most 0 more at this pace", "discover, fit: 3 of 7, 3 min"),
+        *("train: 3 of 10 epochs, 1 min, 2 more at this pace, or fewer", "discover, fit: 3 of 7, 1 min"),
+        *("train: 6 of 10 epochs, 2 min, 1 more at this pace, or fewer", "discover, fit: 3 of 7, 2 min"),
+        *("train: 9 of 10 epochs, 3 min, 0 more at this pace, or fewer", "discover, fit: 3 of 7, 3 min"),
     ]
 
 

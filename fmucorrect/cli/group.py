@@ -280,7 +280,7 @@ def _minutely() -> Callable[..., None]:
         if now - last >= MINUTE:
             last = now
             minutes = (now - begun) / 60.0
-            more = f", at most {minutes * (1.0 - share) / share:.0f} more at this pace" if share > 0.0 else ""
+            more = f", {minutes * (1.0 - share) / share:.0f} more at this pace, or fewer" if share > 0.0 else ""
             click.echo(f"{text}, {minutes:.0f} min{more}", err=True)
 
     return tell
