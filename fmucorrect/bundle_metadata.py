@@ -65,7 +65,8 @@ class Info:
     of all of them, in the FMU's own units. units: of variables that the FMU leaves without one, as the study knew them.
     evaluation: figures, for people. state: S, numbers that the network hands on from sample to sample, 0 for none. sees: what
     it sees beside the channels. solver: the FMU that was simulated in training, by its file's name; "" where logs were, or in
-    bundles that do not say it. defaults: what its parameters were by themselves, {} likewise.
+    bundles that do not say it. defaults: what its parameters were by themselves, {} likewise. driven: its inputs that a column
+    drove at every condition of training, with their units, {} likewise.
     """
 
     name: str
@@ -84,6 +85,7 @@ class Info:
     sees: tuple[Channel, ...] = ()
     solver: str = ""
     defaults: Mapping[str, float] = field(default_factory=dict)
+    driven: Mapping[str, str] = field(default_factory=dict)
 
     __repr__ = brief
 
@@ -149,7 +151,7 @@ class Info:
 
     def to_json(self) -> dict[str, Any]:
         data = {"format": 2 if self.state or self.sees else 1, **asdict(self)}
-        for key in (STATE, SEES, "solver", "defaults"):
+        for key in (STATE, SEES, "solver", "defaults", "driven"):
             if not data[key]:
                 del data[key]
         return data
@@ -184,6 +186,7 @@ class Info:
             sees=sees,
             solver=top.text("solver") if "solver" in data else "",
             defaults=top.table("defaults").all(_Table.number) if "defaults" in data else {},
+            driven=top.table("driven").all(_Table.text) if "driven" in data else {},
         )
 
 

@@ -21,7 +21,7 @@ from fmucorrect.screening import Finding, coarse, of_pairs, of_records, together
 from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Reading
 from fmucorrect.study import Study, check_study, load_study
 from fmucorrect.study_places import nearest, place
-from fmucorrect.withheld import shown_otherwise
+from fmucorrect.withheld import left_alone, shown_otherwise
 
 
 @dataclass(frozen=True)
@@ -306,6 +306,10 @@ def _study_against(model: Bundle, study: Study) -> Iterator[str]:
     if study.simulation.step_ns != model.step_ns:
         yield f"the study steps by {study.simulation.step_size:g} s, the corrector by {model.step_ns / NANOSECONDS:g} s"
     yield from shown_otherwise(model, study.channels)
+    for condition in study.conditions:
+        if condition.simulated is None:
+            driven = [variable.name for variable in sources.driving(study, condition)]
+            yield from (f"condition {condition.name!r}: {text}" for text in left_alone(model, driven))
     there = {channel.name: channel.unit for channel in study.channels}
     for channel in model.channels:
         if channel.name not in there:

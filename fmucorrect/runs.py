@@ -38,7 +38,7 @@ from fmucorrect.stepper import (
 )
 from fmucorrect.study import Study
 from fmucorrect.study_schema import LONGEST
-from fmucorrect.withheld import admitted, shown_otherwise
+from fmucorrect.withheld import admitted, left_alone, shown_otherwise
 
 _log = logging.getLogger("fmucorrect")
 
@@ -119,8 +119,11 @@ def run_study(
     lost = sources.damages(condition) if study.allow_damaged else {}
     given = {**study.parameters, **condition.parameters}
     by = made(corrector, study)
-    for text in shown_otherwise(corrector, study.channels) if isinstance(corrector, Bundle) else ():
-        _log.warning("%s: it is right only if the output was renamed", text)
+    if isinstance(corrector, Bundle) and condition.simulated is None:
+        for text in shown_otherwise(corrector, study.channels):
+            _log.warning("%s: it is right only if the output was renamed", text)
+        for text in left_alone(corrector, [variable.name for variable in sources.driving(study, condition)]):
+            _log.warning("%s: the model moves otherwise than it did there", text)
     corrector, unlike = (None, "") if corrector is None else admitted(corrector, given, sources.start_values(study))
     told = {
         "damage": "; ".join(f"{file.name}: {damage}" for file, damage in lost.items()),

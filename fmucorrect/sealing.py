@@ -100,11 +100,18 @@ def about(study: Study, pairs: Sequence[Pair]) -> Info:
         parameters=dict(study.parameters),
         solver=solver,
         defaults=sources.own_parameters(study) if solver else {},
+        driven=_driven(study) if solver else {},
         units=dict(study.simulation.units),
         sees=tuple(map(_for_bundle, pairs[0].seen_beside(study.training.corrector.sees))),
         study_hash=study.hash,
         versions={"fmucorrect": fmucorrect.__version__, **{name: version(name) for name in ("onnx", "numpy")}},
     )
+
+
+def _driven(study: Study) -> dict[str, str]:
+    """The FMU's inputs that every development condition has a column for, with their units."""
+    each = [{v.name: v.unit or "1" for v in sources.driving(study, condition)} for condition in study.development]
+    return {name: unit for name, unit in each[0].items() if all(name in other for other in each)}
 
 
 def _solver(study: Study) -> str:

@@ -6,7 +6,7 @@ is another thing all the same. Every row is then `outside`, the simulation passe
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import final
 
 import numpy as np
@@ -33,6 +33,15 @@ def shown_otherwise(model: Bundle, channels: Sequence[Channel]) -> list[str]:
         f"channel {name!r} shows {now[name]!r} of the FMU, and showed {output!r} when the corrector was trained"
         for name, output in then.items()
         if now.get(name, output) != output
+    ]
+
+
+def left_alone(model: Bundle, driven: Collection[str]) -> list[str]:
+    """Inputs of the FMU that nothing drives now and that a column drove when the corrector was trained, in words."""
+    return [
+        f"nothing drives {name!r} of the FMU, which a column drove when the corrector was trained"
+        for name in model.info.driven
+        if name not in driven
     ]
 
 

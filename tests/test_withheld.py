@@ -127,3 +127,20 @@ def test_a_channel_that_shows_another_output_is_told(
     caplog.clear()
     runs.run_study(study, study.condition("385"), tmp_path / "b.mcap", model, duration=0.1)
     assert not [record.message for record in caplog.records if "shows" in record.message]
+
+
+def test_an_input_that_drove_the_fmu_in_training_and_does_not_now_is_told(
+    model: bundle.Bundle, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A column that was forgotten in another study: the model rests where it was shaken."""
+    study = load_study(STUDY)
+    info = replace(model.info, driven={"platform_yaw_input": "rad", "carbody_shake": "m/s2"})
+    assert bundle.Info.from_json(info.to_json(), "here").driven == info.driven
+    assert "driven" not in replace(info, driven={}).to_json()
+    forgotten = bundle.load(MODEL)
+    vars(forgotten)["info"] = info
+    told = "nothing drives 'carbody_shake' of the FMU, which a column drove when the corrector was trained"
+    assert [text for text in inspection._study_against(forgotten, study) if told in text][0].startswith("condition '")
+    runs.run_study(study, study.condition("385"), tmp_path / "a.mcap", forgotten, duration=0.1)
+    assert [record.message for record in caplog.records if told in record.message]
+    assert not any("nothing drives" in text for text in inspection._study_against(model, study))
