@@ -140,7 +140,7 @@ def test_an_input_that_drove_the_fmu_in_training_and_does_not_now_is_told(
     forgotten = bundle.load(MODEL)
     vars(forgotten)["info"] = info
     told = "nothing drives 'carbody_shake' of the FMU, which a column drove when the corrector was trained"
-    assert [text for text in inspection._study_against(forgotten, study) if told in text][0].startswith("condition '")
+    assert next(text for text in inspection._study_against(forgotten, study) if told in text).startswith("condition '")
     runs.run_study(study, study.condition("385"), tmp_path / "a.mcap", forgotten, duration=0.1)
     assert [record.message for record in caplog.records if told in record.message]
     assert not any("nothing drives" in text for text in inspection._study_against(model, study))
