@@ -306,10 +306,11 @@ def _study_against(model: Bundle, study: Study) -> Iterator[str]:
     if study.simulation.step_ns != model.step_ns:
         yield f"the study steps by {study.simulation.step_size:g} s, the corrector by {model.step_ns / NANOSECONDS:g} s"
     yield from shown_otherwise(model, study.channels)
-    for condition in study.conditions:
-        if condition.simulated is None:
+    for condition in study.conditions if model.info.driven else ():
+        with suppress(FmucorrectError):  # study_problems says why
             driven = [variable.name for variable in sources.driving(study, condition)]
-            yield from (f"condition {condition.name!r}: {text}" for text in left_alone(model, driven))
+            alone = left_alone(model, driven) if condition.simulated is None else []
+            yield from (f"condition {condition.name!r}: {text}" for text in alone)
     there = {channel.name: channel.unit for channel in study.channels}
     for channel in model.channels:
         if channel.name not in there:

@@ -316,10 +316,10 @@ def _units(options: Sequence[str]) -> tuple[str | None, dict[str, str]]:
 
 def _reading(log: Path, condition: Condition, told: Reading) -> Reading:
     """How the log is read: as its study says, where it is the simulated record of that condition; what is told goes before."""
-    if condition.simulated is None or condition.simulated.resolve() != log.resolve():
-        return told
     from fmucorrect.signals import TOLD
 
+    if condition.simulated is None or condition.simulated.resolve() != log.resolve():
+        return told
     known = condition.reading
     given = {key: value for key in TOLD if (value := getattr(told, key))}
     return replace(known, units={**known.units, **told.units}, **given)

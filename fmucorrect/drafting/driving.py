@@ -3,7 +3,7 @@ then runs with a column as that input, and what comes out is held against what w
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 
@@ -84,21 +84,24 @@ def find_driving(fmu: FmuDescription, log: Run, step_ns: int) -> Driving:
     """What drives the model. Raises FmuError and SignalError: of the model."""
     inputs = named(fmu, log)
     with closing(Plant(fmu)) as plant:
-        driving = Driving(inputs, try_out(plant, log, {g.variable: g.column for g in inputs}, step_ns))
+        driving = Driving(inputs, _run(plant, log, inputs, step_ns))
         while (further := _further(plant, log, driving, step_ns)) is not None:
             driving = further
         if alone := _alone(fmu, log, driving):
             inputs = (*driving.inputs, *alone)
-            driving = replace(
-                driving, inputs=inputs, trial=try_out(plant, log, {g.variable: g.column for g in inputs}, step_ns)
-            )
+            driving = replace(driving, inputs=inputs, trial=_run(plant, log, inputs, step_ns))
         return _sized(plant, log, driving, step_ns)
+
+
+def _run(plant: Plant, log: Run, inputs: Sequence[InputGuess], step_ns: int) -> Trial:
+    return try_out(plant, log, {guess.variable: guess.column for guess in inputs}, step_ns)
 
 
 def _further(plant: Plant, log: Run, known: Driving, step_ns: int) -> Driving | None:
     """With one more input, which no name tells; None where no column shows that it is one."""
     fmu = plant.fmu
     pairs = sorted(_possible(fmu, log, known), key=lambda pair: -likeness(pair[0].name, pair[1]))
+    shown = {guess.column: guess.shown for guess in find_channels(fmu, log, known.trial)}
     best: tuple[float, Driving] | None = None
     for variable, column in sorted(pairs[:TRIED], key=lambda pair: pair[0].name):  # one process for each input
         inputs = {guess.variable: guess.column for guess in known.inputs} | {variable.name: column}
@@ -106,11 +109,11 @@ def _further(plant: Plant, log: Run, known: Driving, step_ns: int) -> Driving | 
             trial = try_out(plant, log, inputs, step_ns)
         except (FmuError, SignalError):  # the model does not bear this column: it is not its input
             continue
-        found = _shown(fmu, log, known, trial, column)
+        found = _shown(fmu, log, known, trial, column, shown)
         if found is None:
             continue
-        gain, shown = found
-        why = f"no name tells; with it, {shown.output} shows {shown.column} ({shown.why})"
+        gain, response = found
+        why = f"no name tells; with it, {response.output} shows {response.column} ({response.why})"
         guess = InputGuess(variable.name, column, why)
         score = gain + likeness(variable.name, column)
         if best is None or score > best[0]:
@@ -121,24 +124,20 @@ def _further(plant: Plant, log: Run, known: Driving, step_ns: int) -> Driving | 
 def _alone(fmu: FmuDescription, log: Run, known: Driving) -> tuple[InputGuess, ...]:
     """Inputs that no column drives yet and that are alone of their kind, where one column that is used for nothing is of it
     and no output: it can be nothing else."""
-    driven = [guess.variable for guess in known.inputs]
-    free = [v for v in undriven(fmu, driven) if v.unit not in units.UNSAID]
-    found: list[InputGuess] = []
-    for variable in free:
-        fits = [
-            c
-            for c, unit in log.columns.items()
-            if unit not in units.UNSAID and may_be(variable.unit, unit, fmu.defined)
-        ]
-        others = [v for v in (*fmu.of("input"), *fmu.of("output")) if v.number and v is not variable]
-        if len(fits) == 1 and not any(may_be(v.unit, variable.unit, fmu.defined) for v in others):
-            found.append(
-                InputGuess(variable.name, fits[0], "the only input, and the only column, in units of that kind")
-            )
-    return tuple(found)
+    every = [v for v in (*fmu.of("input"), *fmu.of("output")) if v.number]
+    said = {column: unit for column, unit in log.columns.items() if unit not in units.UNSAID}
+    found: dict[str, str] = {}
+    for variable in fmu.of("input"):
+        fits = [column for column, unit in said.items() if may_be(variable.unit, unit, fmu.defined)]
+        alike = [v for v in every if may_be(v.unit, variable.unit, fmu.defined)]
+        if variable.unit not in units.UNSAID and len(fits) == 1 and alike == [variable]:
+            found[variable.name] = fits[0]
+    rest = _undriven(fmu, [guess.variable for guess in known.inputs]) if found else ()
+    why = "the only input, and the only column, in units of that kind"
+    return tuple(InputGuess(v.name, found[v.name], why) for v in rest if v.name in found)
 
 
-def undriven(fmu: FmuDescription, driven: Sequence[str]) -> list[Variable]:
+def _undriven(fmu: FmuDescription, driven: Sequence[str]) -> list[Variable]:
     """Inputs that move a model and that nothing drives; a force at a joint waits for what the model lacks."""
     free = [v for v in fmu.of("input") if v.number and not v.discrete and v.name not in driven]
     pushing = {joint.force for joint in find_joints(fmu, driven)} if driven and free else ()
@@ -156,7 +155,7 @@ def _possible(fmu: FmuDescription, log: Run, known: Driving) -> Iterator[tuple[V
         for output in known.trial.outputs
         if may_be(output.unit, unit, fmu.defined) and likeness(column, output.name) >= NAMED
     }
-    for variable in undriven(fmu, driven):
+    for variable in _undriven(fmu, driven):
         for column, unit in log.columns.items():
             theirs = "displacement" if quantity(unit) == "angle" else quantity(unit)
             alike = not kind(variable) or theirs in (None, kind(variable))
@@ -166,12 +165,12 @@ def _possible(fmu: FmuDescription, log: Run, known: Driving) -> Iterator[tuple[V
 
 
 def _shown(
-    fmu: FmuDescription, log: Run, known: Driving, trial: Trial, column: str
+    fmu: FmuDescription, log: Run, known: Driving, trial: Trial, column: str, shown: Mapping[str, float]
 ) -> tuple[float, ChannelGuess] | None:
     """By how much the responses are explained better with this column as an input, and the response that shows it best; None
     where that is not enough: once something drives the model, a further input explains most of what was left of them, or a
     response that nothing explained before. What the column itself showed of an output before is lost: a response that is
-    taken for an input makes others look explained."""
+    taken for an input makes others look explained. shown: what each column showed before."""
     driven = known.trial.measured[: len(trial.simulated), [known.trial.columns.index(column)]]
     copied = np.abs(correlations(known.trial.measured[: len(driven)], driven))[:, 0]
     others = [c for c, r in zip(known.trial.columns, copied, strict=True) if r < (NEARLY if known.inputs else COPY)]
@@ -185,7 +184,6 @@ def _shown(
         return None
     left = sum(1.0 - guess.shown**2 for guess in after)
     was = sum(1.0 - before.get(guess.column, 0.0) ** 2 for guess in after)
-    shown = {guess.column: guess.shown for guess in find_channels(fmu, log, known.trial)}
     gain = was - left - shown.get(column, 0.0) ** 2
     if known.inputs and (gain <= 0.0 or (left > LESS * was and all(guess.column in shown for guess in after))):
         return None
@@ -210,7 +208,7 @@ def _sized(plant: Plant, log: Run, driving: Driving, step_ns: int) -> Driving:
     if odd[own] - odd[unit] > SAME_SIZE and odd[unit] <= SAME_SIZE * len(channels):
         inputs = _with(driving.inputs, replace(guess, column_unit=unit))
         told = replace(log, columns={**log.columns, guess.column: unit})
-        return Driving(inputs, try_out(plant, told, {g.variable: g.column for g in inputs}, step_ns), driving.untried)
+        return Driving(inputs, _run(plant, told, inputs, step_ns), driving.untried)
     why = f"{guess.why}; it says no unit: taken in {own or 'that of the FMU, which says none'}"
     if odd[own] > SAME_SIZE * len(channels):
         why += ", though what is measured is of another size than what comes out"

@@ -21,10 +21,11 @@ _WORDS = {
     "velocity": frozenset(["v", "vel", "velocity", "rate", "omega", "speed", "vrel", "wrel"]),
     "acceleration": frozenset(["a", "acc", "accel", "acceleration", "arel"]),
     "displacement": frozenset(
-        ["d", "x", "y", "z", "disp", "displacement", "pos", "position", "travel", "stroke", "defl"]
-    )
-    | frozenset(["deflection", "compression", "extension", "elongation", "srel"])
-    | frozenset(["angle", "phi", "theta", "twist", "phirel"]),
+        [
+            *("d", "x", "y", "z", "disp", "displacement", "pos", "position", "travel", "stroke", "defl", "deflection"),
+            *("compression", "extension", "elongation", "srel", "angle", "phi", "theta", "twist", "phirel"),
+        ]
+    ),
 }
 """Words of a name that tell what a variable without a unit is; `s_rel` and its kin as Modelica's library has them."""
 _TURNS = frozenset("torque trq moment mx my mz tau omega wrel angle phi theta twist phirel".split())  # noqa: SIM905

@@ -63,7 +63,7 @@ class Layout:
     date: the place of dates, where the time has only clock times. delimiter: " " for any number of blanks.
     first_line: the number of the line with the first row. per: ns in a unit of the time. stamps: "", or what dates and
     clock times count from. mark: the decimal mark, "" while nothing tells. unnamed_last: columns at the end without a
-    name, whose cells must be empty. counts: whether its times are numbers, and no stamps.
+    name, whose cells must be empty.
     """
 
     encoding: str
@@ -82,7 +82,11 @@ class Layout:
     assumed: tuple[str, ...]
     left_out: tuple[str, ...]
     rate: float = 0.0
-    counts: bool = False
+
+    @property
+    def counts(self) -> bool:
+        """Whether its times are numbers of a unit, and no stamps."""
+        return not self.rate and not self.stamps
 
 
 @dataclass(frozen=True)
@@ -306,7 +310,6 @@ def _columns(
     return Layout(
         encoding, header.delimiter, mark, tuple(columns), time, date, tuple(numeric), truths, first_row + 1, per, stamps,
         _unnamed_last(columns), "\n".join(preamble)[:2000], tuple(assumed), tuple(left_out), header.rate,
-        not header.rate and not stamps,
     )  # fmt: skip
 
 

@@ -115,9 +115,9 @@ def time_column(header: str, known: bool = False) -> Column | None:
 
 
 def time_unit(header: str, said: str) -> str:
-    """The unit of what is the time: as the file says it ("1" or "" where it does not), else as its name does; "" of neither."""
+    """The unit of what is the time: as the file says it ("1" or "" where it does not), else as its name does, else s."""
     named = time_column(header, known=True)
-    return next((unit for unit in (said, named.unit if named is not None else "") if unit not in units.UNSAID), "")
+    return next(unit for unit in (said, named.unit if named is not None else "", "s") if unit not in units.UNSAID)
 
 
 def bare(header: str) -> str:

@@ -149,7 +149,7 @@ class Tables:
         about: Any = content.get("TimeInfo")
         unit = unit or (_within(about, "Units") if isinstance(about, dict) else None) or ""
         told, assumed = self._told_unit, list[str]()
-        text = told or naming.time_unit(key, str(unit)) or "s"
+        text = told or naming.time_unit(key, str(unit))
         unit, _, since = text.partition(" since ")
         start = seconds.parse_stamp(since.strip()) if since else (0, "")
         per = seconds.unit_ns(unit) if start else None

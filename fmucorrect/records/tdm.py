@@ -100,7 +100,7 @@ class TdmSource(Tables):
         name, values, unit, _ = channel
         if values.dtype.kind == "M":
             return Table(title, values.astype("datetime64[ns]").astype(np.int64), time=name)
-        per = seconds.unit_ns(self._told_unit or naming.time_unit(name, unit) or "s")
+        per = seconds.unit_ns(self._told_unit or naming.time_unit(name, unit))
         if per is None:
             raise RecordError(f"the unit of the time '{title}.{name}' is not known", where=self.path, got=repr(unit))
         return Table(title, seconds.to_ns(values.astype(np.float64), per), time=name, counts=True)

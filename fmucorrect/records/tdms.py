@@ -144,7 +144,7 @@ class TdmsSource:
     def _timed(self, group: Any, time: Any) -> list[_Series]:
         """The channels as long as the time channel of their group."""
         metadata = _metadata(group)
-        unit = self._told_unit or naming.time_unit(time.name, _unit(time)) or "s"
+        unit = self._told_unit or naming.time_unit(time.name, _unit(time))
         per = 0 if _is_stamps(time) else seconds.unit_ns(unit)
         rows = self._whole_length(time)
         fitting: list[Any] = []
