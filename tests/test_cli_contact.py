@@ -32,6 +32,7 @@ def columns(path: Path) -> dict[str, np.ndarray]:
     return dict(zip(names.split(","), np.array([row.split(",") for row in rows], float).T, strict=True))
 
 
+@pytest.mark.slow
 def test_it_makes_the_shipped_table_and_no_other_file(tmp_path: Path) -> None:
     """As the first lines of fmus/full_vehicle/contact.csv say, from names alone."""
     path = tmp_path / "contact.csv"

@@ -275,6 +275,7 @@ def relabelled(path):
     return path
 
 
+@pytest.mark.slow
 def test_other_units_of_study_and_fmu_change_nothing(tmp_path, found):
     study = write_study(tmp_path, cubic, unit="m", fmu=relabelled(tmp_path / "heavy.fmu"), force="kN", scale=1e-6)
     report = discover(study, tmp_path / "out")

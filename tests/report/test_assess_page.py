@@ -209,6 +209,7 @@ def test_names_are_escaped() -> None:
     assert text.count("</script>") == 3
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(BROWSER is None, reason="no chromium or chrome is installed")
 def test_it_opens_in_a_browser_without_errors(tmp_path: Path) -> None:
     path = tmp_path / "assessment.html"

@@ -282,6 +282,7 @@ def test_page_of_many_cases_and_conditions_is_small(tmp_path: Path) -> None:
     assert path.stat().st_size < MOST
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(BROWSER is None, reason="no chromium or chrome is installed")
 def test_it_opens_in_a_browser_without_errors(tmp_path: Path) -> None:
     path = tmp_path / "compare.html"

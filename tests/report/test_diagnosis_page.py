@@ -94,6 +94,7 @@ def test_names_are_escaped() -> None:
     assert text.count("</script>") == 3  # the library, the figures, and what draws them
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(BROWSER is None, reason="no chromium or chrome is installed")
 def test_it_opens_in_a_browser_without_errors(tmp_path: Path) -> None:
     path = tmp_path / "diagnosis.html"

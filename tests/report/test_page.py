@@ -133,7 +133,7 @@ def test_table_holds_the_scores() -> None:
 
 
 @pytest.mark.skipif(BROWSER is None, reason="no chromium or chrome is installed")
-@pytest.mark.parametrize("size", ["1400,1000", "500,900"])
+@pytest.mark.parametrize("size", ["1400,1000", pytest.param("500,900", marks=pytest.mark.slow)])
 def test_it_opens_in_a_browser_without_errors(tmp_path: Path, size: str) -> None:
     path = tmp_path / "page.html"
     comparison_page.build(comparison(), CONTEXT).write(path)

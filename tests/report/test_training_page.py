@@ -242,6 +242,7 @@ def test_long_loss_curves_are_thinned_and_zero_terms_left_out() -> None:
     assert figure.data[0].x[-1] == 5000
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(BROWSER is None, reason="no chromium or chrome is installed")
 def test_it_opens_in_a_browser_without_errors(tmp_path: Path) -> None:
     path = tmp_path / "train.html"

@@ -125,7 +125,8 @@ def test_where_records_begin_a_recurrent_network_says_the_same_for_as_long_as_no
     assert float(moved.max() - moved.min()) > 1e-2
 
 
-@pytest.mark.parametrize("family", ["recurrent", pytest.param("feedback", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("family", ["recurrent", "feedback"])
 def test_deployed_it_does_so_from_its_first_answer_on(study: Study, family: Family, tmp_path: Path) -> None:
     """Its state is nothing there. The same file as C, in a wrapped FMU, says the same (the wrapper's own proof)."""
     made = train(study, replace(road.QUICK, corrector=Corrector(families=(family,)), recurrent=SHORT))

@@ -120,6 +120,7 @@ def test_the_ablation_switches_everything_once(result: Result) -> None:
     assert values["acceleration"] == values["full"]  # this study has no accelerometer: there is nothing to switch off
 
 
+@pytest.mark.slow
 def test_corrupting_the_evaluation_record_changes_no_fit_and_total_is_not_exceeded(
     path: Path, result: Result, tmp_path: Path
 ) -> None:

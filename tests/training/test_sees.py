@@ -107,7 +107,9 @@ def test_settings_may_see_other_columns_than_the_study_says(study: Study, tmp_pa
         assert found.evaluations[-1].after.mean_nrmse < 0.5 * found.evaluations[-1].before.mean_nrmse
 
 
-@pytest.mark.parametrize("family", ["linear", "window", pytest.param("recurrent", marks=pytest.mark.slow), "feedback"])
+@pytest.mark.parametrize(
+    "family", ["linear", "window", *(pytest.param(name, marks=pytest.mark.slow) for name in ("recurrent", "feedback"))]
+)
 def test_every_family_says_in_onnx_what_was_fitted(family: Family, study: Study, model_of: Models) -> None:
     made, path = model_of(family)
     assert made.selection.family == family

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import bundles
 import numpy as np
+import pytest
 
 from fmucorrect import bundle, sources
 from fmucorrect.fmu import FmuStepper
@@ -21,7 +22,7 @@ ROOT = Path(__file__).resolve().parents[2]
 FMUS = ROOT / "fmus"
 CORRECTOR = ROOT / "exported_models/roller_rig/corrector.onnx"
 STEP_NS = 1_000_000
-COMBINATIONS = [(2, 2), (3, 3), (2, 3), (3, 2)]
+COMBINATIONS = [(2, 2), (3, 3), (2, 3), pytest.param(3, 2, marks=pytest.mark.slow)]
 RIG = "roller_rig"
 OSCILLATOR = "oscillator"
 MODELS = (RIG, OSCILLATOR)
