@@ -268,6 +268,12 @@ def delayed(table: Table) -> Table:
         (changed(s2=lambda m: 6.0 * m["s2"]), "size unlike that at the other conditions", ", channel 'wheel'", "6.6"),
         (delayed, "record of another zero", "", "0.3 s later"),
         (
+            lambda table: {name: -values for name, values in table.items()},
+            "all sensors reversed",
+            ", all channels",
+            "-1.00",
+        ),
+        (
             lambda table: {name: 1e-3 * values for name, values in table.items()},
             "factor between units",
             ", all channels",

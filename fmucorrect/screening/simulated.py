@@ -349,9 +349,23 @@ def _assigned(
         for j, row in wrong.items():
             if j not in everywhere and any(_right(alone[c], other, j, row) for other in others):
                 found.setdefault((j, row), []).append(c)
+    found = {(j, row): having for (j, row), having in found.items() if j not in doubtful}
+    asked = [j for j in range(len(study.channels)) if j not in doubtful]
+    turned = [found.get((j, j)) for j in asked]
+    having = turned[0] if len(turned) > 1 and all(one == turned[0] for one in turned) else None
+    if having is not None:
+        own = [float(np.mean([correlations(pairs[c])[j, j] for c in having])) for j in asked]
+        yield Finding(
+            "all sensors reversed",
+            "warning",
+            _where("all channels", pairs, having),
+            f"the measured columns correlate {min(own):+.2f} to {max(own):+.2f} with their simulation, and with each other as "
+            f"simulated, {_how(pairs, having)}",
+            "What drives the model there has the other sign, rather than every sensor",
+            "Turn the sign of the inputs' columns in the file; if it is the sensors, write measurement_sign for each channel.",
+        )
+        return
     for (j, row), having in sorted(found.items()):
-        if j in doubtful:
-            continue
         channel, other = study.channels[j], study.channels[row]
         own, its = (float(np.mean([correlations(pairs[c])[i, j] for c in having])) for i in (j, row))
         seen = f"column {channel.measurement!r} correlates {own:+.2f} with its simulation"
