@@ -1,5 +1,7 @@
 """How far a command is, where no terminal shows a bar."""
 
+import threading
+
 import pytest
 
 from fmucorrect.cli import group
@@ -20,6 +22,27 @@ def test_a_line_a_minute(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capture
         *("train: 6 of 10 epochs, 2 min, 1 more at this pace, or fewer", "discover, fit: 3 of 7, 2 min"),
         *("train: 9 of 10 epochs, 3 min, 0 more at this pace, or fewer", "discover, fit: 3 of 7, 3 min"),
     ]
+
+
+def test_a_long_stage_goes_on_being_told(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """Between two of its steps, too."""
+    told = threading.Event()
+    monkeypatch.setattr(group, "AGAIN", 0.001)
+    monkeypatch.setattr(group, "MINUTE", 0.0)
+    said = group.click.echo
+
+    def echo(text: str, err: bool) -> None:
+        said(text, err=err)
+        if threading.current_thread() is not threading.main_thread():
+            told.set()
+
+    monkeypatch.setattr(group.click, "echo", echo)
+    before = threading.active_count()
+    with group.stages("discover") as progress:
+        progress("ending", 0, 0)
+        assert told.wait(60.0)
+    assert {*capsys.readouterr().err.splitlines()} == {"discover, ending: 0 of 1, 0 min"}
+    assert threading.active_count() == before
 
 
 def test_what_a_step_says_is_told_without_a_terminal_too(capsys: pytest.CaptureFixture[str]) -> None:

@@ -227,6 +227,8 @@ def open_study(path: Path, allow_damaged: bool, step_timeout: float | None = Non
     return study
 
 
+AGAIN = 2.0
+"""s after which the time beside a stage is shown anew."""
 MINUTE = 60.0
 """s between lines about a command's progress, where there is no terminal: a log that is read later stays short."""
 
@@ -253,20 +255,53 @@ def progress_bar(total: int | None, unit: str, what: str) -> Generator[Callable[
 @contextmanager
 def stages(what: str) -> Generator[Callable[[str, int, int], None]]:
     """The same for work in stages, of which progress(stage, done, total) is told."""
+    last = ("", 0, 1)
+    with _shown(what) as show:
+
+        def progress(stage: str, done: int, total: int) -> None:
+            nonlocal last
+            last = (stage, done, max(total, 1))
+            show(*last)
+
+        with _again(lambda: last[0] and show(*last)):
+            yield progress
+
+
+@contextmanager
+def _shown(what: str) -> Generator[Callable[[str, int, int], object]]:
+    """What shows a stage."""
     if not sys.stderr.isatty():
         tell = _minutely()
-        yield lambda stage, done, total: tell(f"{what}, {stage}: {done} of {max(total, 1)}")
+        yield lambda stage, done, total: tell(f"{what}, {stage}: {done} of {total}")
         return
     from tqdm import tqdm
 
     with tqdm(total=1, desc=what, leave=False, bar_format="{desc}: {n_fmt}/{total_fmt} {elapsed}") as bar:
 
-        def progress(stage: str, done: int, total: int) -> None:
+        def show(stage: str, done: int, total: int) -> None:
             bar.set_description_str(stage, refresh=False)
-            bar.total, bar.n = max(total, 1), done
-            bar.update(0)
+            bar.total, bar.n = total, done
+            bar.refresh()
 
-        yield progress
+        yield show
+
+
+@contextmanager
+def _again(show: Callable[[], object]) -> Generator[None]:
+    """Meanwhile shows it every few seconds: some stages simulate for minutes between two of their steps."""
+    over = threading.Event()
+
+    def repeat() -> None:
+        while not over.wait(AGAIN):
+            show()
+
+    thread = threading.Thread(target=repeat, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
 
 
 def _minutely() -> Callable[..., None]:

@@ -65,6 +65,7 @@ def name(problem: Problem, progress: Progress = lambda stage, done, total: None,
     try:
         search(problem, ledger, problem.budget, progress)
         naming = _chosen(problem)
+        progress("ending", 0, 1)
         return _ended(problem, naming)
     except OutOfTime:
         problem.budget.until = math.inf
