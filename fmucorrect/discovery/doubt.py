@@ -71,12 +71,18 @@ def _sensors(sensors: Sequence[Mapping[str, Any]]) -> Iterator[str]:
 
 
 def _numbers(best: Fitted, wider: Fitted) -> Iterator[str]:
-    for term, one, other in zip(best.model.terms, best.std(), wider.std(), strict=True):
-        if term.main in one and other[term.main] > WIDER * one[term.main]:
-            yield (
-                f"joints that the study takes for right: if their forces are off by {100.0 * JOINT_ERROR:g} %, the "
-                f"{plain(term.main)} of {at(*term.key)} is known {short(other[term.main] / one[term.main], 2)} times less well"
-            )
+    times = [
+        (f"the {plain(term.main)} of {at(*term.key)}", other[term.main] / one[term.main])
+        for term, one, other in zip(best.model.terms, best.std(), wider.std(), strict=True)
+        if term.main in one and other[term.main] > WIDER * one[term.main]
+    ]
+    if times:
+        (first, more), *rest = times
+        also = "".join(f", {number} {short(ratio, 2)} times" for number, ratio in rest)
+        yield (
+            f"joints that the study takes for right: if their forces are off by {100.0 * JOINT_ERROR:g} %, {first} is known "
+            f"{short(more, 2)} times less well{also}"
+        )
 
 
 def _nothing(best: Fitted, wider: Fitted) -> Iterator[str]:

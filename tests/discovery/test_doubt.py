@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 pytest.importorskip("ziglang")
@@ -104,3 +105,16 @@ def test_forces_that_a_sensors_offset_makes_up_for_are_told(library, tmp_path):
         assert "at sweep" in said
         assert told(term_at(problem.study, "viscous_damping", "joint 1", damping=0.5), offset) == []
         assert told(preload) == told(offset) == []  # nothing makes up for anything
+
+
+def test_numbers_that_hang_on_the_other_joints_are_told_in_one_sentence(library, tmp_path):
+    with measured_on(tmp_path, library, "viscous_damping", damping=0.5) as problem:
+        _, base = begun(problem)
+        damper = term_at(problem.study, "viscous_damping", "joint 1", damping=0.5)
+        preload = term_at(problem.study, "preload", "joint 1", force=1.0)
+        best = replace(base, model=replace(problem.nominal, terms=(damper, preload)), covariance=1e-4 * np.eye(2))
+        wider = replace(best, covariance=np.diag([1e-2, 9e-4]))
+        (said,) = cautions(problem, best, wider, [])
+        assert said.startswith("joints that the study takes for right")
+        assert "is known 10 times less well, " in said
+        assert said.endswith(" 3.0 times")
