@@ -150,28 +150,29 @@ def test_a_rival_that_is_no_candidate_is_in_the_table() -> None:
 
 
 def test_sets_are_told_by_what_makes_them_different() -> None:
-    """Of two effects one has a twin; a smaller set, a larger one and one that has both."""
+    """Of two effects one has a twin; a smaller set, a larger one that the search gave up, and one that has both."""
     report = example.report("named")
     friction, cubic = report["effects"]
     left, right = example.YAW, "yaw damper, right, mount"
     other = {"effect": "cubic_stiffness", "joint": right}
     sets = [
-        ([friction, cubic], 0.0),
-        ([friction, other], 0.1),
-        ([friction], 30.0),
-        ([friction, cubic, {"effect": "sensor_gain", "joint": "FW"}], 40.0),
+        ([friction, cubic], 0.0, 0.5),
+        ([friction, other], 0.1, 0.49),
+        ([friction], 30.0, 0.01),
+        ([friction, cubic, {"effect": "sensor_gain", "joint": "FW"}], 1.1, None),
     ]
     report["effects"] = [friction, cubic | {"indistinguishable_from": [other]}]
     report["candidates"] = [
         {"effect": "", "joint": "", "members": members, "behind": behind, "held_out_error": 1.0, "error": 1.0}
-        for members, behind in sets
+        | {"probability": probability}
+        for members, behind, probability in sets
     ]
     text = words(report)
     assert f"These data cannot tell cubic stiffness at “{left}” from cubic stiffness at “{right}”." in text
-    twin = f"With cubic stiffness at “{right}” in the place of cubic stiffness at “{left}” 1.00 1.00 – 0.100"
+    twin = f"With cubic stiffness at “{right}” in the place of cubic stiffness at “{left}” 1.00 1.00 49 % 0.100"
     assert f"Cannot be told from it {twin}" in text
-    assert f"Behind Without cubic stiffness at “{left}” 1.00 1.00 – 30.0" in text
-    assert "With sensor gain of FW as well 1.00 1.00 – 40.0" in text
+    assert f"Behind Without cubic stiffness at “{left}” 1.00 1.00 1.0 % 30.0 Given up on the way" in text
+    assert "looked at first With sensor gain of FW as well 1.00 1.00 – 1.10" in text
 
 
 def test_none_claims_no_more_than_the_noise_allows() -> None:

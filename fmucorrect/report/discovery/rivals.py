@@ -22,12 +22,13 @@ def rivals_section(page: Page, report: Discovery) -> None:
     twins = [item for item in candidates if item not in found and _is_twin(item, effects)]
     seen = _keys([member for item in twins for member in members(item)])
     alike = [(effect, other) for effect in effects for other in effect.indistinguishable_from if other.key not in seen]
-    behind = sorted((item for item in candidates if item not in [*found, *twins]), key=_order)
+    others = sorted((item for item in candidates if item not in [*found, *twins]), key=_order)
+    given_up = [item for item in others if effects and not known(item.probability)]
+    behind = [item for item in others if item not in given_up]
     page.section(
         "Rivals",
         "Held-out error: each candidate fitted without a condition, then scored at that one. Behind: worse than the "
-        "best in −2 log likelihood; 6 is odds of 20 to 1, 10 of 150 to 1. Without a probability: given up on the way, by the "
-        "conditions that were looked at first.",
+        "best in −2 log likelihood; 6 is odds of 20 to 1, 10 of 150 to 1.",
     )
     told = [
         f"{effect.at} from {listed([other.at for other in effect.indistinguishable_from], 'or')}"
@@ -48,11 +49,15 @@ def rivals_section(page: Page, report: Discovery) -> None:
             + [Row([titled(_phrase([other], [effect], effects)), *[MISSING] * 4]) for effect, other in alike],
         ),
         ("Behind" if effects else "Tried", [_cells(called(item, effects), item) for item in behind[:MOST]]),
+        (
+            "Given up on the way: behind another set, by the conditions that were looked at first",
+            [_cells(called(item, effects), item) for item in given_up[: max(MOST - len(behind), 0)]],
+        ),
     ):
         table += [Row([text], "group"), *cells] if cells else []
     page.table(["", "held-out error, %", "error, %", "probability", "behind"], table)
-    if len(behind) > MOST:
-        page.text_block(f"{len(behind) - MOST} more candidates, further behind, are in report.json.")
+    if len(others) > MOST:
+        page.text_block(f"{len(others) - MOST} more candidates, further behind, are in report.json.")
     page.end()
 
 
