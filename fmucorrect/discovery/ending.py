@@ -122,7 +122,7 @@ def _less(problem: Problem, setting: Setting, best: Fitted) -> Iterator[Fitted]:
 
 def _refitted(problem: Problem, setting: Setting, best: Fitted, model: Model, at: Float64[np.ndarray, " n"]) -> Fitted:
     """The model, whose evidence is `at`, fitted from there, or what was best before."""
-    fitted = fit(problem, setting, model, LONG, at, parent=best.number)
+    fitted = fit(problem, setting, model, LONG, at, parent=best)
     return fitted if fitted is not None and fitted.surprise < best.surprise else best
 
 
@@ -141,7 +141,7 @@ def _further(problem: Problem, setting: Setting, best: Fitted) -> Fitted:
     Once more with all rows for independent, and from there as before."""
     if setting.share > FEW:
         return best
-    found = fit(problem, replace(setting, share=1.0), best.model, LONG, best.at, parent=best.number)
+    found = fit(problem, replace(setting, share=1.0), best.model, LONG, best.at, parent=best)
     return best if found is None else _refitted(problem, setting, best, found.model, found.at)
 
 

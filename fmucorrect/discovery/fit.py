@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from fmucorrect.discovery.fitted import Fitted, Setting, explains, judge, judge_at
-from fmucorrect.discovery.form import FARTHEST, covariance, normal, step, stepped, with_whole_offsets
+from fmucorrect.discovery.form import FARTHEST, covariance, normal, step, stepped, to_gain, with_whole_offsets
 from fmucorrect.discovery.kept import remembered
 from fmucorrect.discovery.ledger import Entry
 from fmucorrect.discovery.model import Model
@@ -23,9 +23,11 @@ STALE = 1.0
 HOPE, HOPELESS = 8.0, 60.0
 """A fit is given up when so many more gains like its last one would leave it so far behind its rival."""
 GAINED = 0.3
-"""A step that lowers the surprise by less is the last one."""
-LAST = 6
-"""Steps with sensitivities from both sides."""
+"""A step that lowers the surprise by less is the last one; so is one after which the sensitivities that it was made with
+promise less: both sides of each number are simulated for new ones, and after a step that ended so they gained nothing."""
+LAST, DAMPED = 6, tuple(10.0**k for k in range(-8, 1))
+"""Steps with sensitivities from both sides, and how much each is damped until one of these makes it better; one that promises
+nothing is tried once."""
 SLOW, HOLDS = 3.0, 0.3
 """Where a step lowers the surprise by less, and a sensitivity to a base parameter is off by a larger share, they are taken
 anew."""
@@ -54,11 +56,25 @@ def fit(
     if len({term.key for term in model.terms} - absorbed) < len(model.terms):
         return None
     if isinstance(parent, Fitted):
-        setting, parent = replace(setting, base=parent.base), parent.number
+        setting = replace(setting, base=parent.base)
+        ended = _at_its_end(setting, parent) if start is parent.at and model == parent.model else None
+        if ended is not None:
+            return problem.ledger.add(problem.trials, Entry(ended, setting, problem.substeps), parent.number)
+        parent = parent.number
     found, runs = _fitted(problem, setting, model, iterations, start, rival)
     if found is None:
         return None
     return problem.ledger.add(problem.trials, Entry(found, setting, problem.substeps), parent, runs)
+
+
+def _at_its_end(setting: Setting, fitted: Fitted) -> Fitted | None:
+    """What was fitted, where it explains the measurement, so that its sensitivities are from both sides, and these promise that
+    no step would gain anything."""
+    state, numbers = judge(setting, fitted), sum(len(term.estimated) for term in fitted.model.terms)
+    known = fitted.slopes.shape == (len(fitted.at), numbers)
+    if not (known and explains(setting, state)) or to_gain(setting, state) > GAINED:
+        return None
+    return replace(state, covariance=covariance(setting, state))
 
 
 @remembered
@@ -125,16 +141,16 @@ def sharpened(problem: Problem, setting: Setting, state: Fitted, rival: float = 
     for _ in range(most):
         slopes, base = both_sides(problem, state, probes(setting, state, state.slopes))
         state = replace(state, slopes=slopes, base=base, around=state.model.base)
-        H, g = normal(setting, state, slopes)
-        gained = 0.0
-        if not len(g) or state.surprise - float(g @ np.linalg.pinv(H, hermitian=True) @ g) > rival + HOPELESS:
+        promised = to_gain(setting, state)
+        if promised == 0.0 or state.surprise - promised > rival + HOPELESS:
             break
-        for damping in np.logspace(-8.0, 0.0, 9):
-            tried = better(problem, setting, state, step(setting, state, slopes, reach, float(damping)))
+        gained = 0.0
+        for damping in DAMPED if promised > GAINED else DAMPED[:1]:
+            tried = better(problem, setting, state, step(setting, state, slopes, reach, damping))
             if tried is not None:
                 gained, state = state.surprise - tried.surprise, _whole(problem, setting, tried)
                 break
-        if gained < GAINED:
+        if gained < GAINED or to_gain(setting, state) < GAINED:
             break
     return state
 

@@ -100,6 +100,12 @@ def joint_covariance(setting: Setting, state: Fitted) -> Float64[np.ndarray, "q 
     return np.linalg.pinv(H, hermitian=True)
 
 
+def to_gain(setting: Setting, state: Fitted) -> float:
+    """What the surprise would still fall by, to first order and without bounds: g' H^-1 g."""
+    H, g = normal(setting, state, state.slopes)
+    return float(g @ np.linalg.pinv(H, hermitian=True) @ g)
+
+
 def released(setting: Setting, state: Fitted) -> float:
     """What the surprise would fall by if nothing held the base parameters, to first order: their prior taken away, with C the
     covariance of all and z where they are, that is z' (I - C)^-1 z."""
