@@ -16,6 +16,8 @@ from fmucorrect.signals import Channel, Condition
 Rows = Float64[np.ndarray, "T J"]
 PerChannel = Float64[np.ndarray, " J"]
 
+EVIDENCE = 1200
+"""Rows a condition that discovery looks at: means of blocks of samples, whose noise is less."""
 PARTS = 16
 """Equal parts of the spectrum that are judged as a whole each."""
 PLATEAU = 4

@@ -39,7 +39,10 @@ def push(t: np.ndarray | float) -> np.ndarray:
     return 20.0 * np.sin(2 * np.pi * (1.0 + t) * t)
 
 
-@pytest.mark.parametrize(("step", "noise", "told"), [(5e-4, 0.1, ""), (8e-3, 0.1, "4 ms late"), (1e-3, 0.1, "")])
+@pytest.mark.parametrize(
+    ("step", "noise", "told"),
+    [(5e-4, 0.1, ""), (8e-3, 0.1, "4 ms late"), (1e-3, 0.1, ""), (1e-3, 0.0002, "the noise of what discovery")],
+)
 def test_a_step_is_told_where_it_is_later_than_sensors_are(
     tmp_path: Path, step: float, noise: float, told: str
 ) -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
-from fmucorrect.discovery.fitted import Fitted, Setting
+from fmucorrect.discovery.fitted import Fitted, Setting, explains, price
 from fmucorrect.discovery.naming import Naming
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.sets import MOST, has_room
@@ -71,7 +71,11 @@ def decide(naming: Naming) -> Decision:
     classed = tuple(probable(term, *others) for term, others in zip(best.model.terms, classes, strict=True))
     if not best.model.terms:
         verdict = "none" if best.s2 <= AGREES * naming.setting.floor else "unexplained"
-    elif unexplained > LEFT or _full(best, unexplained > WORTH**2 and best.s2 > OPEN * naming.setting.floor):
+    elif (
+        unexplained > LEFT
+        or _full(best, unexplained > WORTH**2 and best.s2 > OPEN * naming.setting.floor)
+        or _strained(naming.setting, best)
+    ):
         verdict = "unexplained"
     else:
         verdict = "ambiguous" if any(classes) else "named"
@@ -85,12 +89,26 @@ def _full(fitted: Fitted, open_still: bool) -> bool:
     return not has_room(fitted) and (open_still or moved > MOST)
 
 
+def _strained(setting: Setting, fitted: Fitted) -> bool:
+    """Whether a set leaves something above the noise although a base parameter went farther with it than its own name would
+    cost: by the search's own measure that is off as well, and is not told; what is missing may be at another place."""
+    return not explains(setting, fitted) and float(np.square(fitted.model.base).max(initial=0.0)) > price(setting, 1)
+
+
 def left(fitted: Fitted, base: Fitted, floor: float) -> float:
     """Share of the residual's energy above the noise that a fit leaves; 0 where there was none. Of what is there before any
-    parameter has moved, where moving them takes it all."""
-    rest = base.residual if base.s2 > AGREES * floor else base.linear
-    before, after = float(np.mean(rest**2)) - 1.0, fitted.s2 - 1.0
-    return 0.0 if before <= 0.0 else min(max(after, 0.0) / before, 1.0)
+    parameter has moved, where moving them takes it all. Else the smaller of two shares: of what sensors that are a little off
+    cannot take on, and of that with what they take on. An effect takes away the one or the other; a lag that all sensors have
+    before and after it is no effect's."""
+    if base.s2 <= AGREES * floor:
+        return _share(float(np.mean(base.linear**2)), fitted.s2)
+    with_sensors = (max(float(np.mean(one.residual**2)), one.s2) for one in (base, fitted))
+    return min(_share(base.s2, fitted.s2), _share(*with_sensors))
+
+
+def _share(before: float, after: float) -> float:
+    """Of two variances in units of the noise, what of the first above it is in the second."""
+    return 0.0 if before <= 1.0 else min(max(after - 1.0, 0.0) / (before - 1.0), 1.0)
 
 
 def _class(best: Fitted, t: int, rivals: Sequence[Rival]) -> tuple[Term, ...]:

@@ -344,7 +344,7 @@ def _by_fmu(problem: Problem, best: Fitted) -> list[Gap] | None:
     """Conditions, the evaluation's where there are any, by an FMU with the forces and parameters alone, as it is written: no
     lag, gain or offset of a sensor. None where its solver gives up."""
     laws = tuple(term for term in best.model.terms if not isinstance(term, SignalTerm))
-    if not laws:
+    if not laws and not any(best.model.base):
         return []
     study, model = problem.study, replace(best.model, terms=laws)
     sensors = np.zeros((len(study.channels), 2))

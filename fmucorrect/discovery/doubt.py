@@ -12,6 +12,7 @@ import numpy as np
 from fmucorrect.discovery.errorbars import JOINT_ERROR
 from fmucorrect.discovery.fitted import Fitted
 from fmucorrect.discovery.form import FARTHEST
+from fmucorrect.discovery.model import start_value, tolerance_of
 from fmucorrect.discovery.motion import along
 from fmucorrect.discovery.paring import NOTHING, is_nothing
 from fmucorrect.discovery.problem import Problem
@@ -25,6 +26,8 @@ FAR = 3.0
 """Standard deviations from what is expected: one number in 370 is farther by chance."""
 BOUND = 1e-3
 """Tolerances, or share of a parameter's range, from its bound at which a number counts as on it: there the fit wanted more."""
+TOGETHER = 0.1
+"""Scatter of relative moves, of their mean, below which they are one move."""
 WIDER = 2.0
 """By how many times a number is known less well, if joints may be off that the study does not list, for that to be told."""
 
@@ -32,7 +35,8 @@ WIDER = 2.0
 def cautions(problem: Problem, best: Fitted, wider: Fitted, sensors: Sequence[Mapping[str, Any]]) -> list[str]:
     """What the verdict hangs on, a phrase each. wider: the same fit with its covariance as errorbars.with_unlisted has it.
     sensors: of the report."""
-    return [*_parameters(problem, best), *_sensors(sensors), *_numbers(best, wider), *_nothing(best, wider)]
+    moved = [*_parameters(problem, best), *_together(problem, best)]
+    return [*moved, *_sensors(sensors), *_numbers(best, wider), *_nothing(best, wider)]
 
 
 def _parameters(problem: Problem, best: Fitted) -> Iterator[str]:
@@ -48,6 +52,24 @@ def _parameters(problem: Problem, best: Fitted) -> Iterator[str]:
             edge = BOUND * (term.high - term.low)
             if not term.low + edge < term.values["value"] < term.high - edge:
                 yield f"{term.where}, which is at its bound in the study"
+
+
+def _together(problem: Problem, best: Fitted) -> Iterator[str]:
+    """Of a linear machine only ratios of inertia, stiffness, damping and force can be told: one inertia too small in the model
+    is all others too large."""
+    z = np.array(best.model.base)
+    shares: list[float] = []
+    for adjustable, far in zip(problem.tolerated, best.model.base, strict=True):
+        starts = (start_value(problem.study, problem.fmu, None, name) for name in adjustable.parameters)
+        shares += [
+            far * tolerance_of(adjustable, start) / start for start in starts if np.isfinite(start) and start != 0.0
+        ]
+    moved = np.array(shares)
+    if len(moved) > 2 and abs(z.sum()) >= FAR * np.sqrt(len(z)) and moved.std() < TOGETHER * abs(moved.mean()):
+        yield (
+            f"{len(moved)} parameters, which moved alike, by {short(100.0 * float(moved.mean()))} %: a mass, a force or an "
+            "excitation that the study does not list may be off by as much the other way"
+        )
 
 
 def _sensors(sensors: Sequence[Mapping[str, Any]]) -> Iterator[str]:

@@ -11,15 +11,15 @@ from fmucorrect.discovery.discrepancy import doubted
 from fmucorrect.discovery.ending import ended, likeliest, needed
 from fmucorrect.discovery.exchange import exchanged
 from fmucorrect.discovery.fit import GAINED, fit
-from fmucorrect.discovery.fitted import Fitted, Setting, begin, judge, tried
+from fmucorrect.discovery.fitted import Fitted, Setting, begin, judge, price, tried
 from fmucorrect.discovery.held import held
 from fmucorrect.discovery.ledger import Compared
 from fmucorrect.discovery.look import around, at_other_places
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.search import Progress, Search
-from fmucorrect.discovery.sets import LONG, settled
-from fmucorrect.discovery.stepwise import fewer, stepwise
-from fmucorrect.discovery.worth import believed, first_of, merged, names, simpler_ones
+from fmucorrect.discovery.sets import LONG, settled, share_of
+from fmucorrect.discovery.stepwise import fewer, sensors, stepwise
+from fmucorrect.discovery.worth import believed, first_of, merged, names, sensors_off, simpler_ones
 
 ENDING = {"ending": "equivalents of what was found, and its numbers to their end"}
 """What comes after every search, by the name that `Ledger.through` takes."""
@@ -66,7 +66,7 @@ def name(problem: Problem, progress: Progress = lambda stage, done, total: None,
         search(problem, ledger, problem.budget, progress)
         naming = _chosen(problem)
         progress("ending", 0, 1)
-        return _ended(problem, naming)
+        return _ended(problem, naming, progress)
     except OutOfTime:
         problem.budget.until = math.inf
         stands = problem.of(problem.trials) if naming else _stands_on(problem)
@@ -122,7 +122,7 @@ def _finished(problem: Problem, naming: Naming) -> Naming:
     return replace(naming, sets=tuple(fitted if old is best else old for old in naming.sets))
 
 
-def _ended(problem: Problem, naming: Naming) -> Naming:
+def _ended(problem: Problem, naming: Naming, progress: Progress) -> Naming:
     """With what is only at other places, what is alike, and the likeliest sets fitted to their end."""
     setting = naming.setting
     close = [fitted for fitted in naming.sets if fitted.surprise < naming.best.surprise + NEAR][:TWINS]
@@ -138,9 +138,28 @@ def _ended(problem: Problem, naming: Naming) -> Naming:
         told.sort(key=lambda fitted: names(fitted) != first or fitted.surprise > least + GAINED)
         best = ended(problem, setting, naming.base, told[0])
         best = needed(problem, setting, naming.base, best)
+        best, others = _with_sensors(problem, setting, naming.base, best, progress)
+        told[1:1] = [replace(other, surprise=other.surprise - best.surprise + least) for other in others]
         best = replace(best, surprise=least)
         beside = [*held(problem, setting, best), *told[1:]]
         told = [best, *(fitted for fitted in beside if names(fitted) != names(best))]
     problem.ledger.compare(Compared(problem, naming.base, tuple(told), setting))
     problem.ledger.through("ending")
     return replace(naming, sets=tuple(told))
+
+
+def _with_sensors(
+    problem: Problem, setting: Setting, base: Fitted, best: Fitted, progress: Progress
+) -> tuple[Fitted, list[Fitted]]:
+    """The ended set, with errors of sensors beside it where one is off by more than it costs to say so; and what these were
+    compared with. What a law left before it stood at its end hid them."""
+    setting = replace(setting, share=share_of(problem, setting, best.residual))
+    if sensors_off(setting, best) < price(setting, 1):
+        return best, []
+    base, best = judge(setting, base), judge(setting, best)
+    fits = sensors(problem, setting, base, [best], progress)
+    likely = sorted(believed(setting, base, [best, *fits]), key=lambda fitted: fitted.surprise)
+    if not likely or not names(likely[0]) > names(best):
+        return best, []
+    first, *others = likely
+    return replace(ended(problem, setting, base, first), surprise=first.surprise), others

@@ -8,12 +8,10 @@ import numpy as np
 from jaxtyping import Float64
 
 from fmucorrect import pairs
-from fmucorrect.noise import of_sensors
+from fmucorrect.noise import EVIDENCE, of_sensors
 from fmucorrect.signals import Condition
 from fmucorrect.study import Study
 
-ROWS = 1200
-"""Rows a condition that the evidence is taken from: means of blocks of samples."""
 SETTLED = 8.0
 """Seconds of a single tone that are looked at: what comes after repeats."""
 PERIODS = 16
@@ -72,7 +70,7 @@ def read(study: Study, condition: Condition, settled: float = SETTLED, pair: pai
         measured,
         slice(first + begin, first + stop),
         sigma,
-        max(1, -(-len(measured) // ROWS)),
+        max(1, -(-len(measured) // EVIDENCE)),
         known,
         notes,
         pair.ratio,

@@ -106,8 +106,12 @@ def complete(setting: Setting, base: Fitted, found: Sequence[Fitted], best: Fitt
     are far from their start values, or in a sensor that would be off by more than it costs to say so."""
     energy = min(fitted.s2 for fitted in (base, *found) if _exact(fitted) and names(fitted) <= names(best))
     far = float(np.sum(np.square(best.model.base)))
-    sensed = float(np.square(_sensed(setting, best)).max(initial=0.0))
-    return best.s2 - setting.floor < SMALL**2 * energy and max(far, sensed) < price(setting, 1)
+    return best.s2 - setting.floor < SMALL**2 * energy and max(far, sensors_off(setting, best)) < price(setting, 1)
+
+
+def sensors_off(setting: Setting, fitted: Fitted) -> float:
+    """How far the sensor that is farthest from what is expected of it is so: the square, in standard deviations."""
+    return float(np.square(_sensed(setting, fitted)).max(initial=0.0))
 
 
 def simpler_ones(setting: Setting, found: Sequence[Fitted], more: Fitted) -> list[Fitted]:

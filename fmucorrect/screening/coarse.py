@@ -13,12 +13,15 @@ from dataclasses import replace
 import numpy as np
 
 from fmucorrect.errors import FmucorrectError
-from fmucorrect.noise import of_sensors
+from fmucorrect.noise import EVIDENCE, of_sensors
 from fmucorrect.pairs import Pair, simulate
 from fmucorrect.screening.finding import Finding
 from fmucorrect.study import Study
 from fmucorrect.study_places import place
 
+SHOWS = 0.5
+"""Of the noise of what discovery looks at, beside a lag: adds a quarter to its variance, nearly what a set may leave that
+explains a measurement."""
 LATE = 1e-3
 """s that a channel may be late by for the step alone: twice what discovery expects of sensors (nuisances.LAG), which has room
 for it."""
@@ -26,8 +29,8 @@ for it."""
 
 def coarse(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
     """Of the shortest run among the pairs, which costs two more: the channel that a step of half the length moves most, by more
-    than LATE or, beside a lag, by more than its noise. A step's error is about proportional to it, so that what half of it does
-    is counted twice. Nothing where the solver takes no other step."""
+    than LATE or, beside a lag, so that it shows in the noise. A step's error is about proportional to it, so that what half of
+    it does is counted twice. Nothing where the solver takes no other step."""
     runs = [item for item in pairs if item.condition.simulated is None and item.condition.inputs is not None]
     if study.fmu is None or not runs:
         return
@@ -47,9 +50,10 @@ def coarse(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
         found.append((abs(lag) / LATE, f"channel {channel.name!r} is about {1e3 * lag:.2g} ms late"))
         if np.isfinite(noise[j]):
             off = float(np.std(moved - lag * slope))
-            times = off / max(float(noise[j]), np.finfo(float).tiny)  # a study may say that there is none
-            told = f"off by about {off:.2g} {channel.unit} rms, {times:.2g} times its noise"
-            found.append((times, f"channel {channel.name!r} is {told}"))
+            level = float(noise[j]) / max(len(item.measured) / EVIDENCE, 1.0) ** 0.5
+            times = off / max(level, np.finfo(float).tiny)  # a study may say that there is none
+            told = f"off by about {off:.2g} {channel.unit} rms, {times:.2g} times the noise of what discovery looks at"
+            found.append((times / SHOWS, f"channel {channel.name!r} is {told}"))
     times, told = max(found)
     if times > 1.0:
         yield Finding(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fmucorrect.catalogue import find
-from fmucorrect.discovery.decide import decide
+from fmucorrect.discovery.decide import decide, left
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fitted import Fitted, Setting
 from fmucorrect.discovery.model import Model
@@ -55,3 +55,32 @@ def test_a_set_that_moves_the_models_own_parameters_is_told_as_what_came_near():
     rows = [{"effect": term.effect, "uneven": None, "varies": None} for term in decided(3, 4, 0.02).best.model.terms]
     text = sentence(Discovery.read({"verdict": "unexplained", "suspects": rows, "unexplained": 1e-3}), [])
     assert "nearest come 7 effects at once, 4 of them parameters that are off" in text
+
+
+def fitted(model, residual, s2, surprise):
+    nothing = np.zeros(ROWS)
+    return Fitted(model, nothing, np.full(ROWS, residual), s2, surprise, np.zeros((ROWS, len(model.base))), model.base)
+
+
+@pytest.mark.parametrize(
+    ("far", "s2", "verdict"), [(2.0, 2.0, "named"), (5.5, 2.0, "unexplained"), (5.5, 1.1, "named")]
+)
+def test_a_set_that_leaves_something_and_moves_a_parameter_farther_than_its_name_costs_is_not_the_truth(
+    far, s2, verdict
+):
+    """A joint that no force can act on lacks friction: at another joint it explains most, with masses that are far off."""
+    base, best = (
+        fitted(Model((), (0.0,)), 30.0, 900.0, 500.0),
+        fitted(Model((force(1),), (far,)), s2**0.5, s2, 100.0),
+    )
+    setting = Setting(np.zeros(ROWS), Nuisances(np.zeros((ROWS, 0))), np.zeros((ROWS, 1)), np.zeros(0), 1.0)
+    assert decide(Naming(base, (best,), setting)).verdict == verdict
+
+
+def test_what_sensors_take_on_before_and_after_is_no_effects():
+    """Inputs that are held make all sensors late, and that is nearly all of the disagreement: a drift takes a little of what a
+    lag leaves. A gain takes away what the sensors had taken on; a force what they cannot."""
+    base = fitted(Model(), 30.0, 2.3, 500.0)
+    assert left(fitted(Model((force(1),)), 30.0, 2.2, 100.0), base, 1.0) == pytest.approx(1.2 / 1.3)
+    assert left(fitted(Model((force(1),)), 30.0, 1.1, 100.0), base, 1.0) == pytest.approx(0.1 / 1.3)
+    assert left(fitted(Model((force(1),)), 3.0, 2.2, 100.0), base, 1.0) == pytest.approx(8.0 / 899.0)

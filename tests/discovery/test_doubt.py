@@ -8,6 +8,7 @@ import pytest
 pytest.importorskip("ziglang")
 pytest.importorskip("sympy")
 
+import one_mass
 from one_mass import HEAD, begun, measured_on, sweep, term_at
 from test_discover import CUBIC, C, cubic, write_study
 from test_exchange import C as C1
@@ -118,3 +119,17 @@ def test_numbers_that_hang_on_the_other_joints_are_told_in_one_sentence(library,
         assert said.startswith("joints that the study takes for right")
         assert "is known 10 times less well, " in said
         assert said.endswith(" 3.0 times")
+
+
+def test_parameters_that_moved_alike_are_told_as_one_that_is_not_listed(library, tmp_path):
+    """Of a linear machine only ratios can be told: all of one kind too large is the other kind too small."""
+    with one_mass.problem_of(tmp_path, library) as problem:
+        _, base = begun(problem)
+
+        def told(*z):
+            best = replace(base, model=replace(problem.nominal, base=z))
+            return cautions(problem, best, best, [])
+
+        (said,) = told(-2.1, -2.2, -2.15)
+        assert said.startswith("3 parameters, which moved alike, by −4.30 %")
+        assert told(-2.1, 2.2, -2.15) == told(-1.0, -1.1, -1.05) == told(-0.5, -2.9, -2.0) == []

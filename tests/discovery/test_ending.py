@@ -17,6 +17,7 @@ from fmucorrect.discovery.ending import CLOSE, ended, likeliest, needed
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.fitted import begin, with_sensors
 from fmucorrect.discovery.model import Model
+from fmucorrect.discovery.naming import _with_sensors
 from fmucorrect.discovery.problem import load
 from fmucorrect.study import load_study
 
@@ -213,3 +214,18 @@ def test_an_offset_that_the_study_expects_goes_back_to_its_parameter(library, tm
         moves = dict(zip((a.parameters[0] for a in problem.tolerated), less.model.base, strict=True))
         assert moves["k1"] == pytest.approx(60.0 / offset.scale, rel=0.1)
         assert less.surprise < best.surprise
+
+
+def test_a_sensors_gain_that_a_law_had_hidden_is_looked_for_at_its_end(library, tmp_path):
+    with one_mass.measured_on(tmp_path, library, "coulomb_friction", friction_force=0.1) as problem:
+        shown_by = problem.trials[0].measured
+        more = replace(problem.trials[0], measured=1.05 * shown_by)
+        with problem.of((more,)) as wrong:
+            for one, names_of in ((problem, [{"coulomb_friction"}]), (wrong, [{"coulomb_friction", "sensor_gain"}])):
+                setting, base = one_mass.begun(one)
+                model = Model((friction(one.study),), base.model.base)
+                best = fit(one, setting, model, 20, parent=base)
+                found, _ = _with_sensors(one, setting, base, best, one_mass.silent)
+                assert [{term.effect for term in found.model.terms}] == names_of
+            gain = next(term for term in found.model.terms if term.effect == "sensor_gain")
+            assert gain.values["gain"] == pytest.approx(1.05, abs=0.01)
