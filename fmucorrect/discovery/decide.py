@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from fmucorrect.discovery.fitted import Fitted, Setting, explains, price
+from fmucorrect.discovery.form import FARTHEST
 from fmucorrect.discovery.naming import Naming
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.sets import MOST, has_room
@@ -21,6 +22,8 @@ CLOSE = 12.0
 """Sets whose surprise is higher by less cannot be told from the best one."""
 AGREES = 1.3
 """Variance of the error, over its least, up to which simulation and measurement agree to the noise."""
+ON_BOUND = 0.999
+"""Share of how far a base parameter may go from which on it counts as there."""
 LEFT = 0.2
 """Share of the residual's energy above the noise that a named effect may leave."""
 
@@ -90,9 +93,11 @@ def _full(fitted: Fitted, open_still: bool) -> bool:
 
 
 def _strained(setting: Setting, fitted: Fitted) -> bool:
-    """Whether a set leaves something above the noise although a base parameter went farther with it than its own name would
-    cost: by the search's own measure that is off as well, and is not told; what is missing may be at another place."""
-    return not explains(setting, fitted) and float(np.square(fitted.model.base).max(initial=0.0)) > price(setting, 1)
+    """Whether a base parameter went as far as any may, and wanted more; or, where the set leaves something above the noise,
+    farther than its own name would cost. By the search's own measure that is off as well, and is not told: what is missing may
+    be at another place, or what a law adds be taken out of the model."""
+    far = float(np.abs(fitted.model.base).max(initial=0.0))
+    return far > ON_BOUND * FARTHEST or (far**2 > price(setting, 1) and not explains(setting, fitted))
 
 
 def left(fitted: Fitted, base: Fitted, floor: float) -> float:

@@ -63,12 +63,14 @@ def fitted(model, residual, s2, surprise):
 
 
 @pytest.mark.parametrize(
-    ("far", "s2", "verdict"), [(2.0, 2.0, "named"), (5.5, 2.0, "unexplained"), (5.5, 1.1, "named")]
+    ("far", "s2", "verdict"),
+    [(2.0, 2.0, "named"), (5.5, 2.0, "unexplained"), (5.5, 1.1, "named"), (6.0, 1.0, "unexplained")],
 )
 def test_a_set_that_leaves_something_and_moves_a_parameter_farther_than_its_name_costs_is_not_the_truth(
     far, s2, verdict
 ):
-    """A joint that no force can act on lacks friction: at another joint it explains most, with masses that are far off."""
+    """A joint that no force can act on lacks friction: at another joint it explains most, with masses that are far off. A
+    damper beside a model's own that went to its bound the other way."""
     base, best = (
         fitted(Model((), (0.0,)), 30.0, 900.0, 500.0),
         fitted(Model((force(1),), (far,)), s2**0.5, s2, 100.0),
