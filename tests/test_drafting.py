@@ -17,8 +17,9 @@ from fmucorrect.drafting import _held_out, draft
 from fmucorrect.drafting.driving import NAMED
 from fmucorrect.drafting.guess import likeness
 from fmucorrect.drafting.joints import kind, kind_by_name, turns
+from fmucorrect.drafting.parameters import find_parameters, other_parameters
 from fmucorrect.errors import RecordError
-from fmucorrect.fmu import IsolatedStepper, Variable
+from fmucorrect.fmu import IsolatedStepper, Variable, open_fmu
 from fmucorrect.inspection import study_problems
 from fmucorrect.pairs import pair
 from fmucorrect.records import read, writer
@@ -538,3 +539,12 @@ def test_what_a_variable_without_a_unit_is_by_its_name(name: str, what: str, tur
 )
 def test_a_run_that_is_named_so_is_held_out(names: list[str], held: set[int]) -> None:
     assert _held_out(names) == held
+
+
+def test_parameters_that_a_draft_does_not_list_are_named_with_their_units() -> None:
+    """A creep coefficient, a length: what is not listed is taken for exact."""
+    fmu = open_fmu(Path(__file__).resolve().parents[1] / "fmus" / "roller_rig" / "roller_rig.fmu")
+    found = find_parameters(fmu)
+    others = other_parameters(fmu, found)
+    assert {"f11 (7830000.0 N)", "wheelbase (2.6 m)"} <= {*others}
+    assert not {guess.name for guess in found} & {other.split(" ")[0] for other in others}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from fmucorrect.errors import SignalError
@@ -35,9 +36,9 @@ class ParameterGuess:
 def find_parameters(fmu: FmuDescription) -> tuple[ParameterGuess, ...]:
     """Those that can be set, are not 0, and have a unit, or else a name, of stiffness, damping or inertia."""
     found: list[ParameterGuess] = []
-    for variable in fmu.of("parameter"):
+    for variable in _own(fmu):
         why = _why(variable)
-        if not why or not variable.number or variable.discrete or not variable.settable:
+        if not why:
             continue
         start = float(variable.start or 0.0)
         low, high = sorted((0.5 * start, 2.0 * start))
@@ -45,6 +46,18 @@ def find_parameters(fmu: FmuDescription) -> tuple[ParameterGuess, ...]:
         if start and low < high:
             found.append(ParameterGuess(variable.name, start, low, high, why))
     return tuple(found[:MOST])
+
+
+def other_parameters(fmu: FmuDescription, found: Sequence[ParameterGuess]) -> list[str]:
+    """Those that can be set, are not 0 and are not among the found, with value and unit: a length, a cross-section."""
+    listed = {guess.name for guess in found}
+    return [
+        f"{v.name} ({v.start} {v.unit or '1'})" for v in _own(fmu) if v.name not in listed and float(v.start or 0.0)
+    ]
+
+
+def _own(fmu: FmuDescription) -> list[Variable]:
+    return [v for v in fmu.of("parameter") if v.number and not v.discrete and v.settable]
 
 
 def _why(variable: Variable) -> str:

@@ -10,7 +10,7 @@ from pathlib import Path
 from fmucorrect.drafting.driving import Driving
 from fmucorrect.drafting.joints import JointGuess
 from fmucorrect.drafting.pairing import ChannelGuess
-from fmucorrect.drafting.parameters import TOLERANCE, ParameterGuess
+from fmucorrect.drafting.parameters import MOST, TOLERANCE, ParameterGuess, other_parameters
 from fmucorrect.effects import toml
 from fmucorrect.errors import few, one_line
 from fmucorrect.fmu import FmuDescription
@@ -87,6 +87,11 @@ class Draft:
             yield f"minimum = {parameter.minimum!r}"
             yield f"maximum = {parameter.maximum!r}"
             yield f"tolerance = {TOLERANCE}  # guess: write how well you know it"
+        others = other_parameters(self.model, self.parameters)
+        if others:
+            yield ""
+            yield f"# not among the adjustable: {one_line(', '.join(others[:MOST]))}{', ...' * (len(others) > MOST)}"
+            yield "# what is not listed is taken for exact: add an [[adjustable]] where it is not"
         yield from self._conditions(folder)
         if self.unpaired:
             yield ""

@@ -180,20 +180,23 @@ class Harmonics:
 
 @dataclass(frozen=True)
 class Dependence:
-    """Of a condition. amplitude or speed (km/h): of the excitation, whichever it is listed by. residual: rms."""
+    """Of a condition. amplitude or speed (km/h): of the excitation, whichever it is listed by. residual: rms, in `unit`."""
 
     condition: str
     amplitude: float
     speed: float
     residual: float
+    unit: str
 
 
 @dataclass(frozen=True)
 class Course:
-    """The residual's rms along a condition. t: s."""
+    """The residual's rms along a condition. t: s. unit: the channels', or what each of them is measured by, "noise" or
+    "standard deviation"."""
 
     t: Numbers
     rms: Numbers
+    unit: str
 
 
 @dataclass(frozen=True)

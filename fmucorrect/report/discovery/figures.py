@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from html import escape
 from typing import Any
 
@@ -74,9 +74,18 @@ def harmonics(values: Mapping[str, Harmonics]) -> go.Figure:
     return figure
 
 
-def dependence(values: Mapping[str, tuple[float, float]], title: str, proportional: bool) -> go.Figure:
-    """The residual against amplitude or speed. values: of each condition, which has a dot, both. proportional: with the line of
-    a linear effect."""
+def _measured_by(found: Collection[str]) -> str:
+    """The title of an axis of residuals. found: their units."""
+    unit = next(iter(found)) if len(found) == 1 else ""
+    words = {"": "", "noise": ", times the noise", "standard deviation": ", of the measured standard deviation"}
+    return f"residual, rms{words.get(unit, f', {unit}')}"
+
+
+def dependence(
+    values: Mapping[str, tuple[float, float]], title: str, units: Collection[str], proportional: bool
+) -> go.Figure:
+    """The residual against amplitude or speed. values: of each condition, which has a dot, both. units: of the residuals.
+    proportional: with the line of a linear effect."""
     x, y = np.array([(size, residual) for size, residual in values.values()]).reshape(-1, 2).T
     figure = go.Figure()
     if proportional and (x > 0).any():
@@ -97,7 +106,7 @@ def dependence(values: Mapping[str, tuple[float, float]], title: str, proportion
     )
     plain_style(figure, 270)
     figure.update_layout(margin={"t": 34, "b": 46}, dragmode=False, legend={"y": 1.0})
-    figure.update_yaxes(title_text="residual", range=[0, 1.15 * float(y.max() or 1.0)], fixedrange=True)
+    figure.update_yaxes(title_text=_measured_by(units), range=[0, 1.15 * float(y.max() or 1.0)], fixedrange=True)
     figure.update_xaxes(title_text=title, fixedrange=True)
     if proportional:
         figure.update_xaxes(range=[0, 1.06 * float(x.max() or 1.0)])
@@ -116,7 +125,7 @@ def over_time(values: Mapping[str, Course]) -> go.Figure:
         figure.add_scatter(x=item.t[:count:step], y=item.rms[:count:step], name=escape(name), **common)
     plain_style(figure, max(250, 32 * len(values) + 118))
     figure.update_layout(margin={"t": 56, "b": 46}, hovermode="x unified", legend={"y": 1.0})
-    figure.update_yaxes(title_text="residual, rms", rangemode="tozero")
+    figure.update_yaxes(title_text=_measured_by({item.unit for item in values.values()}), rangemode="tozero")
     figure.update_xaxes(title_text="time, s")
     return figure
 

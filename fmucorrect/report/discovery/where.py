@@ -135,8 +135,11 @@ def _dependence(page: Page, found: Where) -> None:
         page.close_pair()
     amplitudes = _varied({item.condition: (item.amplitude, item.residual) for item in found.amplitude})
     speeds = _varied({item.condition: (item.speed, item.residual) for item in found.speed})
-    figures = [drawn.dependence(amplitudes, "amplitude of the excitation", proportional=True)] if amplitudes else []
-    figures += [drawn.dependence(speeds, "speed, km/h", proportional=False)] if speeds else []
+    units = {item.unit for item in (*found.amplitude, *found.speed)}
+    figures = (
+        [drawn.dependence(amplitudes, "amplitude of the excitation", units, proportional=True)] if amplitudes else []
+    )
+    figures += [drawn.dependence(speeds, "speed, km/h", units, proportional=False)] if speeds else []
     if figures:
         note = "A dot a condition."
         if amplitudes:
