@@ -548,3 +548,21 @@ def test_parameters_that_a_draft_does_not_list_are_named_with_their_units() -> N
     others = other_parameters(fmu, found)
     assert {"f11 (7830000.0 N)", "wheelbase (2.6 m)"} <= {*others}
     assert not {guess.name for guess in found} & {other.split(" ")[0] for other in others}
+
+
+def test_two_joints_that_show_the_same_motion_say_so(tmp_path: Path) -> None:
+    """A car between its guide and its rope, whose stretch the FMU does not show."""
+    source = FREE.replace("Free", "Lift").replace(
+        'Real("x", causality=Fmi2Causality.output))',
+        'Real("x", causality=Fmi2Causality.output))\n        self.F_rope = self.F_guide = 0.0\n'
+        '        for name in ("F_rope", "F_guide"):\n'
+        "            self.register_variable(Real(name, causality=Fmi2Causality.input))",
+    )
+    fmu = by_pythonfmu(tmp_path, "Lift", source.replace("2.0 * self.v)", "2.0 * self.v + self.F_rope + self.F_guide)"))
+    path = tmp_path / "lift.csv"
+    t = np.arange(1000) * 2_000_000
+    with writer(path) as file:
+        file.write("/log", Record(t, 0.1 * np.cos(20.0e-9 * t)[:, None], (Channel("x", "m"),)))
+    text = draft(fmu, [path]).text(tmp_path / "study.toml")
+    assert "the force pushes, as at guide: one of them moves otherwise, or they are one joint" in text
+    assert "the force pushes, as at rope: " in text

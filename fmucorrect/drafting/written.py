@@ -142,7 +142,11 @@ class Draft:
         yield "[[joints]]"
         yield f"name = {toml(joint.name)}"
         yield f"force = {toml(joint.force)}"
-        yield f"displacement = {toml(joint.displacement)}  # guess: it gives way when the force pushes"
+        same = [
+            one_line(other.name) for other in self.joints if other != joint and other.displacement == joint.displacement
+        ]
+        also = f", as at {' and '.join(same)}: one of them moves otherwise, or they are one joint" if same else ""
+        yield f"displacement = {toml(joint.displacement)}  # guess: it gives way when the force pushes{also}"
         for key in ("velocity", "nominal_force", "acceleration"):
             if name := getattr(joint, key):
                 own = ": the spring's and damper's own there, not a drive's" if key == "nominal_force" else ""
