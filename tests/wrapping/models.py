@@ -23,6 +23,7 @@ FMUS = ROOT / "fmus"
 CORRECTOR = ROOT / "exported_models/roller_rig/corrector.onnx"
 STEP_NS = 1_000_000
 COMBINATIONS = [(2, 2), (3, 3), (2, 3), pytest.param(3, 2, marks=pytest.mark.slow)]
+"""FMI of the solver inside and of the FMU around it."""
 RIG = "roller_rig"
 OSCILLATOR = "oscillator"
 MODELS = (RIG, OSCILLATOR)

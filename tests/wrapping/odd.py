@@ -13,7 +13,6 @@ from typing import Any
 import bundles
 import fmpy
 import numpy as np
-import pytest
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Slave, fmi2LastSuccessfulTime, fmi2Terminated
 from fmpy.fmi3 import FMU3Slave
@@ -34,7 +33,6 @@ ALL = (
     *(Channel(f"{c.name}_sigma", "mm", simulation=f"{c.name}_sigma") for c in CHANNELS),
     Channel("status", "", simulation="corrector_status"),
 )
-COMBINATIONS = [(2, 2), (3, 3), (2, 3), pytest.param(3, 2, marks=pytest.mark.slow)]
 NOTHING = np.zeros(0)
 _FOLDER = tempfile.TemporaryDirectory(prefix="odd-", ignore_cleanup_errors=True)
 

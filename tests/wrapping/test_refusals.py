@@ -12,7 +12,8 @@ pytest.importorskip("emx_onnx_cgen")
 
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Slave
-from odd import COMBINATIONS, CORRECTED, MS, NOTHING, Host, corrector, messages, plain, reference, solver, walk, wrapped
+from models import COMBINATIONS
+from odd import CORRECTED, MS, NOTHING, Host, corrector, messages, plain, reference, solver, walk, wrapped
 from odd_solver import description, odd
 
 from fmucorrect.errors import BundleError, FmuError, SignalError, WrapError

@@ -14,7 +14,8 @@ import pytest
 pytest.importorskip("ziglang")
 pytest.importorskip("emx_onnx_cgen")
 
-from odd import CHANNELS, COMBINATIONS, MS, NOTHING, ROWS, Host, corrector, plain, reference, solver, walk, wrapped
+from models import COMBINATIONS
+from odd import CHANNELS, MS, NOTHING, ROWS, Host, corrector, plain, reference, solver, walk, wrapped
 
 from fmucorrect import bundle
 from fmucorrect.descriptions import describe

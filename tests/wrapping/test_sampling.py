@@ -9,7 +9,8 @@ import pytest
 pytest.importorskip("ziglang")
 pytest.importorskip("emx_onnx_cgen")
 
-from odd import ALL, COMBINATIONS, CORRECTED, MS, ROWS, Host, messages, plain, reference, solver, walk, wrapped
+from models import COMBINATIONS
+from odd import ALL, CORRECTED, MS, ROWS, Host, messages, plain, reference, solver, walk, wrapped
 
 from fmucorrect.errors import FmuError
 from fmucorrect.signals import Channel

@@ -13,7 +13,8 @@ pytest.importorskip("emx_onnx_cgen")
 
 import bundles
 import fmpy
-from odd import CHANNELS, COMBINATIONS, MS, ROWS, folder, plain, solver, walk
+from models import COMBINATIONS
+from odd import CHANNELS, MS, ROWS, folder, plain, solver, walk
 
 from fmucorrect import bundle
 from fmucorrect.errors import SignalError, WrapError

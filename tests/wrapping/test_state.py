@@ -11,7 +11,8 @@ import pytest
 pytest.importorskip("ziglang")
 pytest.importorskip("emx_onnx_cgen")
 
-from odd import ALL, CHANNELS, COMBINATIONS, MS, NOTHING, ROWS, Host, messages, plain, reference, solver, walk, wrapped
+from models import COMBINATIONS
+from odd import ALL, CHANNELS, MS, NOTHING, ROWS, Host, messages, plain, reference, solver, walk, wrapped
 
 from fmucorrect.errors import FmuError
 from fmucorrect.fmu import open_fmu
