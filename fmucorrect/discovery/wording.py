@@ -15,7 +15,7 @@ from fmucorrect.discovery.terms import OF_FACTOR, OFFSET
 from fmucorrect.discovery.worth import OPEN, SMALL, WORTH
 from fmucorrect.report.base.words import duration, known, quantity, short
 from fmucorrect.report.discovery.content import Discovery, Effect
-from fmucorrect.report.discovery.text import plain
+from fmucorrect.report.discovery.text import WITH_THEM, hangs_on, plain
 
 TELLING = 2.5
 """Standard deviations of a sensor's gain or lag from which on the sentence tells it."""
@@ -25,16 +25,10 @@ MUCH = 0.1
 
 def sentence(report: Discovery, checked: Sequence[Gap]) -> str:
     """The verdict for an engineer; of a search that its time limit ended it says so first."""
-    said = _verdict(report, checked) + _hangs_on(report)
+    said = _verdict(report, checked) + hangs_on(report.verdict, report.cautions)
     if report.complete:
         return said
     return f"Verdict so far, {duration(report.time_limit)} into a search that is not complete: {said}"
-
-
-def _hangs_on(report: Discovery) -> str:
-    """What a name, or that there is none to give, hangs on; of what nothing explains that says nothing."""
-    doubts = report.cautions if report.verdict != "unexplained" else ()
-    return f" This hangs on {'; and on '.join(doubts)}." if doubts else ""
 
 
 def _verdict(report: Discovery, checked: Sequence[Gap]) -> str:
@@ -66,7 +60,7 @@ def _verdict(report: Discovery, checked: Sequence[Gap]) -> str:
     error += f" ({'; '.join(beside)})" if beside else ""
     names = [_or_another(row) for row in report.effects]
     what = names[0] if len(names) == 1 else f"{len(names)} effects: {'; '.join(names)}"
-    after = f"; with it {error}." if len(names) == 1 else f". With them {error}."
+    after = f"; with it {error}." if len(names) == 1 else f".{WITH_THEM}{error}."
     return f"The model lacks {what}{after}{_more(report.unexplained, worst)}"
 
 

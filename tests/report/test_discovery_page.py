@@ -58,20 +58,15 @@ def headings(report: Mapping[str, Any]) -> list[str]:
 
 def test_sections_stand_in_the_order_of_reading() -> None:
     assert headings(ALL["named"]) == [
-        "Where",
-        "Joints",
-        "Channels and frequencies",
-        "Harmonics of the excitation",
-        "Over time",
-        "Amplitude and speed",
         "What the model lacks",
-        "What: Coulomb friction at “secondary, lateral”",
-        "What: cubic stiffness at “yaw damper, left, mount”",
-        "Parameters of the model that moved along",
-        "What the sensors took on",
+        "Coulomb friction at “secondary, lateral”",
+        "Cubic stiffness at “yaw damper, left, mount”",
+        "The force that the model lacks",
         "The gap, before and after",
         "Measured, before and after",
-        "The force that the model lacks",
+        "Parameters of the model that moved along",
+        "What the sensors took on",
+        "Where",
         "Rivals",
         "What is left",
         "What to do next",
@@ -79,6 +74,27 @@ def test_sections_stand_in_the_order_of_reading() -> None:
         "What this does not prove",
         "Study",
     ]
+
+
+def test_what_is_folded_stands_in_no_contents() -> None:
+    """A section inside a fold is a part of the one that is listed."""
+    text = page_of(ALL["named"]).text()
+    contents = re.findall(r'<a href="#section-\d+">(.*?)</a>', text)
+    assert [unescape(title) for title in contents] == headings(ALL["named"])
+    assert "<h3>Harmonics of the excitation</h3>" in text.split("<details>", 1)[1].split("</details>")[0]
+
+
+def test_verdict_and_figures_stand_before_the_contents() -> None:
+    """First come title, figures and sentence; of several effects names and doubts are told in sections, and not twice."""
+    report = example.report("named") | {"cautions": ["kpx, which moved by 5.6 of its tolerances"]}
+    report["sentence"] = (
+        "The model lacks 2 effects: friction (512 N); hardening. With them the error falls from 14.1 to 1.3 %. This hangs on "
+        "kpx, which moved by 5.6 of its tolerances."
+    )
+    first = page_of(report).text().split("<nav")[0]
+    assert first.index("<h1>") < first.index('class="tiles"') < first.index('class="lead"')
+    assert "With them the error falls from 14.1 to 1.3 %.<" in unescape(first).replace("\u00a0", " ")
+    assert "What the verdict hangs on kpx, which moved by 5.6 of its tolerances." in words(report)
 
 
 def test_named_says_verdict_values_and_gap_at_once() -> None:
@@ -421,13 +437,13 @@ def test_a_verdict_before_the_end_doubts_and_the_force_that_acted_are_told() -> 
     for said in (
         "So far, of a search that is not complete: found: Coulomb friction",
         "Not looked at yet: each effect by itself. The same command without --time-limit goes on",
-        "The verdict hangs on kpx, which moved by 5.6 of its tolerances.",
+        "What the verdict hangs on kpx, which moved by 5.6 of its tolerances.",
         "acted with 310 N rms, 512 N at most",
         "99 % with what cannot be told from it",
     ):
         assert said in text, said
     assert "Not looked at yet" not in words(report | {"complete": True})
-    assert "Look at kpx" in words(report | {"verdict": "unexplained"})
+    assert "To be looked into kpx" in words(report | {"verdict": "unexplained"})
 
 
 def test_what_the_fmu_alone_leaves_is_told_where_sensors_made_up_for_it() -> None:

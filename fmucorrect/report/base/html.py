@@ -78,6 +78,11 @@ for (const group of document.querySelectorAll('.buttons[data-choice]')) {
   buttons.forEach((button, i) => button.addEventListener('click', () => choose(i)));
   choose(0);
 }"""
+_FOLDS = """
+for (const fold of document.querySelectorAll('details')) fold.addEventListener('toggle', () => {
+  for (const figure of fold.querySelectorAll('.figure')) if (fold.open && figure.data) Plotly.Plots.resize(figure); });
+"""
+"""A figure that was drawn while its fold was closed has no width yet."""
 _CONTENTS = 4
 """Fewest sections of which a page lists its contents."""
 
@@ -112,14 +117,24 @@ class Page:
     """Collects parts in order; text() gives the file. Nothing that comes in is taken for HTML but Markup."""
 
     def __init__(self, title: str, lead: str, kicker: str = "", made_by: str = "fmucorrect") -> None:
-        """made_by: what the page names as its generator; outputs.mark of a command that writes pages by themselves."""
+        """lead: the sentence below the title, "" for none. made_by: what the page names as its generator; outputs.mark of a
+        command that writes pages by themselves."""
         self._made_by = made_by
         self._title = title
         self._figures: dict[str, str] = {}
         self._sections: list[str] = []
+        self._open = title  # what a figure belongs to
+        self._first = 0  # the part with which the sections begin
+        self._folds = 0
         self._choices = 0
         above = f'<p class="kicker">{escape(kicker)}</p>' if kicker else ""
-        self._parts = [f'<header>{above}<h1>{escape(title)}</h1><p class="lead">{escape(lead)}</p></header>']
+        self._parts = [f"{above}<h1>{escape(title)}</h1>"]
+        self.lead(lead)
+
+    def lead(self, text: str) -> None:
+        """The sentence that the figures below the title, or above it, are read by; nothing where it is empty."""
+        if text:
+            self._parts.append(f'<p class="lead">{escape(text)}</p>')
 
     def tiles(self, tiles: Sequence[tuple[str, str, str, str]]) -> None:
         """Key figures: label, value before ("" without one), value, detail."""
@@ -134,18 +149,22 @@ class Page:
 
     def open_pair(self) -> None:
         """The sections up to close_pair() stand side by side where there is room."""
+        self._first = self._first or len(self._parts)
         self._parts.append('<div class="pair">')
 
     def close_pair(self) -> None:
         self._parts.append("</div>")
 
     def section(self, title: str, note: str = "") -> None:
-        """Everything up to end() belongs to it."""
-        self._sections.append(title)
-        self._parts.append(
-            f'<section id="section-{len(self._sections)}"><h2>{escape(title)}</h2>'
-            + (f'<p class="note">{escape(note)}</p>' if note else "")
-        )
+        """Everything up to end() belongs to it. Inside a fold it is a part of the section that the fold is in, which alone
+        stands in the contents."""
+        self._open = title
+        head = f"<section><h3>{escape(title)}</h3>"
+        if not self._folds:
+            self._first = self._first or len(self._parts)
+            self._sections.append(title)
+            head = f'<section id="section-{len(self._sections)}"><h2>{escape(title)}</h2>'
+        self._parts.append(head + (f'<p class="note">{escape(note)}</p>' if note else ""))
 
     def end(self) -> None:
         self._parts.append("</section>")
@@ -163,7 +182,7 @@ class Page:
                 body += f"<tr{name}>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>"
         body = f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
         self._parts.append(
-            f'<div class="scroll" tabindex="0" role="group" aria-label="table of {escape(self._where())}">{body}</div>'
+            f'<div class="scroll" tabindex="0" role="group" aria-label="table of {escape(self._open)}">{body}</div>'
         )
 
     def figure(self, figure: Figure, views: Sequence[tuple[str, View]] = ()) -> None:
@@ -176,13 +195,9 @@ class Page:
                 for i, (label, view) in enumerate(views)
             )
             self._parts.append(f'<div class="buttons" hidden data-for="{name}">Show {buttons}</div>')
-        what = f"figure of {self._where()}"
+        what = f"figure of {self._open}"
         self._parts.append(f'<div class="figure" id="{name}">{still(figure, name, what)}</div>')
         self._figures[name] = str(figure.to_json())
-
-    def _where(self) -> str:
-        """The section that is open."""
-        return self._sections[-1] if self._sections else self._title
 
     def text_block(self, text: str) -> None:
         """A paragraph."""
@@ -232,11 +247,16 @@ class Page:
         self._parts.append("</div>")
 
     def open_fold(self, summary: str) -> None:
-        """Everything up to close_fold() unfolds at a click."""
+        """Everything up to close_fold() unfolds at a click; a fold with nothing in it is left out."""
+        self._folds += 1
         self._parts.append(f"<details><summary>{escape(summary)}</summary>")
 
     def close_fold(self) -> None:
-        self._parts.append("</details>")
+        self._folds -= 1
+        if self._parts[-1].startswith("<details>"):
+            self._parts.pop()
+        else:
+            self._parts.append("</details>")
 
     def markup(self, markup: Markup) -> None:
         """What is HTML already."""
@@ -288,12 +308,14 @@ class Page:
         scripts = ""
         if self._figures:
             figures = "{" + ",".join(f"{json.dumps(name)}:{text}" for name, text in self._figures.items()) + "}"
-            draw = _DRAW % (json.dumps(_SETTINGS), "\n".join([_BUTTONS, *[_CHOOSE] * bool(self._choices)]))
+            draw = _DRAW % (json.dumps(_SETTINGS), "\n".join([_BUTTONS, _FOLDS, *[_CHOOSE] * bool(self._choices)]))
             scripts = (
                 f'<script type="text/plain" id="library">{_library()}</script>\n'
                 f'<script type="text/plain" id="figures">{_packed(figures)}</script>\n<script>{draw}</script>\n'
             )
-        parts = [self._parts[0], self._contents(), *self._parts[1:]]
+        first = self._first or len(self._parts)
+        top, body = "\n".join(self._parts[:first]), "\n".join(self._parts[first:])
+        parts = [f"<header>{top}</header>", self._contents(), f'<div class="body">{body}</div>']
         return (
             f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{escape(self._title)}</title>\n'
             f'<meta name="generator" content="{escape(self._made_by)}">\n'

@@ -13,7 +13,8 @@ from fmucorrect.report.discovery.equation import equation, formula
 from fmucorrect.report.discovery.pictures import pictures
 from fmucorrect.report.discovery.text import OWN, plain
 
-HEADINGS = {"named": "What", "ambiguous": "What, most likely", "none": "What would fit best, though nothing is needed"}
+HEADINGS = {"named": "", "ambiguous": "", "none": "What would fit best, though nothing is needed: "}
+"""What stands before an effect's name. Of one that was found nothing: title and facts say how sure it is."""
 LETTERS = {
     "d": "displacement",
     "v": "velocity",
@@ -26,7 +27,7 @@ LETTERS = {
 
 
 def effects_section(page: Page, report: Discovery) -> None:
-    """A section an effect, and one for the parameters that moved; for verdicts without effects, what that means."""
+    """A table of several effects, and a section an effect; for verdicts without effects, what that means."""
     verdict, effects = report.verdict, report.effects
     if not effects and verdict == "none":
         page.section("What")
@@ -47,6 +48,20 @@ def effects_section(page: Page, report: Discovery) -> None:
         _overview(page, effects)
     for effect in effects:
         _effect(page, effect, verdict)
+
+
+def hangs_section(page: Page, report: Discovery) -> None:
+    """What the verdict hangs on, a point each; nothing where that is nothing."""
+    if not report.cautions:
+        return
+    page.section("To be looked into" if report.verdict == "unexplained" else "What the verdict hangs on")
+    for doubt in report.cautions:
+        page.caution(f"{doubt}.")  # it may begin with a name
+    page.end()
+
+
+def moved_section(page: Page, report: Discovery) -> None:
+    """The parameters of the model that moved, and what the sensors took on."""
     _adjusted(page, report)
     _sensors(page, report)
 
@@ -92,14 +107,17 @@ def _overview(page: Page, effects: Sequence[Effect]) -> None:
     """All effects in a table: the main number of each, and how sure it is."""
     page.section("What the model lacks")
     table: list[Row] = []
+    acted = any(effect.acting for effect in effects)
     for effect in effects:
         main = next(iter(effect.parameters.items()), None)
         size = MISSING if main is None else _sized(*main)
         size += f" ({', '.join(effect.moved.values())})" if len(effect.moved) == 1 else ""
         rivals = listed([item.at for item in effect.indistinguishable_from], "or")
         name = f"{effect.at}, or {rivals}" if rivals else effect.at
-        table.append(Row([titled(name), size, percent(effect.probability)]))
-    page.table(["effect", "main number", "probability"], table)
+        acts = effect.acting
+        peak = [quantity(acts.peak, unit=acts.unit) if acts else ""] * acted
+        table.append(Row([titled(name), size, *peak, percent(effect.probability)]))
+    page.table(["effect", "main number", *["largest force"] * acted, "probability"], table)
     page.end()
 
 
@@ -108,8 +126,7 @@ def _sized(name: str, item: Parameter) -> str:
 
 
 def _effect(page: Page, effect: Effect, verdict: str) -> None:
-    heading = HEADINGS.get(verdict, "Closest, but not it")
-    page.section(f"{heading}: {effect.at}", effect.description)
+    page.section(titled(f"{HEADINGS.get(verdict, 'Closest, but not it: ')}{effect.at}"), effect.description)
     if verdict == "unexplained":
         page.caution("This fits best, but leaves structure or does not carry over. It is no finding.")
     if effect.varies:

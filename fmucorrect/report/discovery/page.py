@@ -1,4 +1,5 @@
-"""The page of a discovery: the verdict, where, what, the gap before and after, the law, its rivals, what to do next.
+"""The page of a discovery: the verdict, what is missing and what that hangs on, its force, the gap before and after, where,
+the rivals, what to do next.
 
 All of it comes from report.json; what that leaves out, the page leaves out or says is missing.
 """
@@ -13,16 +14,22 @@ from fmucorrect.report.base.html import Page
 from fmucorrect.report.base.words import NARROW, error, known, listed, percent, quantity, titled
 from fmucorrect.report.discovery import figures as drawn
 from fmucorrect.report.discovery.content import Discovery
-from fmucorrect.report.discovery.effects import effects_section, laws_section, source_section
+from fmucorrect.report.discovery.effects import (
+    effects_section,
+    hangs_section,
+    laws_section,
+    moved_section,
+    source_section,
+)
 from fmucorrect.report.discovery.gap import gap_section, judged, mean, r2
 from fmucorrect.report.discovery.learned import learned_section
 from fmucorrect.report.discovery.next_steps import left_section, next_section, run_section
 from fmucorrect.report.discovery.rivals import rivals_section
-from fmucorrect.report.discovery.text import plain
+from fmucorrect.report.discovery.text import WITH_THEM, hangs_on, plain
 from fmucorrect.report.discovery.where import where
 
 NAMED = 3
-"""Most effects that the title names; more are counted there, and named in the sentence below."""
+"""Most effects that the title names; more are counted there, and named in the table below."""
 TILE = 13
 """Most letters of a tile's value."""
 PROOF = {
@@ -46,23 +53,25 @@ LIMITS = (
 def build(report: Discovery) -> Page:
     """The page, ready to be written."""
     study = report.study.name if report.study else ""
-    page = Page(*lead(report), kicker=" · ".join(["fmucorrect discover", *([study] if study else [])]))
-    page.warnings(report.warnings)
+    title, told = lead(report)
+    page = Page(title, "", kicker=" · ".join(["fmucorrect discover", *([study] if study else [])]))
+    _tiles(page, report)
+    page.lead(told)
     if not report.complete:
         ahead = "; ".join(report.not_looked_at)
         page.caution(
             f"The search was ended by its time limit, and this is its verdict so far. Not looked at yet: {ahead}. The same "
             "command without --time-limit goes on where it was; what the evaluation conditions show here has no part in that."
         )
-    for doubt in report.cautions:
-        page.caution(f"{'Look at' if report.verdict == 'unexplained' else 'The verdict hangs on'} {doubt}.")
-    _tiles(page, report)
-    where(page, report)
     effects_section(page, report)
+    hangs_section(page, report)
+    page.warnings(report.warnings)
+    laws_section(page, report)
     gap_section(page, report.gap, recorded=report.study is not None and not report.fmu)
     _series_section(page, report)
+    moved_section(page, report)
     learned_section(page, report)
-    laws_section(page, report)
+    where(page, report)
     rivals_section(page, report)
     left_section(page, report)
     next_section(page, report)
@@ -75,7 +84,7 @@ def build(report: Discovery) -> Page:
 
 
 def lead(report: Discovery) -> tuple[str, str]:
-    """Title and sentence: the verdict in a few words, and as the report puts it."""
+    """Title and sentence: the verdict in a few words, and as the report puts it, without what stands below in a table."""
     verdict, names = report.verdict, [effect.at for effect in report.effects]
     found = f"Found: {listed(names) if len(names) <= NAMED else f'{len(names)} effects'}"
     rivals = [item.at for effect in report.effects for item in effect.indistinguishable_from]
@@ -97,7 +106,9 @@ def lead(report: Discovery) -> tuple[str, str]:
         title = titled(f"verdict: {plain(verdict)}" if verdict else "No verdict")
     if not report.complete:
         title = f"So far, of a search that is not complete: {title[:1].lower()}{title[1:]}"
-    return title, re.sub(r"(?<=\d) (?=[%\w])", NARROW, report.sentence or _sentence(report))
+    told = (report.sentence or _sentence(report)).removesuffix(hangs_on(verdict, report.cautions))
+    told = told[told.find(WITH_THEM) + 1 :]  # several effects are told in a table
+    return title, re.sub(r"(?<=\d) (?=[%\w])", NARROW, told)
 
 
 def _sentence(report: Discovery) -> str:

@@ -10,6 +10,8 @@ from fmucorrect.report.base.words import MISSING, listed
 NAMES = {"bouc_wen": "Bouc-Wen", "coulomb": "Coulomb", "stribeck": "Stribeck", "dahl": "Dahl", "maxwell": "Maxwell"}
 OWN = ("sensor", "parameter", "excitation")
 """What an effect's name begins with where it is no force at a joint."""
+WITH_THEM = " With them "
+"""With what the verdict's sentence begins to say how much less the error is with all that was found."""
 
 
 def plain(name: str) -> str:
@@ -36,3 +38,9 @@ def beside(added: Sequence[tuple[str, str]], without: Sequence[tuple[str, str]])
     if more and less:
         return f"with {more} in the place of {less}"
     return f"with {more} as well" if more else f"without {less}"
+
+
+def hangs_on(verdict: str, doubts: Sequence[str]) -> str:
+    """What a name, or that there is none to give, hangs on, as the end of the verdict's sentence; of what nothing explains that
+    says nothing."""
+    return f" This hangs on {'; and on '.join(doubts)}." if doubts and verdict != "unexplained" else ""

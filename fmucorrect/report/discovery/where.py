@@ -26,9 +26,11 @@ def where(page: Page, report: Discovery) -> None:
     subject = "what is left, which is noise" if none else "the disagreement, before anything was changed"
     page.section("Where", f"Shares are of the energy of {subject}.")
     page.facts(facts)
-    page.end()
+    page.open_fold("In figures: by joint, channel, frequency, time, amplitude and speed")
     _places(page, found)
     _dependence(page, found)
+    page.close_fold()
+    page.end()
 
 
 def _facts(report: Discovery) -> list[tuple[str, str]]:
