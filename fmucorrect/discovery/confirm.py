@@ -36,7 +36,7 @@ class Gap:
     t: (T,) s. measured, before, after: (T, J) in the channels' units.
     Errors in % of the measured range, means over the channels that vary; noise_floor: what the sensors' noise alone gives;
     it and sigma are NaN where that is not known. starts: values that the study leaves unknown, fitted to this record; before
-    and after begin from their own."""
+    and after begin from their own. nrmse_sensors: of the model as it is, seen through the same sensors as `after`."""
 
     condition: Condition
     t: Float64[np.ndarray, " T"]
@@ -50,12 +50,19 @@ class Gap:
     r2_before: float
     r2_after: float
     starts: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    nrmse_sensors: float = np.nan
+
+    @property
+    def lacked(self) -> float:
+        """The error, %, for which what was found may take the credit: of the model as it is, less what the gains and lags of
+        the sensors take away."""
+        return float(np.fmin(self.nrmse_before, self.nrmse_sensors))
 
     @property
     def agrees(self) -> bool:
         """Whether what was found holds here."""
-        gone = self.nrmse_before - self.nrmse_after
-        open_before = self.nrmse_before - self.least
+        gone = self.lacked - self.nrmse_after
+        open_before = self.lacked - self.least
         return self.nrmse_after <= AGREES * self.least or (open_before > 0.0 and gone >= CLOSED * open_before)
 
     @property
@@ -69,9 +76,9 @@ def carries_over(held: Sequence[Gap]) -> bool:
     by their energies above the noise floor."""
     if all(gap.agrees for gap in held):
         return True
-    before = sum(gap.nrmse_before**2 - gap.least**2 for gap in held)
+    before = sum(gap.lacked**2 - gap.least**2 for gap in held)
     after = sum(gap.nrmse_after**2 - gap.least**2 for gap in held)
-    return all(gap.nrmse_after < gap.nrmse_before for gap in held) and after <= (1.0 - CLOSED) * before
+    return all(gap.nrmse_after < gap.lacked for gap in held) and after <= (1.0 - CLOSED) * before
 
 
 def gaps(
@@ -125,15 +132,20 @@ def _gap(
             before = begun(Model((), (0.0,) * len(tolerated)))[0][rows]
     finally:
         item.close()
-    rate = np.gradient(new, step, axis=0)
-    shown = (new * (1.0 + sensors[:, 0]) - rate * sensors[:, 1])[rows]
+
+    def through_sensors(y: Float64[np.ndarray, "N J"]) -> Float64[np.ndarray, "N J"]:
+        return y * (1.0 + sensors[:, 0]) - np.gradient(y, step, axis=0) * sensors[:, 1]
+
+    shown, seen = through_sensors(new)[rows], through_sensors(before)
     skipped = lead_in(condition, rows.start, step)
     if skipped and (measured[:skipped].std(axis=0) > MOVES * sigma).any():
-        t, measured, before, shown = (x[skipped:] for x in (t, measured, before, shown))
+        t, measured, before, seen, shown = (x[skipped:] for x in (t, measured, before, seen, shown))
     varies = np.ptp(measured, axis=0) > 0.0
     if not varies.any():
         raise SignalError("the measurement does not vary", where=f"condition {condition.name!r}")
-    was, now, floor = (metrics.score(y[:, varies], measured[:, varies]) for y in (before, shown, measured + sigma))
+    was, so, now, floor = (
+        metrics.score(y[:, varies], measured[:, varies]) for y in (before, seen, shown, measured + sigma)
+    )
     return Gap(
         condition,
         t,
@@ -147,6 +159,7 @@ def _gap(
         was.mean_r2,
         now.mean_r2,
         starts,
+        so.mean_nrmse,
     )
 
 

@@ -62,8 +62,9 @@ def learned_row(problem: Problem, setting: Setting, learned: Learned, condition:
 
 
 def closed(checked: Sequence[Gap]) -> float | None:
-    """Share of the error above the noise that is gone, of all conditions together; None where there is none."""
-    before = sum(gap.nrmse_before - gap.least for gap in checked)
+    """Share of the error above the noise that is gone, of all conditions together, what sensors take away left out; None where
+    there is none."""
+    before = sum(gap.lacked - gap.least for gap in checked)
     return None if before <= 0.0 else (before - sum(gap.nrmse_after - gap.least for gap in checked)) / before
 
 

@@ -187,6 +187,7 @@ def gap_row(gap: Gap) -> dict[str, Any]:
         "condition": gap.condition.name,
         "role": gap.condition.role,
         "nrmse_before": gap.nrmse_before,
+        "nrmse_sensors": gap.nrmse_sensors,
         "nrmse_after": gap.nrmse_after,
         "noise_floor": gap.noise_floor,
         "r2_before": gap.r2_before,

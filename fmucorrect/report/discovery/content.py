@@ -220,8 +220,9 @@ class Where:
 @dataclass(frozen=True)
 class Gap:
     """Of one condition: NRMSE (%) and R2 before and after the change. role: evaluation or development. noise_floor: the NRMSE
-    that noise alone makes. nrmse_alone: NRMSE of augmented.fmu alone, without what the sensors took on; nan where it was not
-    simulated."""
+    that noise alone makes. nrmse_sensors: NRMSE of the model before the change, seen through the gains and lags of the
+    sensors; nan where the report does not say. nrmse_alone: NRMSE of augmented.fmu alone, without what the sensors took on; nan
+    where it was not simulated."""
 
     condition: str
     role: str
@@ -230,12 +231,18 @@ class Gap:
     noise_floor: float
     r2_before: float
     r2_after: float
+    nrmse_sensors: float
     nrmse_alone: float
 
     @property
     def far(self) -> bool:
         """Whether augmented.fmu is farther from the measurement than what was found, sensors and all."""
         return self.nrmse_alone > FARTHER * self.nrmse_after
+
+    @property
+    def sensed(self) -> bool:
+        """Whether the sensors' gains and lags alone bring the model closer to the measurement, not what was found."""
+        return self.nrmse_before > FARTHER * self.nrmse_sensors
 
     @property
     def held_out(self) -> bool:

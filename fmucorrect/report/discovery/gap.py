@@ -54,6 +54,9 @@ def gap_section(page: Page, items: Sequence[Gap], recorded: bool) -> None:
         page.text_block(
             f"After has the sensors' gains and lags in it, as the records show them. augmented.fmu alone has none: {own}."
         )
+    if sensed := [item for item in items if item.sensed]:
+        own = listed([f"to {short(item.nrmse_sensors)} % at {item.condition}" for item in sensed])
+        page.text_block(f"The sensors' gains and lags alone bring the error of the model before the change {own}.")
     ordered = sorted(items, key=lambda item: not item.held_out)
     page.figure(chart(ordered))
     table: list[Row] = []
