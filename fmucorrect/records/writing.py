@@ -27,6 +27,9 @@ class Writer:
         self._channels: dict[str, list[tuple[str, str]]] = {}
         self._last: dict[str, int] = {}
         self._rows: dict[str, int] = {}
+        self._empty: dict[
+            str, Record
+        ] = {}  # of topics that have no rows yet: the first row says where a file's times begin
 
     def write(self, topic: str, record: Record) -> None:
         """Append a record's rows to a topic.
@@ -55,10 +58,11 @@ class Writer:
         block = Block(record.t_ns, np.asarray(record.values))
         rows, last = self._rows.get(topic, 0), self._last.get(topic, NO_TIME)
         timebase.check(block, record.names, f"{self._path}, topic {topic}", rows, last)
-        try:
-            self._sink.append(topic, record)
-        except OSError as error:  # a full disk has no name of a file
-            raise RecordError(f"rows cannot be written: {error.strerror or error}", where=self._path) from error
+        if not rows and not len(record):
+            self._empty.setdefault(topic, record)
+            return
+        self._empty.pop(topic, None)
+        self._append(topic, record)
         self._rows[topic] = rows + len(record)
         if len(record):
             self._last[topic] = int(record.t_ns[-1])
@@ -66,7 +70,15 @@ class Writer:
     def close(self, notes: Mapping[str, str] = MappingProxyType({})) -> None:
         """Finish the file. notes: go into its metadata, beside what the records brought; CSV has no place for them. May be
         called twice."""
+        while self._empty:
+            self._append(*self._empty.popitem())
         self._sink.close(notes)
+
+    def _append(self, topic: str, record: Record) -> None:
+        try:
+            self._sink.append(topic, record)
+        except OSError as error:  # a full disk has no name of a file
+            raise RecordError(f"rows cannot be written: {error.strerror or error}", where=self._path) from error
 
     def __enter__(self) -> Writer:
         return self

@@ -77,6 +77,16 @@ def test_stamps_far_out_are_exact(suffix: str, origin_s: int, tmp_path: Path) ->
 
 
 @SUFFIXES
+def test_a_first_part_without_rows_changes_no_stamp(suffix: str, tmp_path: Path) -> None:
+    """What a file subtracts from its times is said by its first row, not by what comes before it."""
+    record = make(9_208_031_978_490_871 + np.arange(5))
+    with records.writer(tmp_path / f"run{suffix}") as file:
+        file.write("/simulation", record.rows(0, 0))
+        file.write("/simulation", record)
+    same(records.read(tmp_path / f"run{suffix}"), record)
+
+
+@SUFFIXES
 def test_columns_by_suffix_in_the_order_asked(suffix: str, tmp_path: Path) -> None:
     record = make(10**6 * np.arange(20))
     path = save(tmp_path / f"run{suffix}", record)
