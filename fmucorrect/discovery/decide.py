@@ -14,18 +14,14 @@ from fmucorrect.discovery.naming import Naming
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.sets import MOST, has_room
 from fmucorrect.discovery.terms import OffsetTerm, Term
-from fmucorrect.discovery.worth import CLEAR, OPEN, WORTH, names
+from fmucorrect.discovery.worth import AGREES, CLEAR, LEFT, OPEN, WORTH, left, names
 
 TEMPER = 2.0
 """By what surprises are divided before they become probabilities: laws and sensors are never quite as assumed."""
 CLOSE = 12.0
 """Sets whose surprise is higher by less cannot be told from the best one."""
-AGREES = 1.3
-"""Variance of the error, over its least, up to which simulation and measurement agree to the noise."""
 ON_BOUND = 0.999
 """Share of how far a base parameter may go from which on it counts as there."""
-LEFT = 0.2
-"""Share of the residual's energy above the noise that a named effect may leave."""
 
 
 @dataclass(frozen=True)
@@ -98,22 +94,6 @@ def _strained(setting: Setting, fitted: Fitted) -> bool:
     be at another place, or what a law adds be taken out of the model."""
     far = float(np.abs(fitted.model.base).max(initial=0.0))
     return far > ON_BOUND * FARTHEST or (far**2 > price(setting, 1) and not explains(setting, fitted))
-
-
-def left(fitted: Fitted, base: Fitted, floor: float) -> float:
-    """Share of the residual's energy above the noise that a fit leaves; 0 where there was none. Of what is there before any
-    parameter has moved, where moving them takes it all. Else the smaller of two shares: of what sensors that are a little off
-    cannot take on, and of that with what they take on. An effect takes away the one or the other; a lag that all sensors have
-    before and after it is no effect's."""
-    if base.s2 <= AGREES * floor:
-        return _share(float(np.mean(base.linear**2)), fitted.s2)
-    with_sensors = (max(float(np.mean(one.residual**2)), one.s2) for one in (base, fitted))
-    return min(_share(base.s2, fitted.s2), _share(*with_sensors))
-
-
-def _share(before: float, after: float) -> float:
-    """Of two variances in units of the noise, what of the first above it is in the second."""
-    return 0.0 if before <= 1.0 else min(max(after - 1.0, 0.0) / (before - 1.0), 1.0)
 
 
 def _class(best: Fitted, t: int, rivals: Sequence[Rival]) -> tuple[Term, ...]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from fmucorrect.discovery.decide import LEFT, Decision, decide
+from fmucorrect.discovery.decide import Decision, decide
 from fmucorrect.discovery.discrepancy import TOO_MUCH, TOO_UNEVEN, Uneven, uneven, varying
 from fmucorrect.discovery.ending import ended
 from fmucorrect.discovery.fit import fit
@@ -20,7 +20,7 @@ from fmucorrect.discovery.paring import without
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.sets import LONG, has_room
 from fmucorrect.discovery.terms import Term
-from fmucorrect.discovery.worth import first_of, names
+from fmucorrect.discovery.worth import LEFT, first_of, names
 from fmucorrect.report.discovery.text import at
 
 

@@ -130,7 +130,7 @@ def _ended(problem: Problem, naming: Naming, progress: Progress) -> Naming:
     if naming.sets:
         curves = around(problem, naming.base).curves(naming.base)
         alike = exchanged(problem, setting, first_of(found), curves, found)
-        found = merged([*found, *(one for one in alike if not simpler_ones(setting, found, one))])
+        found = merged([*found, *(one for one in alike if not simpler_ones(setting, naming.base, found, one))])
     told = likeliest(problem, setting, found)
     if told:  # its numbers to their end; compared with the others as they were fitted alike
         least = told[0].surprise

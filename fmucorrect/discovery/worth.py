@@ -29,6 +29,11 @@ DOUBT, SURE = 3.0, 1.0
 """How many times what stays unexplained further effects must take away; so many times forces that do what no error in the form
 of the laws could: more than they leave."""
 
+AGREES = 1.3
+"""Variance of the error, over its least, up to which simulation and measurement agree to the noise."""
+LEFT = 0.2
+"""Share of the residual's energy above the noise that a named effect may leave."""
+
 
 def names(fitted: Fitted) -> frozenset[tuple[str, str]]:
     """Effects and places of a set."""
@@ -114,15 +119,34 @@ def sensors_off(setting: Setting, fitted: Fitted) -> float:
     return float(np.square(_sensed(setting, fitted)).max(initial=0.0))
 
 
-def simpler_ones(setting: Setting, found: Sequence[Fitted], more: Fitted) -> list[Fitted]:
+def left(fitted: Fitted, base: Fitted, floor: float) -> float:
+    """Share of the residual's energy above the noise that a fit leaves; 0 where there was none. Of what is there before any
+    parameter has moved, where moving them takes it all. Else the smaller of two shares: of what sensors that are a little off
+    cannot take on, and of that with what they take on. An effect takes away the one or the other; a lag that all sensors have
+    before and after it is no effect's."""
+    if base.s2 <= AGREES * floor:
+        return _share(float(np.mean(base.linear**2)), fitted.s2)
+    with_sensors = (max(float(np.mean(one.residual**2)), one.s2) for one in (base, fitted))
+    return min(_share(base.s2, fitted.s2), _share(*with_sensors))
+
+
+def _share(before: float, after: float) -> float:
+    """Of two variances in units of the noise, what of the first above it is in the second."""
+    return 0.0 if before <= 1.0 else min(max(after - 1.0, 0.0) / (before - 1.0), 1.0)
+
+
+def simpler_ones(setting: Setting, base: Fitted, found: Sequence[Fitted], more: Fitted) -> list[Fitted]:
     """The sets beside which further effects of a larger one, or its law in the place of a special case, take away little
     against what it leaves above the noise: next to a rest that nothing explains, a small further effect may be any. Not so
     a parameter or a sensor that is off: what it takes away had been taken on by what is expected of all of them. Of sensors
-    that is known, so that beside a large rest, too, one that is off by much is told."""
+    that is known, so that beside a large rest, too, one that is off by much is told. Nor does a law's special case stand in its
+    place that leaves too much to be named, where the law does not."""
     rest = _rest(setting, more)
     near = [less for less in found if _simpler(less, more) and _taken_away(setting, less, more) < DOUBT * rest]
     if more.s2 < OPEN * setting.floor:
         near = [less for less in near if not _beside(less, more, OffsetTerm | SignalTerm)]
+    if left(more, base, setting.floor) <= LEFT:
+        near = [less for less in near if names(less) < names(more) or left(less, base, setting.floor) <= LEFT]
     return near if rest > 0.0 else []
 
 
@@ -140,7 +164,7 @@ def _taken_on(setting: Setting, fitted: Fitted) -> float:
     return float(np.mean((setting.sensors.columns @ _sensed(setting, fitted)) ** 2))
 
 
-def credible(setting: Setting, found: Sequence[Fitted], doubted: Doubted | None = None) -> list[Fitted]:
+def credible(setting: Setting, base: Fitted, found: Sequence[Fitted], doubted: Doubted | None = None) -> list[Fitted]:
     """The sets with nothing among `simpler_ones`. With `doubted` also the first that has only forces beside these, which take
     away more than they leave and what no error in the form of the laws could. found: the likeliest first."""
     kept: list[Fitted] = []
@@ -152,7 +176,7 @@ def credible(setting: Setting, found: Sequence[Fitted], doubted: Doubted | None 
         return costs[id(fitted)]
 
     for more in found:
-        near = simpler_ones(setting, found, more)
+        near = simpler_ones(setting, base, found, more)
         if near and not kept and doubted is not None:
             least = SURE * _rest(setting, more)
             if all(_beside(less, more, ForceTerm) and less.s2 - more.s2 >= least for less in near):
@@ -174,7 +198,7 @@ def _beside(less: Fitted, more: Fitted, kind: type | UnionType) -> bool:
 def believed(setting: Setting, base: Fitted, found: Sequence[Fitted], doubted: Doubted | None = None) -> list[Fitted]:
     """The sets whose every effect is worth it and credible, the best fit of each."""
     kept = [fitted for fitted in merged(admissible(setting, base, found)) if fitted.model.terms]
-    return credible(setting, kept, doubted)
+    return credible(setting, base, kept, doubted)
 
 
 def _simpler(less: Fitted, more: Fitted) -> bool:

@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 
 from fmucorrect.catalogue import find
-from fmucorrect.discovery.decide import decide, left
+from fmucorrect.discovery.decide import decide
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fitted import Fitted, Setting
 from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.naming import Naming
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm
 from fmucorrect.discovery.wording import sentence
+from fmucorrect.discovery.worth import left
 from fmucorrect.report.discovery.content import Discovery
 from fmucorrect.study import Adjustable
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fmucorrect.discovery.confirm import Gap
-from fmucorrect.discovery.decide import Decision, left
+from fmucorrect.discovery.decide import Decision
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fitted import Fitted, Setting
 from fmucorrect.discovery.model import Model
@@ -14,6 +14,7 @@ from fmucorrect.discovery.output import gap_row
 from fmucorrect.discovery.report import Report
 from fmucorrect.discovery.terms import OF_FACTOR
 from fmucorrect.discovery.wording import rest, sentence
+from fmucorrect.discovery.worth import left
 from fmucorrect.report.discovery.content import Discovery
 from fmucorrect.signals import Condition
 
