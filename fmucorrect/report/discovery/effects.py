@@ -116,7 +116,10 @@ def _overview(page: Page, effects: Sequence[Effect]) -> None:
         name = f"{effect.at}, or {rivals}" if rivals else effect.at
         acts = effect.acting
         peak = [quantity(acts.peak, unit=acts.unit) if acts else ""] * acted
-        table.append(Row([titled(name), size, *peak, percent(effect.probability)]))
+        sure = percent(effect.probability)
+        if rivals and known(effect.class_probability):
+            sure += f", together {percent(effect.class_probability)}"
+        table.append(Row([titled(name), size, *peak, sure]))
     page.table(["effect", "main number", *["largest force"] * acted, "probability"], table)
     page.end()
 
