@@ -22,7 +22,7 @@ from fmucorrect.discovery.sets import LONG
 from fmucorrect.discovery.terms import SignalTerm, Term, coordinates, linear, proportional
 from fmucorrect.discovery.worth import names
 
-MEMBERS, LEFT = 6, 2
+MEMBERS, DROPPED = 6, 2
 """Members of which all parts are tried; of more of them those that leave so many at most."""
 WIDE = 100.0
 """Standard deviation of a member's coordinate, in its own units, that is taken for no knowledge of it."""
@@ -63,7 +63,7 @@ def condensed(problem: Problem, setting: Setting, best: Fitted, curves: Sequence
     near = explains(setting, best)  # only there a gain or a tolerance tells what it stands for
     own = [t for t, term in enumerate(best.model.terms) if proportional(term) or (near and _from_nothing(term))]
     is_far = float(np.sum(np.square(best.model.base))) > price(setting, 1)
-    least = max(2, len(own) - LEFT) if len(own) > MEMBERS else 2
+    least = max(2, len(own) - DROPPED) if len(own) > MEMBERS else 2
     parts = [[int(ends[t]) for t in part] for n in range(least, len(own) + 1) for part in combinations(own, n)]
     if not (parts or is_far) or not (near or 2 <= len(own) <= MEMBERS):
         return []

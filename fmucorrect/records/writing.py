@@ -27,9 +27,7 @@ class Writer:
         self._channels: dict[str, list[tuple[str, str]]] = {}
         self._last: dict[str, int] = {}
         self._rows: dict[str, int] = {}
-        self._empty: dict[
-            str, Record
-        ] = {}  # of topics that have no rows yet: the first row says where a file's times begin
+        self._empty: dict[str, Record] = {}  # of topics without rows yet: the first row says where a file's times begin
 
     def write(self, topic: str, record: Record) -> None:
         """Append a record's rows to a topic.
@@ -70,9 +68,11 @@ class Writer:
     def close(self, notes: Mapping[str, str] = MappingProxyType({})) -> None:
         """Finish the file. notes: go into its metadata, beside what the records brought; CSV has no place for them. May be
         called twice."""
-        while self._empty:
-            self._append(*self._empty.popitem())
-        self._sink.close(notes)
+        try:
+            for topic in [*self._empty]:
+                self._append(topic, self._empty.pop(topic))
+        finally:
+            self._sink.close(notes)
 
     def _append(self, topic: str, record: Record) -> None:
         try:
