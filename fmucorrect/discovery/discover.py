@@ -381,7 +381,7 @@ def _in_words(problem: Problem, verdict: str, residuals: Sequence[Residual]) -> 
     return [item.sentence for item in output_maps(residuals, study.channels, *_prescribed(problem))]
 
 
-def _prescribed(problem: Problem) -> tuple[list[Float64[np.ndarray, " N"]], str]:
+def _prescribed(problem: Problem) -> tuple[list[Float64[np.ndarray, " _"]], str]:
     """The excitation at the measured rows of every condition where it is a displacement that gives forces, and its unit; else
     none."""
     study = problem.study

@@ -45,7 +45,7 @@ class Located:
 
     joint: Joint
     share: float
-    forces: tuple[Float64[np.ndarray, " N"], ...]
+    forces: tuple[Float64[np.ndarray, " _"], ...]
 
 
 class Pushed(Simulator):
@@ -84,7 +84,7 @@ class Pushed(Simulator):
 
 
 def located(
-    problem: Problem, model: Model, residuals: Sequence[Float64[np.ndarray, "N J"]], joints: Sequence[Joint]
+    problem: Problem, model: Model, residuals: Sequence[Float64[np.ndarray, "_ J"]], joints: Sequence[Joint]
 ) -> list[Located]:
     """What a free force at each of `joints` explains of `residuals` (measured less the response of `model`, one a condition,
     in the channels' units), in the order of `joints`. Terms at the joint itself are left out of the response to a push. Zeros
