@@ -14,12 +14,10 @@ from fmucorrect.discovery.naming import Naming
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.sets import MOST, has_room
 from fmucorrect.discovery.terms import OffsetTerm, Term
-from fmucorrect.discovery.worth import AGREES, CLEAR, LEFT, OPEN, WORTH, left, names
+from fmucorrect.discovery.worth import AGREES, CLEAR, CLOSE, LEFT, OPEN, WORTH, left, names
 
 TEMPER = 2.0
 """By what surprises are divided before they become probabilities: laws and sensors are never quite as assumed."""
-CLOSE = 12.0
-"""Sets whose surprise is higher by less cannot be told from the best one."""
 ON_BOUND = 0.999
 """Share of how far a base parameter may go from which on it counts as there."""
 

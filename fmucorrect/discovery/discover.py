@@ -20,7 +20,7 @@ from fmucorrect import outputs, pairs
 from fmucorrect.discovery import output
 from fmucorrect.discovery.augmented import Found, found_of, write_model
 from fmucorrect.discovery.confirm import Gap, carries_over, gaps, sensors_told
-from fmucorrect.discovery.decide import CLOSE, Decision, decide
+from fmucorrect.discovery.decide import Decision, decide
 from fmucorrect.discovery.doubt import cautions, wrong_signs
 from fmucorrect.discovery.elsewhere import by, library, quietly
 from fmucorrect.discovery.errorbars import base_std, with_unlisted
@@ -42,6 +42,7 @@ from fmucorrect.discovery.stepwise import stepwise
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, SignalTerm
 from fmucorrect.discovery.where import Residual, where
 from fmucorrect.discovery.wording import rest, sentence
+from fmucorrect.discovery.worth import CLOSE
 from fmucorrect.errors import FmuError, StudyError, kept_when_broken_off
 from fmucorrect.inspection import study_problems
 from fmucorrect.report.discovery.content import Discovery

@@ -29,7 +29,7 @@ from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.sets import LONG
 from fmucorrect.discovery.terms import OFFSET, ForceTerm, SignalTerm, Term, proportional
-from fmucorrect.discovery.worth import merged, names
+from fmucorrect.discovery.worth import CLOSE, merged, names
 
 STAYS = 0.4
 """Share of what a member takes away that a candidate may leave, to first order: numbers that are off by a quarter are not quite
@@ -51,12 +51,14 @@ def exchanged(
     problem: Problem, setting: Setting, best: Fitted, curves: Sequence[Curve], found: Sequence[Fitted]
 ) -> list[Fitted]:
     """The set with one of its members given up for another effect that does about the same, each fitted: of one number
-    anywhere, of several at the same place. found: sets that were fitted already."""
+    anywhere, of several at the same place. found: sets that were fitted already; one that is far behind is fitted again from
+    the numbers of `best`: it was begun elsewhere, and may have ended in a local minimum."""
     if not best.model.terms:
         return []
     columns = list(_columns(problem, best, curves))
     ends = np.cumsum([0, *(len(term.estimated) for term in best.model.terms)])
-    have, fits = {names(fitted) for fitted in found}, list[Fitted]()
+    fits = list[Fitted]()
+    have = {names(fitted) for fitted in found if fitted.surprise < best.surprise + CLOSE}
     for t, term in enumerate(best.model.terms):
         others = (*best.model.terms[:t], *best.model.terms[t + 1 :])
         own = best.slopes[:, ends[t] : ends[t + 1]]

@@ -29,6 +29,8 @@ DOUBT, SURE = 3.0, 1.0
 """How many times what stays unexplained further effects must take away; so many times forces that do what no error in the form
 of the laws could: more than they leave."""
 
+CLOSE = 12.0
+"""Sets whose surprise is higher by less cannot be told from the best one."""
 AGREES = 1.3
 """Variance of the error, over its least, up to which simulation and measurement agree to the noise."""
 LEFT = 0.2

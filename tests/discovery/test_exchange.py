@@ -20,6 +20,7 @@ from fmucorrect.discovery.naming import name
 from fmucorrect.discovery.paring import is_nothing
 from fmucorrect.discovery.problem import load
 from fmucorrect.discovery.terms import SignalTerm
+from fmucorrect.discovery.worth import names
 from fmucorrect.study import load_study
 
 M, K, C = 1.0, 1000.0, 10.0  # kg, N/m, N.s/m of the study
@@ -125,8 +126,15 @@ def test_the_law_that_acts_is_tried_in_the_place_of_one_of_its_kin(library, tmp_
         setting, base = begun(problem)
         start = term_at(problem.study, "fractional_damping", "joint 1", stiffness=100.0, fractional_order=0.6)
         taken = fit(problem, setting, replace(problem.nominal, terms=(start,)), 20)
-        fits = exchanged(problem, setting, taken, around(problem, base).curves(base), [taken])
-    best = min(fits, key=lambda fitted: fitted.surprise)
+        curves = around(problem, base).curves(base)
+        fits = exchanged(problem, setting, taken, curves, [taken])
+        best = min(fits, key=lambda fitted: fitted.surprise)
+        # that it had been fitted before, far behind, is no reason to leave it; where it was close it is known
+        astray = replace(best, surprise=taken.surprise + 70.0)
+        again = exchanged(problem, setting, taken, curves, [taken, astray])
+        known = exchanged(problem, setting, taken, curves, [taken, best])
+    assert min(fitted.surprise for fitted in again) == pytest.approx(best.surprise, abs=0.1)
+    assert names(best) not in [names(fitted) for fitted in known]
     (term,) = best.model.terms
     assert term.effect == "series_stiffness"
     assert best.surprise < taken.surprise
