@@ -87,3 +87,14 @@ def test_what_sensors_take_on_before_and_after_is_no_effects():
     assert left(fitted(Model((force(1),)), 30.0, 2.2, 100.0), base, 1.0) == pytest.approx(1.2 / 1.3)
     assert left(fitted(Model((force(1),)), 30.0, 1.1, 100.0), base, 1.0) == pytest.approx(0.1 / 1.3)
     assert left(fitted(Model((force(1),)), 3.0, 2.2, 100.0), base, 1.0) == pytest.approx(8.0 / 899.0)
+
+
+def test_exact_twins_are_equally_probable_however_many_sets_were_fitted_with_one_of_them():
+    nothing, (left_one, right_one, more) = np.zeros(ROWS), map(force, range(3))
+    setting = Setting(nothing, Nuisances(np.zeros((ROWS, 0))), np.zeros((ROWS, 0)), np.zeros(0), 1.0)
+    sets = [Model((left_one,)), Model((right_one,)), Model((right_one, more))]
+    fits = [fitted(model, 1.0, 1.0, surprise) for model, surprise in zip(sets, (100.0, 100.0, 101.0), strict=True)]
+    found = decide(Naming(fitted(Model(), 30.0, 900.0, 500.0), tuple(fits), setting))
+    assert found.verdict == "ambiguous"
+    assert found.classed == pytest.approx([1.0])
+    assert found.probability == pytest.approx([0.5])
