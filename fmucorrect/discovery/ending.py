@@ -112,12 +112,20 @@ def needed(problem: Problem, setting: Setting, base: Fitted, best: Fitted) -> Fi
 
 def _less(problem: Problem, setting: Setting, best: Fitted) -> Iterator[Fitted]:
     """The set without one such member, where that is likelier."""
-    likely = judge(setting, best).surprise
-    for term in spare(problem, setting, best):
+    members = spare(problem, setting, best)
+    likely = comparable(problem, setting, best).surprise if members else 0.0
+    for term in members:
         rest = tuple(t for t in best.model.terms if t is not term)
         less = fit(problem, setting, without(problem, best.model, rest), LONG, parent=best)
         if less is not None and less.surprise < likely:
             yield less
+
+
+def comparable(problem: Problem, setting: Setting, best: Fitted) -> Fitted:
+    """An ended set as other sets are fitted: its numbers may be by more of the record, and are then not the likeliest here."""
+    best, own = judge(setting, best), replace(setting, base=best.base)
+    fitted = fit(problem, own, best.model, LONG, best.at, parent=best.number)
+    return fitted if fitted is not None and fitted.surprise < best.surprise else best
 
 
 def _refitted(problem: Problem, setting: Setting, best: Fitted, model: Model, at: Float64[np.ndarray, " n"]) -> Fitted:

@@ -1,12 +1,14 @@
 """Exchange: what else does at the sensors what a member of a set does: no name is told before its equivalents were fitted.
 
 A member's change of the evidence is m, to first order around the set: its sensitivity times its number, or with several numbers
-what goes when it is taken out; r is that and the set's residual. With K = s2/share I + N N' of all that may move beside it (the
-other members' numbers, base parameters, sensors, each as far as is expected of it) a candidate with the column c takes away
+what goes when it is taken out. With K = s2/share I + N N' of all that may move beside it (the other members' numbers, base
+parameters, sensors, each as far as is expected of it) a candidate with the column c does of what the member does
 
-    (c' K^-1 r)^2 / (c' K^-1 c)
+    (c' K^-1 m)^2 / (c' K^-1 c)    of    m' K^-1 m,
 
-of r' K^-1 r. One formula for a mass and another mass, a spring and a stiffness at its joint, a damper and another law there:
+and begins at the number c' K^-1 (r + m) / c' K^-1 c, r being the set's residual. What a candidate takes away of r does not
+count: that would be a further effect, in the place of a member that base parameters have taken over.
+One formula for a mass and another mass, a spring and a stiffness at its joint, a damper and another law there:
 why they are alike need not be known.
 """
 
@@ -28,7 +30,7 @@ from fmucorrect.discovery.ledger import move
 from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.sets import LONG
-from fmucorrect.discovery.terms import OFFSET, ForceTerm, SignalTerm, Term, proportional
+from fmucorrect.discovery.terms import OFFSET, ForceTerm, OffsetTerm, SignalTerm, Term, proportional
 from fmucorrect.discovery.worth import CLOSE, merged, names
 
 STAYS = 0.4
@@ -95,15 +97,16 @@ def _alike(
         """K^-1 x."""
         return (x - nuisances.rotated.T @ (inverse * (nuisances.rotated @ x))) / level
 
-    rest = best.linear + does
-    asked = weighed(rest)
-    taken = float(rest @ asked - best.linear @ weighed(best.linear))
+    rest, member = best.linear + does, weighed(does)
+    asked, taken = weighed(rest), float(does @ member)
     low, high = np.clip(problem.reach, -FARTHEST, FARTHEST).T
     for column in columns:
         size = float(column.change @ weighed(column.change))
-        share = float(column.change @ asked) / size if size > 0.0 else 0.0
+        if size <= 0.0:
+            continue
+        share = float(column.change @ asked) / size
         term = column.curve.term(share * column.curve.size) if share > 0.0 or column.curve.signed else None
-        if term is None or taken - share**2 * size > STAYS * taken:
+        if term is None or taken - float(column.change @ member) ** 2 / size > STAYS * taken:
             continue
         moves = nuisances.vectors @ (inverse * (nuisances.rotated @ (rest - share * column.change)))
         count = best.base.shape[1]
@@ -119,6 +122,7 @@ def _columns(problem: Problem, best: Fitted, curves: Sequence[Curve]) -> Iterato
     have, own = names(best), {" and ".join(a.parameters): i for i, a in enumerate(problem.tolerated)}
     at = {term.where for term in best.model.terms if isinstance(term, ForceTerm)}
     free = [curve for curve in curves if curve.key not in have and (curve.numbers == 1 or curve.where in at)]
+    free = [curve for curve in free if not _spanned(curve.term(curve.size), best.model.terms)]
     sides: list[tuple[int, float, Model]] = []
     for i, curve in enumerate(free):
         if curve.effect == OFFSET and curve.where in own:
@@ -140,3 +144,23 @@ def _columns(problem: Problem, best: Fitted, curves: Sequence[Curve]) -> Iterato
         other = next((k for k in changes if k != i and free[i].effect == OFFSET and free[k].key == free[i].key), None)
         mirrored = [] if other is None else [-x * free[i].size / free[other].size for x in changes[other][:1]]
         yield _Column(free[i], np.mean([*each[:2], *mirrored], axis=0))
+
+
+def _spanned(candidate: Term | None, terms: Sequence[Term]) -> bool:
+    """Whether a candidate moves nothing but what the members together move already: one of two dampers beside both of them and
+    the other one. That writes the same model in other numbers, and is none to be compared with it."""
+    if candidate is None:
+        return False
+    members, own = [_moves(term) for term in terms], _moves(candidate)
+    parts = sorted(set().union(*members))
+    rows = np.array([[part in one for part in parts] for one in (*members, own)], float)
+    return own <= set(parts) and bool(np.linalg.matrix_rank(rows) == np.linalg.matrix_rank(rows[:-1]))
+
+
+def _moves(term: Term) -> set[tuple[str, str]]:
+    """What a member's number changes, all of it by the same factor: parameters, or the forces at joints; itself else."""
+    if isinstance(term, OffsetTerm):
+        return {(OFFSET, name) for name in term.adjustable.parameters}
+    if isinstance(term, ForceTerm) and proportional(term):
+        return {(term.effect, joint.name) for joint in term.joints}
+    return {term.key}

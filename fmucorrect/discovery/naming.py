@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
 from fmucorrect.discovery.budget import OutOfTime
+from fmucorrect.discovery.candidates import Curve
 from fmucorrect.discovery.discrepancy import doubted
-from fmucorrect.discovery.ending import ended, likeliest, needed
+from fmucorrect.discovery.ending import comparable, ended, likeliest, needed
 from fmucorrect.discovery.exchange import exchanged
 from fmucorrect.discovery.fit import GAINED, fit
 from fmucorrect.discovery.fitted import Fitted, Setting, begin, judge, price, tried
@@ -19,12 +21,14 @@ from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.search import Progress, Search
 from fmucorrect.discovery.sets import LONG, settled, share_of
 from fmucorrect.discovery.stepwise import fewer, sensors, stepwise
-from fmucorrect.discovery.worth import believed, first_of, merged, names, sensors_off, simpler_ones
+from fmucorrect.discovery.worth import believed, first_of, merged, names, once, sensors_off, simpler_ones
 
 ENDING = {"ending": "equivalents of what was found, and its numbers to their end"}
 """What comes after every search, by the name that `Ledger.through` takes."""
 NEAR, TWINS = 8.0, 4
 """How far behind, and how many, sets are tried at other places."""
+AGAIN = 3
+"""How often the equivalents of a set are asked for that gives way to a likelier one among them."""
 
 
 @dataclass(frozen=True)
@@ -127,8 +131,8 @@ def _ended(problem: Problem, naming: Naming, progress: Progress) -> Naming:
     setting = naming.setting
     close = [fitted for fitted in naming.sets if fitted.surprise < naming.best.surprise + NEAR][:TWINS]
     found = merged([*naming.sets, *(twin for fitted in close for twin in at_other_places(problem, setting, fitted))])
+    curves = around(problem, naming.base).curves(naming.base) if naming.sets else []
     if naming.sets:
-        curves = around(problem, naming.base).curves(naming.base)
         alike = exchanged(problem, setting, first_of(found), curves, found)
         found = merged([*found, *(one for one in alike if not simpler_ones(setting, naming.base, found, one))])
     told = likeliest(problem, setting, found)
@@ -139,10 +143,12 @@ def _ended(problem: Problem, naming: Naming, progress: Progress) -> Naming:
         best = ended(problem, setting, naming.base, told[0])
         best = needed(problem, setting, naming.base, best)
         best, others = _with_sensors(problem, setting, naming.base, best, progress)
-        told[1:1] = [replace(other, surprise=other.surprise - best.surprise + least) for other in others]
+        if names(best) != names(told[0]):
+            best, alike = _with_equivalents(problem, setting, naming.base, best, curves)
+            others = [*alike, *others]
+        anew = [replace(other, surprise=other.surprise - best.surprise + least) for other in others]
         best = replace(best, surprise=least)
-        beside = [*held(problem, setting, best), *told[1:]]
-        told = [best, *(fitted for fitted in beside if names(fitted) != names(best))]
+        told = once([best, *held(problem, setting, best), *anew, *told[1:]])
     problem.ledger.compare(Compared(problem, naming.base, tuple(told), setting))
     problem.ledger.through("ending")
     return replace(naming, sets=tuple(told))
@@ -156,10 +162,30 @@ def _with_sensors(
     setting = replace(setting, share=share_of(problem, setting, best.residual))
     if sensors_off(setting, best) < price(setting, 1):
         return best, []
-    base, best = judge(setting, base), judge(setting, best)
-    fits = sensors(problem, setting, base, [best], progress)
-    likely = sorted(believed(setting, base, [best, *fits]), key=lambda fitted: fitted.surprise)
+    base, here = judge(setting, base), comparable(problem, setting, best)
+    fits = sensors(problem, setting, base, [here], progress)
+    likely = sorted(believed(setting, base, [here, *fits]), key=lambda fitted: fitted.surprise)
     if not likely or not names(likely[0]) > names(best):
         return best, []
     first, *others = likely
     return replace(ended(problem, setting, base, first), surprise=first.surprise), others
+
+
+def _with_equivalents(
+    problem: Problem, setting: Setting, base: Fitted, best: Fitted, curves: Sequence[Curve]
+) -> tuple[Fitted, list[Fitted]]:
+    """An ended set that has other effects than before, and what does the same as one of them, fitted beside those that it has
+    now: what was fitted before stood beside others, and is behind for that alone. One that is likelier takes its place."""
+    setting = replace(setting, share=share_of(problem, setting, best.residual))
+    base, here = judge(setting, base), comparable(problem, setting, best)
+    others: list[Fitted] = []
+    for _ in range(AGAIN):
+        alike = [*at_other_places(problem, setting, here), *exchanged(problem, setting, here, curves, [])]
+        alike = [one for one in merged(alike) if not simpler_ones(setting, base, [here], one)]
+        others = merged([here, *others, *alike])
+        if others[0].surprise > here.surprise - GAINED:
+            break
+        here = others[0]  # the one that it took the place of may be alike again, from its numbers
+    others = [one for one in others if names(one) != names(here)]
+    ends = best if names(best) == names(here) else ended(problem, setting, base, here)
+    return replace(ends, surprise=here.surprise), others

@@ -49,10 +49,15 @@ def first_of(found: Sequence[Fitted]) -> Fitted:
 
 def merged(fits: Sequence[Fitted]) -> list[Fitted]:
     """The best fit of every set of names, sorted."""
-    best: dict[frozenset[tuple[str, str]], Fitted] = {}
-    for fitted in sorted(fits, key=lambda f: f.surprise):
-        best.setdefault(names(fitted), fitted)
-    return list(best.values())
+    return once(sorted(fits, key=lambda fitted: fitted.surprise))
+
+
+def once(fits: Sequence[Fitted]) -> list[Fitted]:
+    """The first of every set of names."""
+    first: dict[frozenset[tuple[str, str]], Fitted] = {}
+    for fitted in fits:
+        first.setdefault(names(fitted), fitted)
+    return list(first.values())
 
 
 def admissible(setting: Setting, base: Fitted, found: Sequence[Fitted]) -> list[Fitted]:

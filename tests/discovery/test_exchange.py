@@ -13,15 +13,15 @@ from scipy.integrate import solve_ivp
 
 from fmucorrect.catalogue.signal import SIGNALS
 from fmucorrect.discovery.decide import decide
-from fmucorrect.discovery.exchange import exchanged
+from fmucorrect.discovery.exchange import _spanned, exchanged
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.look import around
-from fmucorrect.discovery.naming import name
+from fmucorrect.discovery.naming import _with_equivalents, name
 from fmucorrect.discovery.paring import is_nothing
 from fmucorrect.discovery.problem import load
-from fmucorrect.discovery.terms import SignalTerm
-from fmucorrect.discovery.worth import names
-from fmucorrect.study import load_study
+from fmucorrect.discovery.terms import OFFSET, OffsetTerm, SignalTerm
+from fmucorrect.discovery.worth import CLOSE, names
+from fmucorrect.study import Adjustable, load_study
 
 M, K, C = 1.0, 1000.0, 10.0  # kg, N/m, N.s/m of the study
 LINK = 4e5  # N/m, between two masses: nearly rigid
@@ -105,6 +105,22 @@ def test_a_mass_and_all_that_holds_it_are_one_class_where_the_base_moves(library
     assert classes(found) == [{"m1", "k1 and c1"}]
 
 
+def test_a_set_that_the_ending_changed_keeps_what_is_alike_beside_what_is_left(library, tmp_path):
+    """What had been fitted stood beside effects that the set has no longer."""
+    x = integrated(lambda t, y: [y[1], (force(t) - 1.25 * K * y[0] - C * y[1]) / M], 2)[0]
+    text = MASS + JOINT + adjustable("k1") + adjustable("m1") + SWEEP
+    with measured(tmp_path, library, text, x, **{"mass1.f [N]": sweep(0.5)}) as problem:
+        setting, base = begun(problem)
+        curves = around(problem, base).curves(base)
+        spring = term_at(problem.study, "linear_stiffness", "joint 1", stiffness=0.2 * K)
+        offset = next(curve.term(curve.size) for curve in curves if (curve.effect, curve.where) == (OFFSET, "k1"))
+        for start, twin in ((spring, offset), (offset, spring)):
+            left = fit(problem, setting, replace(problem.nominal, terms=(start,)), 20)
+            best, alike = _with_equivalents(problem, setting, base, left, curves)
+            assert names(best) == {start.key}
+            assert {twin.key} in [names(one) for one in alike if one.surprise < best.surprise + CLOSE]
+
+
 @pytest.mark.slow
 def test_masses_on_a_stiff_link_are_one_class(library, tmp_path):
     def rate(t, y):
@@ -133,8 +149,11 @@ def test_the_law_that_acts_is_tried_in_the_place_of_one_of_its_kin(library, tmp_
         astray = replace(best, surprise=taken.surprise + 70.0)
         again = exchanged(problem, setting, taken, curves, [taken, astray])
         known = exchanged(problem, setting, taken, curves, [taken, best])
+        instead, behind = _with_equivalents(problem, setting, base, taken, curves)
     assert min(fitted.surprise for fitted in again) == pytest.approx(best.surprise, abs=0.1)
     assert names(best) not in [names(fitted) for fitted in known]
+    assert names(instead) == names(best)
+    assert {names(taken)} <= {names(fitted) for fitted in behind}
     (term,) = best.model.terms
     assert term.effect == "series_stiffness"
     assert best.surprise < taken.surprise
@@ -157,3 +176,16 @@ def test_what_no_finite_number_takes_away_is_exchanged_too(library, tmp_path):
     almost = replace(start, values={"cutoff": 9000.0})
     assert is_nothing(almost, {"cutoff": 18000.0})
     assert not is_nothing(start, {"cutoff": 0.4})
+
+
+def test_one_of_two_dampers_beside_both_and_the_other_is_the_same_model_in_other_numbers():
+    def offset(*parameters):
+        return OffsetTerm(
+            Adjustable(parameters, 0.2, 3.0, 0.02), " and ".join(parameters), 0.02, -0.8, 2.0, {"value": 0.1}
+        )
+
+    left, right, both, mass = offset("left"), offset("right"), offset("left", "right"), offset("mass")
+    assert _spanned(right, [mass, both, left])
+    assert _spanned(both, [left, right])
+    assert not _spanned(right, [mass, both])
+    assert not _spanned(mass, [both, left])
