@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 STRENGTHS = (0.3, 1.0, 3.0)
-"""Severities of a law whose force can grow, in shares of the force that leaves a mark as large as the residual."""
+"""Severities of a law whose force can grow, in shares of the force that leaves a signature as large as the residual."""
 SHARES = (0.05, 0.15, 0.4)
 """Severities of a law that takes something from the model's own element, in shares of its motion or force."""
 REMAINS = (0.95, 0.85, 0.6)
@@ -18,7 +18,7 @@ class Motion:
     """Of one joint, SI. d, v, a, f: peaks of displacement, velocity, acceleration and nominal force, 0 where the joint
     does not show them. stiffness, damping: of the model's own element, f = stiffness d + damping v; 0 where unknown.
 
-    What else is known, 0 for nothing. mark: N or N.m, the force that leaves a mark as large as the residual. frequency:
+    What else is known, 0 for nothing. strength: N or N.m, the force whose signature is as large as the residual. frequency:
     Hz, of a line in the residual that nothing explains. radius: m, of the rotation whose orders are asked for.
     """
 
@@ -28,7 +28,7 @@ class Motion:
     f: float
     stiffness: float
     damping: float
-    mark: float = 0.0
+    strength: float = 0.0
     frequency: float = 0.0
     radius: float = 0.0
 

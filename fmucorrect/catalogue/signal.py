@@ -18,7 +18,7 @@ Samples = Float64[np.ndarray, "... T"]
 Values = Mapping[str, float]
 
 MARKS = (0.01, 0.05, 0.2)
-"""Severities: the mark that an effect leaves, rms, as a share of the signal's own variation."""
+"""Severities: the signature that an effect leaves, rms, as a share of the signal's own variation."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class SignalLaw:
     signed: as in Law; units of parameters with U for the signal's own. `equation` in s, what is shown (e, what acts), y,
     what is there (u, what is asked for), and t, s since the beginning of the record.
 
-    at: "sensor" or "excitation". change: see `apply`. guesses: numbers that leave a mark (rms) of a share of the signal's
+    at: "sensor" or "excitation". change: see `apply`. guesses: numbers that leave a signature (rms) of a share of the signal's
     variation, for each of `severities`.
     """
 

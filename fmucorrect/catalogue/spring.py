@@ -76,11 +76,11 @@ def _own_stop(motion: Motion, share: float) -> Mapping[str, float] | None:
     return {"gap": share * motion.d, "stiffness": stiffness} if stiffness > 0.0 else None
 
 
-def _marked_stop(motion: Motion, share: float) -> Mapping[str, float] | None:
+def _strong_stop(motion: Motion, share: float) -> Mapping[str, float] | None:
     """As stiff as the residual asks for, at the end of the travel."""
-    if motion.mark <= 0.0:
+    if motion.strength <= 0.0:
         return None
-    return {"gap": share * motion.d, "stiffness": motion.mark / ((1.0 - share) * motion.d)}
+    return {"gap": share * motion.d, "stiffness": motion.strength / ((1.0 - share) * motion.d)}
 
 
 LAWS = (
@@ -201,7 +201,7 @@ LAWS = (
         ),
         inputs=("displacement",),
         write=_bump_stop,
-        guesses=(_own_stop, _marked_stop),
+        guesses=(_own_stop, _strong_stop),
         main="gap",
         estimated=("gap", "stiffness"),
         severities=REMAINS,
@@ -224,7 +224,7 @@ LAWS = (
         ),
         inputs=("displacement",),
         write=_one_stop,
-        guesses=tuple(_at_one_side(guess, side) for guess in (_own_stop, _marked_stop) for side in (1.0, -1.0)),
+        guesses=tuple(_at_one_side(guess, side) for guess in (_own_stop, _strong_stop) for side in (1.0, -1.0)),
         main="limit",
         estimated=("limit", "stiffness"),
         severities=REMAINS,

@@ -71,8 +71,8 @@ def candidates(
     line: float = 0.0,
     turns: Callable[[float], bool] = lambda circumference: True,
 ) -> list[Curve]:
-    """All of a study. motions: of every joint, `mark` included. responses: of the model as it is, one a condition. line: Hz,
-    where the residual has one that nothing explains; 0 for none. turns: whether it has one with a wave of so many m."""
+    """All of a study. motions: of every joint, `strength` included. responses: of the model as it is, one a condition. line:
+    Hz, where the residual has one that nothing explains; 0 for none. turns: whether it has one with a wave of so many m."""
     study = problem.study
     found: list[Curve] = []
     if motions:
@@ -114,7 +114,7 @@ def _together(motions: Sequence[Motion]) -> Motion:
         name: float(np.mean([getattr(m, name) for m in motions]))
         for name in ("d", "v", "a", "f", "stiffness", "damping")
     }
-    return replace(motions[0], **mean, mark=float(np.mean([m.mark for m in motions])) / len(motions))
+    return replace(motions[0], **mean, strength=float(np.mean([m.strength for m in motions])) / len(motions))
 
 
 def _of_law(law: Law, place: str, joints: tuple[Joint, ...], motion: Motion) -> Iterator[Curve]:
@@ -127,7 +127,7 @@ def _of_law(law: Law, place: str, joints: tuple[Joint, ...], motion: Motion) -> 
             term = ForceTerm(law, place, joints, law.opposite(found[0]) if size < 0.0 else found[0])
             return term if term.allowed() else None
 
-        curve = _curve(law, place, make, 1.0 if law.relative else motion.mark, len(law.estimated))
+        curve = _curve(law, place, make, 1.0 if law.relative else motion.strength, len(law.estimated))
         if curve.size > 0.0 and math.isfinite(curve.size) and curve.make(curve.size) is not None:
             yield curve
 

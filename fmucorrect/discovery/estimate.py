@@ -18,9 +18,9 @@ from fmucorrect.catalogue.signal import SIGNALS
 from fmucorrect.discovery.budget import Budget
 from fmucorrect.discovery.candidates import adjustables, may_act, parts, places
 from fmucorrect.discovery.elsewhere import library
-from fmucorrect.discovery.marks import PROMISING
 from fmucorrect.discovery.model import Model, runner, simulate
 from fmucorrect.discovery.problem import Problem, load
+from fmucorrect.discovery.signatures import PROMISING
 from fmucorrect.discovery.stepwise import fewer
 from fmucorrect.errors import FmucorrectError
 from fmucorrect.pairs import Pair

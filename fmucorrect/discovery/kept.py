@@ -97,8 +97,8 @@ _DIGEST = re.compile(r"[0-9a-f]{40}")
 LARGE = 50_000
 """Bytes of an array beyond which it is a file of its own, however many results hold it."""
 FINEST = 32_767.0
-"""The largest number of a column of a large matrix, as it is kept. Such columns are sensitivities and marks: differences of
-simulations whose own error is larger than a 16-bit number's. Kept whole they would be nearly all of the folder."""
+"""The largest number of a column of a large matrix, as it is kept. Such columns are sensitivities and signatures: differences
+of simulations whose own error is larger than a 16-bit number's. Kept whole they would be nearly all of the folder."""
 
 
 class Kept:

@@ -1,4 +1,4 @@
-"""A look at all candidates beside a set: marks, search, fits of the short list; and the rivals of each of a set's members."""
+"""A look at all candidates beside a set: signatures, search, fits of the short list; and rivals of each of its members."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.fitted import EXPLAINED, Fitted, Setting, price, tried
 from fmucorrect.discovery.ledger import move
 from fmucorrect.discovery.lines import line, stands
-from fmucorrect.discovery.marks import PROMISING, Marks, Target, marks, with_marks
 from fmucorrect.discovery.motion import motions
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.proposals import Asked, asked
 from fmucorrect.discovery.search import Progress
 from fmucorrect.discovery.sets import LONG, extended
 from fmucorrect.discovery.shortlist import ShortList
+from fmucorrect.discovery.signatures import PROMISING, Signatures, Target, signatures, with_signatures
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, Term, proportional
 from fmucorrect.discovery.worth import admissible, first_of, merged, names
 
@@ -36,19 +36,19 @@ RIVALS = 5
 @dataclass(frozen=True)
 class Around:
     """What the candidates are looked for with. moves: of every joint, with the size of force that the residual asks for at
-    first. start: the FMU's own responses. marked: size of the residual at first, in units of the noise."""
+    first. start: the FMU's own responses. residual: size of it at first, in units of the noise."""
 
     problem: Problem
     moves: Mapping[str, Motion]
     start: list[np.ndarray]
-    marked: float
+    residual: float
 
     def curves(self, around: Fitted, moves: Mapping[str, Motion] | None = None) -> list[Curve]:
         """All candidates beside a fitted set, first sizes by what it leaves."""
         problem = self.problem
-        left = float(np.linalg.norm(around.linear)) / self.marked
+        left = float(np.linalg.norm(around.linear)) / self.residual
         moves = self.moves if moves is None else moves
-        near = {joint: replace(motion, mark=left * motion.mark) for joint, motion in moves.items()}
+        near = {joint: replace(motion, strength=left * motion.strength) for joint, motion in moves.items()}
         rest, step = problem.split(around.residual), problem.study.simulation.step_size
 
         @cache
@@ -62,7 +62,7 @@ class Around:
         """The forces that the data ask for, and the laws' candidates by what joints go through with them."""
         found = asked(self.problem, base, self.moves)
         pushed = {
-            name: found[name].motion if name in found else replace(motion, mark=0.0)
+            name: found[name].motion if name in found else replace(motion, strength=0.0)
             for name, motion in self.moves.items()
         }
         return found, self.curves(base, pushed)
@@ -75,7 +75,7 @@ def around(problem: Problem, base: Fitted) -> Around:
     moves: Mapping[str, Motion] = {}
     if problem.study.fmu is not None and problem.study.joints:
         moves = motions(problem.study, [trial.condition for trial in problem.trials], problem.budget)
-        moves = with_marks(problem, moves, problem.stack(start), base.residual)
+        moves = with_signatures(problem, moves, problem.stack(start), base.residual)
     return Around(problem, moves, start, float(np.linalg.norm(base.residual)) or 1.0)
 
 
@@ -86,17 +86,17 @@ def rivals(
     base: Fitted,
     found: Sequence[Fitted],
     parent: Fitted,
-    marks: Marks,
+    signatures: Signatures,
     progress: Progress,
 ) -> list[Fitted]:
-    """Of a best set: sets in which one of its effects gives way to another candidate. parent: what the marks stood beside;
+    """Of a best set: sets in which one of its effects gives way to another candidate. parent: what the signatures stood beside;
     beside nothing all candidates were rivals of a single effect already."""
     best = first_of(admissible(setting, base, found))
     if len(best.model.terms) < 2 and not parent.model.terms:
         return []
     fits: list[Fitted] = []
     ends = np.cumsum([0, *(len(term.estimated) for term in best.model.terms)])
-    penalty = [price(setting, curve.numbers) for curve in marks.curves]
+    penalty = [price(setting, curve.numbers) for curve in signatures.curves]
     have = names(best)
     for t in range(len(best.model.terms)):
         others = (*best.model.terms[:t], *best.model.terms[t + 1 :])
@@ -106,12 +106,14 @@ def rivals(
         beside = np.delete(best.slopes, range(ends[t], ends[t + 1]), axis=1)
         columns = np.concatenate([best.base, setting.sensors.columns, beside], axis=1)
         rest = setting.measured - without + best.base @ np.asarray(best.model.base)
-        search = ShortList(rest, Nuisances(columns), marks, setting.share, penalty, setting.floor)
-        listed = [item for item in search.best((RIVALS + 4,)) if marks.curves[item.members[0].curve].key not in have]
+        search = ShortList(rest, Nuisances(columns), signatures, setting.share, penalty, setting.floor)
+        listed = [
+            item for item in search.best((RIVALS + 4,)) if signatures.curves[item.members[0].curve].key not in have
+        ]
         for i, item in enumerate(listed[:RIVALS]):
             progress("rivals", i, RIVALS)
             (place,) = item.members
-            term = marks.curves[place.curve].term(place.size)
+            term = signatures.curves[place.curve].term(place.size)
             if term is not None:
                 model = replace(best.model, terms=(*others, term))
                 fitted = fit(problem, setting, model, 8, rival=best.surprise, parent=best)
@@ -128,9 +130,9 @@ def look(
     listed: Sequence[int],
     progress: Progress,
     begun: Sequence[Term] = (),
-) -> tuple[Marks, list[Fitted]]:
-    """Candidates beside what `around` has already: marks, search, fits of the short list. begun: terms that are fitted too,
-    from where they are."""
+) -> tuple[Signatures, list[Fitted]]:
+    """Candidates beside what `around` has already: signatures, search, fits of the short list. begun: terms that are fitted
+    too, from where they are."""
     have = names(around)
     whole = Nuisances(np.concatenate([around.base, setting.sensors.columns], axis=1))
     target = Target(around.linear, whole, setting.share, setting.floor)
@@ -140,9 +142,9 @@ def look(
 
     def done(n: int) -> None:
         count[0] += n
-        progress("marks", count[0], total)
+        progress("signatures", count[0], total)
 
-    found = marks(problem, around.model, around.at, target, free, done)
+    found = signatures(problem, around.model, around.at, target, free, done)
     penalty = [price(setting, curve.numbers) for curve in found.curves]
     search = ShortList(around.linear, whole, found, setting.share, penalty, setting.floor)
     fits: list[Fitted] = []

@@ -1,8 +1,8 @@
-"""Laws that are begun otherwise than by the marks beside the model as it is.
+"""Laws that are begun otherwise than by the signatures beside the model as it is.
 
-How an effect is guessed hangs on the motion of its joint, and how strong it is on the mark that a little of it leaves. Both
-are taken from the model without it, and mislead where the missing effect is much of what holds the joint: at a resonance
-that only the model has, a small force leaves a large mark. Here both are taken from the measurement instead: the force
+How an effect is guessed hangs on the motion of its joint, and how strong it is on the signature that a little of it leaves.
+Both are taken from the model without it, and mislead where the missing effect is much of what holds the joint: at a resonance
+that only the model has, a small force leaves a large signature. Here both are taken from the measurement instead: the force
 at the joint that explains it (located.py) is pushed there, and what the joint then goes through is looked at (`asked`).
 
 - `starts`: single laws begun from that force.
@@ -33,13 +33,13 @@ from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.fitted import Fitted, Setting, judge_at, tried
 from fmucorrect.discovery.ledger import move
 from fmucorrect.discovery.located import Located, block, located
-from fmucorrect.discovery.marks import Marks
 from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.motion import Series, along, halfway, in_a_row, law_along, motion_of, peak
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.search import Progress
 from fmucorrect.discovery.sets import LONG
 from fmucorrect.discovery.shortlist import ShortList
+from fmucorrect.discovery.signatures import Signatures
 from fmucorrect.discovery.terms import ForceTerm, Term
 from fmucorrect.discovery.worth import first_of
 from fmucorrect.errors import FmuError
@@ -75,8 +75,8 @@ def is_far(problem: Problem, base: Fitted) -> bool:
 
 @dataclass(frozen=True)
 class Asked:
-    """What the data ask for at a joint. motion: the scales of what it then goes through, `mark` the force's peak. parts: that
-    motion and `force`, N or N.m, one a condition, values as far apart as those of the located force."""
+    """What the data ask for at a joint. motion: the scales of what it then goes through, `strength` the force's peak. parts:
+    that motion and `force`, N or N.m, one a condition, values as far apart as those of the located force."""
 
     motion: Motion
     parts: tuple[Series, ...]
@@ -113,7 +113,7 @@ def _pushed(problem: Problem, model: Model, item: Located) -> Asked | None:
         settled.append({name: x[int(SETTLED * len(x)) :] for name, x in part.items()})
         parts.append({name: x[:: block(trial)] for name, x in part.items()})
     seen = in_a_row(settled)
-    motion = replace(motion_of(seen, problem.study.simulation.step_size), mark=peak(seen["force"]))
+    motion = replace(motion_of(seen, problem.study.simulation.step_size), strength=peak(seen["force"]))
     return Asked(motion, tuple(parts))
 
 
@@ -174,12 +174,12 @@ def laws_of(one: Asked, curves: Sequence[Curve]) -> list[tuple[Term, ...]]:
             columns += own.values()
     if not kept:
         return []
-    marks = Marks(tuple(kept), np.stack(columns, axis=1).astype(np.float32), tuple(span), tuple(sizes))
+    signatures = Signatures(tuple(kept), np.stack(columns, axis=1).astype(np.float32), tuple(span), tuple(sizes))
     beside = np.stack([seen[name] for name in PORTS if name in seen], axis=1)
     beside /= EXACT * np.sqrt(np.mean(beside**2, axis=0)) + 1e-300
     share = independent([part["force"][:, None] for part in parts])
     price = float(np.log(max(share * len(asked), 2.0)))
-    search = ShortList(asked / scale, Nuisances(beside), marks, share, [price * curve.numbers for curve in kept])
+    search = ShortList(asked / scale, Nuisances(beside), signatures, share, [price * curve.numbers for curve in kept])
     terms = [[kept[place.curve].term(place.size) for place in item.members] for item in search.best(LISTED)]
     return [tuple(term for term in row if term is not None) for row in terms]
 
@@ -243,8 +243,8 @@ def _pushing(problem: Problem, seen: Sequence[Series], part: Sequence[ForceTerm]
         every = block(problem.trials[k // count])
         parts.append({name: halfway(x)[::every] for name, x in moved.items()} | {"force": force[::every]})
     whole = in_a_row([{name: moved[name] for name in PORTS if name in moved} for moved in seen])
-    mark = count * peak(in_a_row(parts)["force"])  # a group's candidates share it out
-    return Asked(replace(motion_of(whole, size), mark=mark), tuple(parts))
+    most = count * peak(in_a_row(parts)["force"])  # a group's candidates share it out
+    return Asked(replace(motion_of(whole, size), strength=most), tuple(parts))
 
 
 @move

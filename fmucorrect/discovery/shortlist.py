@@ -1,7 +1,7 @@
-"""Search over sets of effects: which few curves together explain a residual, marks added up without simulating again.
+"""Search over sets of effects: which few curves together explain a residual, signatures added up without simulating again.
 
-Along a curve of severities 0 < s1 < s2 < ... a mark is taken to be straight between neighbours. A set is fitted by
-descent over its members, one at a time, each over its whole curve; sets grow in a beam. Added marks are an approximation
+Along a curve of severities 0 < s1 < s2 < ... a signature is taken to be straight between neighbours. A set is fitted by
+descent over its members, one at a time, each over its whole curve; sets grow in a beam. Added signatures are an approximation
 (the model is not linear in its effects), so that what comes out is only a short list for the fit in the loop.
 """
 
@@ -14,21 +14,21 @@ import numpy as np
 from jaxtyping import Float64
 
 from fmucorrect.discovery.evidence import Nuisances, gram
-from fmucorrect.discovery.marks import Marks
+from fmucorrect.discovery.signatures import Signatures
 
 BEAM = 8
 """Sets of one size that grow on."""
 TRIED = 24
 """Curves tried beside each of them."""
 BEYOND = 2.0
-"""How far beyond its strongest simulated severity a mark may be drawn, in units of that severity."""
+"""How far beyond its strongest simulated severity a signature may be drawn, in units of that severity."""
 LEVELS = 7
 """Levels of the error's variance at which single effects are compared."""
 
 
 @dataclass(frozen=True)
 class Place:
-    """Where on its curve an effect stands. curve: number in the marks. size: as Curve.make takes it, signed."""
+    """Where on its curve an effect stands. curve: number in the signatures. size: as Curve.make takes it, signed."""
 
     curve: int
     size: float
@@ -43,7 +43,7 @@ class Found:
 
 
 class _Metric:
-    """Inner products of marks and residual after the nuisances have taken their share, at one variance of the error."""
+    """Inner products of signatures and residual after the nuisances have taken their share, at one variance of the error."""
 
     def __init__(self, search: ShortList, s2: float) -> None:
         level = s2 / search.share
@@ -56,23 +56,23 @@ class _Metric:
 
 
 class ShortList:
-    """Prepared for one residual r (n,), its nuisances and marks. penalty: of each curve, added once it is a member."""
+    """Prepared for one residual r (n,), its nuisances and signatures. penalty: of each curve, added once it is a member."""
 
     def __init__(
         self,
         r: Float64[np.ndarray, " n"],
         nuisances: Nuisances,
-        marks: Marks,
+        signatures: Signatures,
         share: float,
         penalty: Sequence[float],
         floor: float = 1.0,
     ) -> None:
-        self.marks, self.nuisances, self.share, self.rows = marks, nuisances, share, len(r)
+        self.signatures, self.nuisances, self.share, self.rows = signatures, nuisances, share, len(r)
         self.penalty, self.floor = np.asarray(penalty), floor
         rotated = nuisances.rotated.T.astype(np.float32)
-        self.XX = gram(marks.columns, marks.columns)
-        self.XN = gram(marks.columns, rotated)
-        self.Xr = gram(marks.columns, r.astype(np.float32)[:, None])[:, 0]
+        self.XX = gram(signatures.columns, signatures.columns)
+        self.XN = gram(signatures.columns, rotated)
+        self.Xr = gram(signatures.columns, r.astype(np.float32)[:, None])[:, 0]
         self.Nr = nuisances.rotated @ r
         self.rr = float(r @ r)
         self.singles: list[Found] = []
@@ -82,8 +82,8 @@ class ShortList:
         singles: dict[int, Found] = {}
         for s2 in self._levels(self.rr, LEVELS):
             metric = _Metric(self, s2)
-            for i in range(len(self.marks.curves)):
-                gain, size, _ = self._along(metric, i, metric.b[slice(*self.marks.span[i])])
+            for i in range(len(self.signatures.curves)):
+                gain, size, _ = self._along(metric, i, metric.b[slice(*self.signatures.span[i])])
                 if gain <= 0.0:
                     continue
                 found = Found(metric.constant + metric.c - gain + self.penalty[i], (Place(i, size),))
@@ -110,7 +110,7 @@ class ShortList:
         return [one for one in self.singles if self._name(one.members[0]) == name and one.members != found.members]
 
     def _name(self, place: Place) -> tuple[str, str, str]:
-        curve = self.marks.curves[place.curve]
+        curve = self.signatures.curves[place.curve]
         return curve.effect, curve.form, curve.where
 
     def _levels(self, energy: float, count: int) -> list[float]:
@@ -133,8 +133,8 @@ class ShortList:
         """The superposition of a set, as weights of the columns."""
         weights = np.zeros(self.XX.shape[0])
         for place in members:
-            first, last = self.marks.span[place.curve]
-            weights[first:last] += _weights_at(self.marks.sizes[place.curve], place.size)
+            first, last = self.signatures.span[place.curve]
+            weights[first:last] += _weights_at(self.signatures.sizes[place.curve], place.size)
         return weights
 
     def _distinct(self, found: object) -> list[Found]:
@@ -142,7 +142,7 @@ class ShortList:
         names: set[frozenset[tuple[str, str, str]]] = set()
         result: list[Found] = []
         for item in sorted(found, key=lambda found: found.surprise):  # type: ignore[call-overload]
-            curves = [self.marks.curves[place.curve] for place in item.members]
+            curves = [self.signatures.curves[place.curve] for place in item.members]
             key = frozenset(self._name(place) for place in item.members)
             if key not in names and len({curve.key for curve in curves}) == len(curves):
                 names.add(key)
@@ -153,16 +153,16 @@ class ShortList:
         """The parent with one more member, its best ones."""
         weights = self._weights(parent.members)
         left = metric.b - metric.G @ weights
-        own = [k for place in parent.members for k in range(*self.marks.span[place.curve])]
+        own = [k for place in parent.members for k in range(*self.signatures.span[place.curve])]
         # what a further column can still explain when the members give way
         block = metric.G[np.ix_(own, own)] + 1e-9 * np.diag(np.diag(metric.G)[own])
         beside = np.linalg.solve(block, metric.G[own])
         free = np.maximum(np.diag(metric.G) - (metric.G[own] * beside).sum(0), 1e-12 * np.diag(metric.G) + 1e-300)
         gain = left**2 / free
-        taken = {self.marks.curves[place.curve].key for place in parent.members}
+        taken = {self.signatures.curves[place.curve].key for place in parent.members}
         score = [
             -np.inf if curve.key in taken else float(gain[slice(*span)].max()) - self.penalty[i]
-            for i, (curve, span) in enumerate(zip(self.marks.curves, self.marks.span, strict=True))
+            for i, (curve, span) in enumerate(zip(self.signatures.curves, self.signatures.span, strict=True))
         ]
         order = np.argsort(score)[::-1][:TRIED]
         return [self._descend(metric, [*parent.members, Place(int(i), 0.0)]) for i in order if np.isfinite(score[i])]
@@ -173,7 +173,7 @@ class ShortList:
         before = cost = np.inf
         for _ in range(40):
             for k, place in enumerate(members):
-                span = slice(*self.marks.span[place.curve])
+                span = slice(*self.signatures.span[place.curve])
                 weights[span] = 0.0
                 b = metric.b[span] - metric.G[span] @ weights
                 _, size, own = self._along(metric, place.curve, b)
@@ -190,9 +190,9 @@ class ShortList:
         self, metric: _Metric, i: int, b: Float64[np.ndarray, " s"]
     ) -> tuple[float, float, Float64[np.ndarray, " s"]]:
         """Of one curve: the largest drop of the cost, the size that gives it, and the weights of its columns."""
-        first, last = self.marks.span[i]
-        curve = self.marks.curves[i]
-        sizes = self.marks.sizes[i]
+        first, last = self.signatures.span[i]
+        curve = self.signatures.curves[i]
+        sizes = self.signatures.sizes[i]
         G = metric.G[first:last, first:last]
         count = last - first
         best = (0.0, 0.0, np.zeros(count))
@@ -211,7 +211,7 @@ class ShortList:
                 low = sizes[k - 1] if k else 0.0
                 best = (drop, low + w * (sizes[k] - low), x)
         if curve.signed:
-            k = 0  # the mirrored mark of the weakest severity stands for the other direction
+            k = 0  # the mirrored signature of the weakest severity stands for the other direction
             w = (
                 min(max(-float(b[k]) / float(G[k, k]), 0.0), sizes[-1] / sizes[0] * (1.0 + BEYOND))
                 if G[k, k] > 0

@@ -19,13 +19,13 @@ from fmucorrect.discovery.fitted import EXPLAINED, Fitted, Setting, begin, begin
 from fmucorrect.discovery.ledger import Compared, Ledger, move
 from fmucorrect.discovery.lines import line, stands
 from fmucorrect.discovery.look import Around, around, look, regrouped, rivals
-from fmucorrect.discovery.marks import Marks, with_marks
 from fmucorrect.discovery.motion import motions
 from fmucorrect.discovery.paring import pared
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.proposals import apart, begun_again, is_far, joined, starts
 from fmucorrect.discovery.search import Progress
 from fmucorrect.discovery.sets import MOST, alike, distinct, extended, finer, has_room, settled, share_of
+from fmucorrect.discovery.signatures import Signatures, with_signatures
 from fmucorrect.discovery.terms import OFFSET, ForceTerm, OffsetTerm, Term
 from fmucorrect.discovery.worth import LITTLE, admissible, believed, complete, first_of, merged, names
 
@@ -56,7 +56,7 @@ LISTED = (7, 5, 3)
 LOOKS, BESIDE = 5, 3
 """How often all candidates are looked at beside a set, and how many of the best sets that may be."""
 TRIED = 3
-"""Errors that are fitted in a look: the likeliest by its mark may not be worth it, and the next one be."""
+"""Errors that are fitted in a look: the likeliest by its signature may not be worth it, and the next one be."""
 TIME = {"time", "speed"}
 """What such forces read."""
 
@@ -181,7 +181,7 @@ def deepened(
     base: Fitted,
     found: list[Fitted],
     parent: Fitted,
-    first: Marks,
+    first: Signatures,
     curves: list[Curve],
     progress: Progress,
 ) -> tuple[Setting, Fitted, list[Fitted], list[frozenset[tuple[str, str]]]]:
@@ -276,7 +276,7 @@ def _periodic(problem: Problem, best: Fitted) -> list[Curve]:
 
     start = problem.responses(problem.nominal)
     moves = motions(problem.study, [trial.condition for trial in problem.trials], problem.budget)
-    near = with_marks(problem, moves, problem.stack(start), best.residual)
+    near = with_signatures(problem, moves, problem.stack(start), best.residual)
     curves = candidates(problem, near, start, line(problem.trials, rest, step), turns)
     return [
         curve for curve in curves if isinstance(term := curve.term(curve.size), ForceTerm) and TIME & {*term.law.inputs}

@@ -139,7 +139,7 @@ OPERATORS = {"fractional_damping", "learned_force", "learned_force_memory"}
 """Laws whose equation tells an operator on the motion, not the states that compute it (held against closed forms in
 test_fractional.py), or functions that lie in tables (BY_HAND has them)."""
 
-JOINT = Motion(d=1e-3, v=2e-2, a=0.4, f=1e3, stiffness=8e5, damping=2e4, mark=500.0, frequency=2.5, radius=0.43)
+JOINT = Motion(d=1e-3, v=2e-2, a=0.4, f=1e3, stiffness=8e5, damping=2e4, strength=500.0, frequency=2.5, radius=0.43)
 
 
 def start(law: Law) -> dict[str, float]:

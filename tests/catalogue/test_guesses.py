@@ -30,7 +30,7 @@ def joint(law: Law) -> tuple[Motion, dict]:
     """A joint on a sine, its own element of the law's family."""
     own = OWN.get(law.family, OWN["damper"])
     k, c = (STIFFNESS, 0.0) if law.family == "spring" else (0.0, DAMPING)
-    motion = Motion(D, D * W, D * W**2, float(np.abs(own).max()), k, c, mark=500.0, frequency=3.0, radius=0.43)
+    motion = Motion(D, D * W, D * W**2, float(np.abs(own).max()), k, c, strength=500.0, frequency=3.0, radius=0.43)
     return motion, INPUTS | {"nominal_force": own}
 
 
@@ -125,7 +125,7 @@ def test_a_joint_that_shows_nothing_gives_no_scale_and_no_error(law):
     for values in law.starts(still, 0.1):
         law.complete(values)
         assert law.name in ("preload",)
-    for hidden in ("d", "v", "a", "f", "stiffness", "damping", "mark", "frequency", "radius"):
+    for hidden in ("d", "v", "a", "f", "stiffness", "damping", "strength", "frequency", "radius"):
         for values in law.starts(replace(JOINT, **{hidden: 0.0}), 0.4):
             assert all(math.isfinite(value) for value in law.complete(values).values())
 

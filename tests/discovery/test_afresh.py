@@ -38,7 +38,7 @@ def test_the_motion_that_was_measured_sets_the_scales(far):
     peak = 1e-3 * np.quantile(np.abs(measured), 0.995)
     assert moves["joint 1"].d > 3.0 * peak  # in the model, at its resonance
     assert seen.d == pytest.approx(peak, rel=0.2)
-    assert seen.mark == pytest.approx(STIFF * peak, rel=0.3)
+    assert seen.strength == pytest.approx(STIFF * peak, rel=0.3)
 
 
 def test_starts_are_forces_each_form_once_the_likely_first(far):

@@ -10,10 +10,10 @@ from one_mass import measured_on, term_at
 from fmucorrect.discovery.candidates import candidates
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.fitted import begin
-from fmucorrect.discovery.marks import with_marks
 from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.motion import motions
 from fmucorrect.discovery.proposals import begun_again
+from fmucorrect.discovery.signatures import with_signatures
 from fmucorrect.discovery.worth import first_of, names
 
 TRUE = {"friction_force": 0.05, "breakaway_force": 0.12, "stribeck_velocity": 8e-3, "smoothing_velocity": 4e-4}
@@ -25,7 +25,7 @@ def falling(library, tmp_path_factory):
     """A mass with Stribeck friction, measured along a sweep; the candidates beside it."""
     with measured_on(tmp_path_factory.mktemp("falling"), library, "stribeck_friction", **TRUE) as problem:
         setting, at, start = begin(problem)
-        moves = with_marks(problem, motions(problem.study, problem.study.development), at, problem.measured - at)
+        moves = with_signatures(problem, motions(problem.study, problem.study.development), at, problem.measured - at)
         yield problem, setting, candidates(problem, moves, start)
 
 

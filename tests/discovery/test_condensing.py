@@ -16,10 +16,10 @@ from fmucorrect.discovery.condensing import condensed
 from fmucorrect.discovery.fit import both_sides, fit
 from fmucorrect.discovery.fitted import begin, price
 from fmucorrect.discovery.form import free, with_whole_offsets
-from fmucorrect.discovery.marks import with_marks
 from fmucorrect.discovery.model import Model, overrides
 from fmucorrect.discovery.motion import motions
 from fmucorrect.discovery.problem import load
+from fmucorrect.discovery.signatures import with_signatures
 from fmucorrect.discovery.terms import ForceTerm, SignalTerm, linear, proportional
 from fmucorrect.discovery.worth import first_of
 from fmucorrect.study import load_study
@@ -70,7 +70,7 @@ def begun(problem):
     """The setting, the plain model's outputs and the candidates."""
     setting, at, start = begin(problem)
     moves = motions(problem.study, [trial.condition for trial in problem.trials])
-    return setting, at, candidates(problem, with_marks(problem, moves, at, setting.measured - at), start)
+    return setting, at, candidates(problem, with_signatures(problem, moves, at, setting.measured - at), start)
 
 
 def condensed_from(problem, terms):

@@ -1,12 +1,12 @@
-"""Short lists from marks that add up: single effects, sets of them, and the shapes that one law may begin from."""
+"""Short lists from signatures that add up: single effects, sets of them, and the shapes that one law may begin from."""
 
 import numpy as np
 import pytest
 
 from fmucorrect.discovery.candidates import Curve
 from fmucorrect.discovery.evidence import Nuisances
-from fmucorrect.discovery.marks import Marks
 from fmucorrect.discovery.shortlist import ShortList
+from fmucorrect.discovery.signatures import Signatures
 
 ROWS = 400
 
@@ -17,15 +17,15 @@ def curve(effect, where="joint 1", form="", numbers=1):
 
 @pytest.fixture
 def searched():
-    """Three effects, one of them with two shapes; the residual is the first two effects' marks at 2.0 and -0.5, and noise."""
+    """Three effects, one of them with two shapes; the residual is the first two's signatures at 2.0 and -0.5, and noise."""
     rng = np.random.default_rng(1)
     curves = (curve("a"), curve("b"), curve("c"), curve("a"), curve("a", "joint 2"))
     columns = 20.0 * rng.normal(size=(ROWS, len(curves)))
     columns[:, 3] = columns[:, 0] + 10.0 * rng.normal(size=ROWS)
     r = 2.0 * columns[:, 0] - 0.5 * columns[:, 1] + rng.normal(size=ROWS)
     span = tuple((i, i + 1) for i in range(len(curves)))
-    marks = Marks(curves, columns.astype(np.float32), span, ((1.0,),) * len(curves))
-    search = ShortList(r, Nuisances(np.zeros((ROWS, 0))), marks, 1.0, [6.0] * len(curves))
+    signatures = Signatures(curves, columns.astype(np.float32), span, ((1.0,),) * len(curves))
+    search = ShortList(r, Nuisances(np.zeros((ROWS, 0))), signatures, 1.0, [6.0] * len(curves))
     return curves, search, search.best((3, 3, 2))
 
 

@@ -38,10 +38,10 @@ from fmucorrect import sources
 from fmucorrect.catalogue import Law
 from fmucorrect.discovery import native
 from fmucorrect.discovery.candidates import candidates
-from fmucorrect.discovery.marks import with_marks
 from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.motion import motions
 from fmucorrect.discovery.problem import Problem, load
+from fmucorrect.discovery.signatures import with_signatures
 from fmucorrect.discovery.simulator import RUN_IN
 from fmucorrect.discovery.terms import ForceTerm
 from fmucorrect.discovery.trials import Trial
@@ -218,7 +218,7 @@ def sampled(problem: Problem) -> list[ForceTerm]:
     start = problem.responses(problem.nominal)
     at = problem.stack(start)
     moves = motions(problem.study, [trial.condition for trial in problem.trials])
-    moves = with_marks(problem, moves, at, problem.measured - at)
+    moves = with_signatures(problem, moves, at, problem.measured - at)
     found: dict[str, ForceTerm] = {}
     for curve in candidates(problem, moves, start):
         term = curve.term(curve.size)

@@ -1,4 +1,4 @@
-"""Marks: what every candidate changes at the sensors, severity by severity, simulated in the loop."""
+"""Signatures: what every candidate changes at the sensors, severity by severity, simulated in the loop."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from fmucorrect.discovery.terms import ForceTerm
 from fmucorrect.study import Joint
 
 WANTED = (0.3, 1.0, 3.0)
-"""Marks that are simulated of every candidate, in shares of the residual."""
+"""Signatures that are simulated of every candidate, in shares of the residual."""
 PROMISING = 60
 """Curves that are simulated at several sizes."""
 LIKELY, FAINT = 150, 0.1
-"""Curves that are simulated at a second size, beside those whose first mark was below this share of the residual."""
+"""Curves that are simulated at a second size, beside those whose first signature was below this share of the residual."""
 AT = 0.02
 """Variance of the error at which they are chosen, as a share of the residual's."""
 FIRST = 1e-6
@@ -31,9 +31,9 @@ FIRST = 1e-6
 
 
 @dataclass(frozen=True)
-class Marks:
-    """curves: the candidates that leave a mark. columns: (n, k) in units of the noise, around a model. span: of each curve,
-    its first column and one past its last. sizes: of each curve, those of its columns, weakest first."""
+class Signatures:
+    """curves: the candidates that leave a signature. columns: (n, k) in units of the noise, around a model. span: of each
+    curve, its first column and one past its last. sizes: of each curve, those of its columns, weakest first."""
 
     curves: tuple[Curve, ...]
     columns: Float32[np.ndarray, "n k"]
@@ -42,7 +42,7 @@ class Marks:
 
 
 class Target:
-    """What marks are to explain: residual (n,), base parameters put back. nuisances: what may take its share first."""
+    """What signatures are to explain: residual (n,), base parameters put back. nuisances: what may take its share first."""
 
     def __init__(self, residual: Float64[np.ndarray, " n"], nuisances: Nuisances, share: float, floor: float) -> None:
         self.residual = residual
@@ -51,9 +51,9 @@ class Target:
         self._inverse = 1.0 / (nuisances.values + level)
         self._along = nuisances.rotated @ residual
 
-    def gain(self, mark: Float32[np.ndarray, " n"]) -> float:
-        """What a mark, times any number, explains at most (at a coarse level of the error)."""
-        x = mark.astype(np.float64)
+    def gain(self, signature: Float32[np.ndarray, " n"]) -> float:
+        """What a signature, times any number, explains at most (at a coarse level of the error)."""
+        x = signature.astype(np.float64)
         along = self._nuisances.rotated @ x
         size = float(x @ x) - float((along**2 * self._inverse).sum())
         common = float(x @ self.residual) - float((along * self._inverse) @ self._along)
@@ -61,16 +61,16 @@ class Target:
 
 
 @remembered
-def marks(
+def signatures(
     problem: Problem,
     model: Model,
     at: Float64[np.ndarray, " n"],
     target: Target,
     curves: Sequence[Curve],
     done: Callable[[int], object] = lambda _: None,
-) -> Marks:
-    """Every curve around `model`, whose evidence is `at`, at sizes whose marks are about WANTED times the residual. A size at
-    which the solver gives up is not gone beyond. Of the curves, only the LIKELY that explain most are simulated at a second
+) -> Signatures:
+    """Every curve around `model`, whose evidence is `at`, at sizes whose signatures are about WANTED times the residual. A size
+    at which the solver gives up is not gone beyond. Of the curves, only the LIKELY that explain most are simulated at a second
     size, and of these the PROMISING at more; the latter are kept."""
     residual = float(np.linalg.norm(target.residual))
     rows: list[dict[float, np.ndarray]] = [{} for _ in curves]
@@ -89,12 +89,12 @@ def marks(
             if y is None:
                 highest[i] = min(highest[i], 0.7 * size)
             else:
-                rows[i][size] = mark = (y - at).astype(np.float32)
-                gains[i] = max(gains[i], target.gain(mark))
+                rows[i][size] = signature = (y - at).astype(np.float32)
+                gains[i] = max(gains[i], target.gain(signature))
 
     def sized(i: int, target: float) -> Iterator[tuple[int, float]]:
-        """The size whose mark is `target` times the residual, by the marks that are known; nothing where it is known."""
-        known = sorted((size, float(np.linalg.norm(mark)) / residual) for size, mark in rows[i].items())
+        """The size whose signature is `target` times the residual, by those that are known; nothing where it is known."""
+        known = sorted((size, float(np.linalg.norm(signature)) / residual) for size, signature in rows[i].items())
         known = [(size, share) for size, share in known if share > 0.0]
         if not known:
             if not rows[i]:
@@ -110,7 +110,7 @@ def marks(
             yield i, size
 
     def faint(i: int) -> bool:
-        return all(float(np.linalg.norm(mark)) < FAINT * residual for mark in rows[i].values())
+        return all(float(np.linalg.norm(signature)) < FAINT * residual for signature in rows[i].values())
 
     look([(i, curve.size) for i, curve in enumerate(curves)])
     likely = {int(i) for i in np.argsort(gains)[::-1][:LIKELY]}
@@ -121,14 +121,16 @@ def marks(
     return _gathered([curves[i] for i in chosen], [rows[i] for i in chosen], residual, len(at))
 
 
-def _gathered(curves: Sequence[Curve], rows: Sequence[dict[float, np.ndarray]], residual: float, count: int) -> Marks:
-    """Of every curve the columns near the wanted marks."""
+def _gathered(
+    curves: Sequence[Curve], rows: Sequence[dict[float, np.ndarray]], residual: float, count: int
+) -> Signatures:
+    """Of every curve the columns near the wanted signatures."""
     kept: list[Curve] = []
     span: list[tuple[int, int]] = []
     sizes: list[tuple[float, ...]] = []
     columns: list[np.ndarray] = []
     for curve, row in zip(curves, rows, strict=True):
-        known = {size: float(np.linalg.norm(mark)) / residual for size, mark in row.items()}
+        known = {size: float(np.linalg.norm(signature)) / residual for size, signature in row.items()}
         near = {
             min(known, key=lambda size: abs(float(np.log(known[size] / target + 1e-30)))) for target in WANTED if known
         }
@@ -139,14 +141,14 @@ def _gathered(curves: Sequence[Curve], rows: Sequence[dict[float, np.ndarray]], 
             sizes.append(own)
             columns += [row[size] for size in own]
     stacked = np.stack(columns, axis=1) if columns else np.zeros((count, 0), dtype=np.float32)
-    return Marks(tuple(kept), stacked, tuple(span), tuple(sizes))
+    return Signatures(tuple(kept), stacked, tuple(span), tuple(sizes))
 
 
-def with_marks(
+def with_signatures(
     problem: Problem, motions: Mapping[str, Motion], at: Float64[np.ndarray, " n"], residual: Float64[np.ndarray, " n"]
 ) -> dict[str, Motion]:
-    """The motions with `mark`: the force at the joint, N or N.m, whose mark is as large as the residual. Probed by a
-    little damping; 0 where no force leaves a mark."""
+    """The motions with `strength`: the force at the joint, N or N.m, whose signature is as large as the residual. Probed by a
+    little damping; 0 where no force leaves a signature."""
     (law,) = CATALOGUE["viscous_damping"]
     wanted = float(np.linalg.norm(residual))
     scale = float(np.linalg.norm(at)) or 1.0
@@ -168,4 +170,4 @@ def with_marks(
             elif y is not None:
                 again[name] = force * 30.0
         forces = again
-    return {name: replace(motion, mark=found[name]) for name, motion in motions.items()}
+    return {name: replace(motion, strength=found[name]) for name, motion in motions.items()}
