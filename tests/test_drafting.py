@@ -16,7 +16,7 @@ from fmucorrect import cli
 from fmucorrect.drafting import _held_out, draft
 from fmucorrect.drafting.driving import NAMED
 from fmucorrect.drafting.guess import likeness
-from fmucorrect.drafting.joints import kind, kind_by_name, turns
+from fmucorrect.drafting.joints import find_joints, kind, kind_by_name, turns
 from fmucorrect.drafting.parameters import find_parameters, other_parameters
 from fmucorrect.errors import RecordError
 from fmucorrect.fmu import IsolatedStepper, Variable, open_fmu
@@ -514,6 +514,8 @@ def test_what_a_column_is_by_a_word_of_its_name(name: str, what: str) -> None:
         ("acc_z", "acceleration", False),
         ("defl", "displacement", False),
         ("defl_rate", "velocity", False),
+        ("strokeVel", "velocity", False),
+        ("rack.flange_a.s", "displacement", False),
         ("body_vel_z", "velocity", False),
         ("F_front", "force", False),
         ("damperForce", "force", False),
@@ -548,6 +550,30 @@ def test_parameters_that_a_draft_does_not_list_are_named_with_their_units() -> N
     others = other_parameters(fmu, found)
     assert {"f11 (7830000.0 N)", "wheelbase (2.6 m)"} <= {*others}
     assert not {guess.name for guess in found} & {other.split(" ")[0] for other in others}
+
+
+def test_a_force_is_paired_with_what_moves_of_its_own_component(tmp_path: Path) -> None:
+    """Modelica's names: of a rack that a wheel turns, more radians than metres; no unit tells a force from a torque."""
+    lines = (
+        "from pythonfmu import Fmi2Causality, Fmi2Slave, Real",
+        "class Steering(Fmi2Slave):",
+        "    def __init__(self, **kwargs):",
+        "        super().__init__(**kwargs)",
+        "        self.f = self.x = self.v = self.turn = 0.0",
+        '        outputs = {"wheel.phi": "turn", "rack.flange_a.s": "x", "rack.v": "v"}',
+        "        for name, own in outputs.items():",
+        "            get = lambda own=own: getattr(self, own)",
+        "            self.register_variable(Real(name, causality=Fmi2Causality.output, getter=get))",
+        '        put = lambda value: setattr(self, "f", value)',
+        '        self.register_variable(Real("rack.f_ext", causality=Fmi2Causality.input, getter=lambda: self.f, setter=put))',
+        "    def do_step(self, time, step):",
+        "        self.v += step * (self.f - 1000.0 * self.x - 2.0 * self.v)",
+        "        self.x += step * self.v",
+        "        self.turn = self.x / 0.0075",
+        "        return True",
+    )
+    (joint,) = find_joints(open_fmu(by_pythonfmu(tmp_path, "Steering", "\n".join(lines))), ())
+    assert (joint.force, joint.displacement, joint.velocity) == ("rack.f_ext", "rack.flange_a.s", "rack.v")
 
 
 def test_two_joints_that_show_the_same_motion_say_so(tmp_path: Path) -> None:

@@ -22,7 +22,21 @@ _WORDS = {
     "acceleration": frozenset(["a", "acc", "accel", "acceleration", "arel"]),
     "displacement": frozenset(
         [
-            *("d", "x", "y", "z", "disp", "displacement", "pos", "position", "travel", "stroke", "defl", "deflection"),
+            *(
+                "d",
+                "s",
+                "x",
+                "y",
+                "z",
+                "disp",
+                "displacement",
+                "pos",
+                "position",
+                "travel",
+                "stroke",
+                "defl",
+                "deflection",
+            ),
             *("compression", "extension", "elongation", "srel", "angle", "phi", "theta", "twist", "phirel"),
         ]
     ),
@@ -48,7 +62,7 @@ class JointGuess:
 
 def find_joints(fmu: FmuDescription, driven: Sequence[str]) -> tuple[JointGuess, ...]:
     """Every force input that is not `driven` and has a displacement of the same name's stem, or else the one that it moves
-    most. Raises FmuError of the pushes."""
+    most, of its own component (`rack.f_ext`, `rack.flange_a.s`) where that has any. Raises FmuError of the pushes."""
     forces = [v for v in fmu.of("input") if v.number and kind(v) == "force" and v.name not in driven]
     outputs = [v for v in fmu.of("output") if v.number and not v.discrete]
     moved = [v for v in outputs if kind(v) == "displacement"]
@@ -58,12 +72,14 @@ def find_joints(fmu: FmuDescription, driven: Sequence[str]) -> tuple[JointGuess,
     found: list[JointGuess] = []
     for i, force in enumerate(forces):
         mine = [j for j, v in enumerate(moved) if stem(v.name) == stem(force.name) and _belong(force, v)]
-        candidates = mine or [j for j, v in enumerate(moved) if _belong(force, v)]
+        belonging = [j for j, v in enumerate(moved) if _belong(force, v)]
+        candidates = mine or [j for j in belonging if _component(moved[j].name, force.name)] or belonging
         gives = [j for j in candidates if answers[j, i] != 0.0]
         if not gives:
             continue
         j = max(gives, key=lambda j: abs(answers[j, i]))
-        own = {what: _of(outputs, what, moved[j].name if mine == [] else force.name) for what in _WORDS}
+        alike = [force.name] if mine else [moved[j].name, force.name]
+        own = {what: next(filter(None, (_of(outputs, what, name) for name in alike)), "") for what in _WORDS}
         found.append(
             JointGuess(
                 " ".join(words(stem(force.name))) or force.name,
@@ -125,15 +141,16 @@ def written_out(variable: Variable) -> str:
 
 
 def _telling(variable: Variable) -> str:
-    """The word of its name that tells what it is: one of several letters, else the last or the first letter, the first where
-    nothing but case parts the words (`vF`); "" where none does."""
+    """The word of its name that tells what it is: one of several letters, that of a rate before others (`strokeVel`), else the
+    last or the first letter, the first where nothing but case parts the words (`vF`); "" where none does."""
     name = re.split(r"[./]", variable.name)[-1]
     parts = [word.rstrip("0123456789") for word in words(name)]
     if parts[-1:] == ["rel"] and len(parts) > 1:
         parts[-2:] = [f"{parts[-2]}rel"]
     ends = [*parts[-1:], *parts[:1]] if re.search(r"[^A-Za-z0-9]", name) else [*parts[:1], *parts[-1:]]
-    long = [word for word in (*ends, *parts) if len(word) > 1]
-    return next((word for word in (*long, *ends) if word in _ALL), "")
+    told = [word for word in (*ends, *parts) if len(word) > 1 and word in _ALL]
+    rates = [word for word in told if word in _WORDS["velocity"] | _WORDS["acceleration"]]  # of what the others name
+    return next((word for word in (*rates, *told, *ends) if word in _ALL), "")
 
 
 def stem(name: str) -> str:
@@ -142,6 +159,12 @@ def stem(name: str) -> str:
     if head:
         return head.group(1)
     return " ".join(word for word in words(name) if word.rstrip("0123456789") not in _ALL)
+
+
+def _component(one: str, other: str) -> bool:
+    """Whether two names stand below the same first part: `rack.flange_a.s` and `rack.f_ext`."""
+    first = [re.match(r"(.+?)[./]", name) for name in (one, other)]
+    return all(first) and len({match.group(1) for match in first if match}) == 1
 
 
 def _belong(force: Variable, moved: Variable) -> bool:
