@@ -21,7 +21,7 @@ from fmucorrect.discovery import output
 from fmucorrect.discovery.augmented import Found, found_of, write_model
 from fmucorrect.discovery.confirm import Gap, carries_over, gaps, sensors_told
 from fmucorrect.discovery.decide import Decision, decide
-from fmucorrect.discovery.doubt import cautions, wrong_signs
+from fmucorrect.discovery.doubt import cautions, far_moves, wrong_signs
 from fmucorrect.discovery.elsewhere import by, library, quietly
 from fmucorrect.discovery.errorbars import base_std, with_unlisted
 from fmucorrect.discovery.fitted import Fitted, Setting
@@ -267,7 +267,7 @@ def _report(
         "sensors": sensed,
         "cautions": [
             *wrong_signs(problem),
-            *cautions(problem, best, wider, sensed),
+            *(cautions(problem, best, wider, sensed) if learned is None else far_moves(problem, learned.model)),
             *(_alone(best, own) if named else ()),
         ],
         "candidates": output.candidate_rows(problem, naming, decision),

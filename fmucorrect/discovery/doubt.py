@@ -12,7 +12,7 @@ import numpy as np
 from fmucorrect.discovery.errorbars import JOINT_ERROR
 from fmucorrect.discovery.fitted import Fitted
 from fmucorrect.discovery.form import FARTHEST
-from fmucorrect.discovery.model import start_value, tolerance_of
+from fmucorrect.discovery.model import Model, start_value, tolerance_of
 from fmucorrect.discovery.motion import along
 from fmucorrect.discovery.paring import NOTHING, is_nothing
 from fmucorrect.discovery.problem import Problem
@@ -35,31 +35,35 @@ WIDER = 2.0
 def cautions(problem: Problem, best: Fitted, wider: Fitted, sensors: Sequence[Mapping[str, Any]]) -> list[str]:
     """What the verdict hangs on, a phrase each. wider: the same fit with its covariance as errorbars.with_unlisted has it.
     sensors: of the report."""
-    moved = [*_parameters(problem, best), *_together(problem, best)]
-    return [*moved, *_sensors(sensors), *_numbers(best, wider), *_nothing(best, wider)]
+    return [*far_moves(problem, best.model), *_sensors(sensors), *_numbers(best, wider), *_nothing(best, wider)]
 
 
-def _parameters(problem: Problem, best: Fitted) -> Iterator[str]:
+def far_moves(problem: Problem, model: Model) -> list[str]:
+    """Parameters that a model has moved far from what the study expects of them, to their bounds, or all alike."""
+    return [*_parameters(problem, model), *_together(problem, model)]
+
+
+def _parameters(problem: Problem, model: Model) -> Iterator[str]:
     reach = np.clip(problem.reach, -FARTHEST, FARTHEST)
-    for adjustable, z, (low, high) in zip(problem.tolerated, best.model.base, reach, strict=True):
+    for adjustable, z, (low, high) in zip(problem.tolerated, model.base, reach, strict=True):
         name = " and ".join(adjustable.parameters)
         if z != 0.0 and not low + BOUND < z < high - BOUND:
             yield f"{name}, which moved by {short(z)} of its tolerances and would have gone on"
         elif abs(z) >= FAR:
             yield f"{name}, which moved by {short(z)} of its tolerances"
-    for term in best.model.terms:
+    for term in model.terms:
         if isinstance(term, OffsetTerm):
             edge = BOUND * (term.high - term.low)
             if not term.low + edge < term.values["value"] < term.high - edge:
                 yield f"{term.where}, which is at its bound in the study"
 
 
-def _together(problem: Problem, best: Fitted) -> Iterator[str]:
+def _together(problem: Problem, model: Model) -> Iterator[str]:
     """Of a linear machine only ratios of inertia, stiffness, damping and force can be told: one inertia too small in the model
     is all others too large."""
-    z = np.array(best.model.base)
+    z = np.array(model.base)
     shares: list[float] = []
-    for adjustable, far in zip(problem.tolerated, best.model.base, strict=True):
+    for adjustable, far in zip(problem.tolerated, model.base, strict=True):
         starts = (start_value(problem.study, problem.fmu, None, name) for name in adjustable.parameters)
         shares += [
             far * tolerance_of(adjustable, start) / start for start in starts if np.isfinite(start) and start != 0.0

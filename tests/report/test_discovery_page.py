@@ -236,8 +236,9 @@ def test_unexplained_says_where_and_names_nothing() -> None:
     assert "Secondary, lateral" in text  # its force against displacement and velocity, without a law
     assert "Line: what the law gives" not in text
     assert "augmented" not in text
-    tried = example.report("unexplained") | {"effects": example.report("named")["effects"][:1]}
+    tried = example.report("unexplained") | {name: example.report("named")[name][:1] for name in ("effects", "gap")}
     text = words(tried)
+    assert "After: the FMU re-simulated with what came nearest and is no finding, which no file has in it." in text
     assert "Closest, but not it: Coulomb friction" in text
     assert "It is no finding." in text
     assert "Probability 97 %" not in text

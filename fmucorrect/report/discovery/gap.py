@@ -17,6 +17,8 @@ ROLES = {
     "evaluation": "Evaluation: held out, not looked at until the verdict stood",
     "development": "Development: the search and the fit saw these",
 }
+NEAREST = "what came nearest and is no finding"
+"""In the words of a page whose verdict names nothing."""
 
 
 def judged(items: Sequence[Gap]) -> tuple[Sequence[Gap], bool]:
@@ -31,14 +33,14 @@ def mean(values: Sequence[float]) -> float:
     return float(np.mean(found)) if found else float("nan")
 
 
-def gap_section(page: Page, items: Sequence[Gap], recorded: bool) -> None:
-    """Nothing where there are no conditions. recorded: whether there is no FMU to simulate again."""
+def gap_section(page: Page, items: Sequence[Gap], recorded: bool, named: bool) -> None:
+    """Nothing where there are no conditions. recorded: whether there is no FMU to simulate again. named: whether what was found
+    has a name."""
     if not items:
         return
     changed = any(known(item.nrmse_after) for item in items)
-    again = (
-        "what was found, applied to the recorded simulation" if recorded else "the FMU re-simulated with what was found"
-    )
+    found = "what was found" if named else f"{NEAREST}, which no file has in it"
+    again = f"{found}, applied to the recorded simulation" if recorded else f"the FMU re-simulated with {found}"
     page.section(
         "The gap, before and after" if changed else "The gap between simulation and measurement",
         "Error: NRMSE in % of the measured range, mean of the channels. Noise floor: what a perfect model would leave."

@@ -21,7 +21,7 @@ from fmucorrect.report.discovery.effects import (
     moved_section,
     source_section,
 )
-from fmucorrect.report.discovery.gap import gap_section, judged, mean, r2
+from fmucorrect.report.discovery.gap import NEAREST, gap_section, judged, mean, r2
 from fmucorrect.report.discovery.learned import learned_section
 from fmucorrect.report.discovery.next_steps import left_section, next_section, run_section
 from fmucorrect.report.discovery.rivals import rivals_section
@@ -67,7 +67,8 @@ def build(report: Discovery) -> Page:
     hangs_section(page, report)
     page.warnings(report.warnings)
     laws_section(page, report)
-    gap_section(page, report.gap, recorded=report.study is not None and not report.fmu)
+    recorded = report.study is not None and not report.fmu
+    gap_section(page, report.gap, recorded, named=report.verdict != "unexplained")
     _series_section(page, report)
     moved_section(page, report)
     learned_section(page, report)
@@ -132,6 +133,7 @@ def _tiles(page: Page, report: Discovery) -> None:
         first, last = (error(before) if known(before) else "", error(after)) if known(after) else ("", error(before))
         of = f"at {items[0].condition}" if len(items) == 1 else f"mean of {len(items)} conditions"
         noise = f"noise alone makes {error(floor)}" if known(floor) else "the noise floor is not known"
+        of += f", with {NEAREST}" if known(after) and report.verdict == "unexplained" else ""
         tiles.append(
             ("Held-out error, NRMSE" if held else "Error, NRMSE, none held out", first, last, f"{of}; {noise}")
         )
@@ -175,7 +177,8 @@ def _series_section(page: Page, report: Discovery) -> None:
     if not shown:
         return
     changed = any(trace.name == "after" for _, figure in shown for trace in cast(Any, figure).data)
-    note = "A stretch of time." + (" Before: the model as it was. After: with what was found." if changed else "")
+    after = NEAREST if report.verdict == "unexplained" else "what was found"
+    note = "A stretch of time." + (f" Before: the model as it was. After: with {after}." if changed else "")
     note += " Drag to zoom all panels together, double-click for everything, click a name to hide its curve."
     if count > len(channels):
         note += f" {len(channels)} of {count} channels, those that disagreed most."
