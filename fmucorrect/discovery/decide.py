@@ -78,7 +78,7 @@ def decide(naming: Naming) -> Decision:
     elif (
         unexplained > LEFT
         or _full(best, unexplained > WORTH**2 and best.s2 > OPEN * naming.setting.floor)
-        or _strained(naming.setting, best)
+        or strained(naming.setting, best)
     ):
         verdict = "unexplained"
     else:
@@ -93,7 +93,7 @@ def _full(fitted: Fitted, open_still: bool) -> bool:
     return not has_room(fitted) and (open_still or moved > MOST)
 
 
-def _strained(setting: Setting, fitted: Fitted) -> bool:
+def strained(setting: Setting, fitted: Fitted) -> bool:
     """Whether a base parameter went as far as any may, and wanted more; or, where the set leaves something above the noise,
     farther than its own name would cost. By the search's own measure that is off as well, and is not told: what is missing may
     be at another place, or what a law adds be taken out of the model."""

@@ -21,7 +21,7 @@ from fmucorrect.discovery import output
 from fmucorrect.discovery.augmented import Found, found_of, write_model
 from fmucorrect.discovery.confirm import Gap, carries_over, gaps, sensors_told
 from fmucorrect.discovery.decide import Decision, decide
-from fmucorrect.discovery.doubt import cautions, far_moves, wrong_signs
+from fmucorrect.discovery.doubt import cautions, far_moves, not_named, wrong_signs
 from fmucorrect.discovery.elsewhere import by, library, quietly
 from fmucorrect.discovery.errorbars import base_std, with_unlisted
 from fmucorrect.discovery.fitted import Fitted, Setting
@@ -276,6 +276,7 @@ def _report(
         "gap": [output.gap_row(gap) | alone.get(gap.condition.name, {}) for gap in checked],
         "series": output.series(study, checked),
         "unexplained": decision.unexplained,
+        "not_named": not_named(problem, naming.setting, decision),
         "next_test": _next(problem, naming, decision) if verdict == "ambiguous" else None,
         "notes": _notes(study, problem, naming.setting, decision)
         + left_out

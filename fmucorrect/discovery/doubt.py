@@ -9,14 +9,16 @@ from typing import Any
 
 import numpy as np
 
+from fmucorrect.discovery.decide import Decision, strained
 from fmucorrect.discovery.errorbars import JOINT_ERROR
-from fmucorrect.discovery.fitted import Fitted
+from fmucorrect.discovery.fitted import Fitted, Setting
 from fmucorrect.discovery.form import FARTHEST
 from fmucorrect.discovery.model import Model, start_value, tolerance_of
 from fmucorrect.discovery.motion import along
 from fmucorrect.discovery.paring import NOTHING, is_nothing
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.terms import OffsetTerm
+from fmucorrect.discovery.worth import LEFT
 from fmucorrect.errors import FmuError
 from fmucorrect.report.base.words import short
 from fmucorrect.report.discovery.text import at, plain
@@ -41,6 +43,18 @@ def cautions(problem: Problem, best: Fitted, wider: Fitted, sensors: Sequence[Ma
 def far_moves(problem: Problem, model: Model) -> list[str]:
     """Parameters that a model has moved far from what the study expects of them, to their bounds, or all alike."""
     return [*_parameters(problem, model), *_together(problem, model)]
+
+
+def not_named(problem: Problem, setting: Setting, decision: Decision) -> str:
+    """Why what came nearest has no name though it leaves little; "" where it leaves much, or where its size does not last."""
+    best = decision.best
+    if not best.model.terms or decision.verdict != "unexplained" or decision.unexplained > LEFT:
+        return ""
+    if not strained(setting, best):
+        return "it takes as many effects as a set may have"
+    i = int(np.argmax(np.abs(best.model.base)))
+    moved = " and ".join(problem.tolerated[i].parameters)
+    return f"with it {moved} moves by {short(best.model.base[i])} of its tolerances"
 
 
 def _parameters(problem: Problem, model: Model) -> Iterator[str]:

@@ -43,8 +43,9 @@ def _verdict(report: Discovery, checked: Sequence[Gap]) -> str:
     if report.verdict == "unexplained":
         stays = f"{100 * report.unexplained:.3g} % of the residual's energy"
         near = "; ".join(map(sized, report.suspects))
+        but = f", but {report.not_named}" if report.not_named else ""
         left = _nearest(report.suspects) or (
-            f"nearest: {near}, beside which {stays} stays" if near else f"{stays} stays"
+            f"nearest: {near}, beside which {stays} stays{but}" if near else f"{stays} stays"
         )
         nothing = "nothing in the catalogue" if report.complete else "nothing that was looked at"
         return f"Simulation and measurement disagree, and {nothing} explains it: {left}.{_learned(report)}"

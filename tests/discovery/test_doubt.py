@@ -15,10 +15,13 @@ from test_exchange import C as C1
 from test_exchange import K, M, adjustable, decided, force, integrated
 
 from fmucorrect.catalogue.signal import SIGNALS
+from fmucorrect.discovery.decide import Decision
 from fmucorrect.discovery.discover import _alone, _by_fmu
-from fmucorrect.discovery.doubt import cautions
+from fmucorrect.discovery.doubt import cautions, not_named
 from fmucorrect.discovery.errorbars import JOINT_ERROR, with_unlisted
+from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fit import fit
+from fmucorrect.discovery.fitted import Setting
 from fmucorrect.discovery.motion import acting
 from fmucorrect.discovery.problem import load
 from fmucorrect.discovery.terms import SignalTerm
@@ -45,6 +48,15 @@ def test_a_parameter_far_from_its_tolerance_is_told(library, tmp_path, stiffer, 
     assert ("hangs on k1" in sentence(Discovery.read(report), [])) == bool(told)
     at_bound = replace(found.best, model=replace(found.best.model, base=(6.0, 0.0)))
     assert "would have gone on" in cautions(problem, at_bound, at_bound, [])[0]
+    (law,) = SIGNALS["sensor_lowpass"]
+    near = replace(at_bound, model=replace(at_bound.model, terms=(SignalTerm(law, "x1", (0,), {"cutoff": 40.0}),)))
+    setting = Setting(near.at, Nuisances(near.base), near.base, np.zeros(0), 1.0)
+    why = not_named(problem, setting, Decision("unexplained", near, (1.0,), ((),), (), 1e-3))
+    assert why == "with it k1 moves by 6.00 of its tolerances"
+    assert not_named(problem, setting, Decision("unexplained", near, (1.0,), ((),), (), 0.5)) == ""
+    rows = [{"effect": "sensor_lowpass", "joint": "x1", "uneven": None, "varies": None}]
+    report = {"verdict": "unexplained", "unexplained": 1e-3, "suspects": rows, "not_named": why}
+    assert "energy stays, but with it k1 moves by 6.00 of its tolerances." in sentence(Discovery.read(report), [])
 
 
 def test_sensors_that_moved_alike_are_told_and_those_that_scatter_are_not(library, tmp_path):

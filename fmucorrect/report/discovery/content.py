@@ -336,8 +336,9 @@ class Discovery:
     """verdict: named, ambiguous, none or unexplained. suspects: what came nearest where nothing is named. adjusted,
     adjusted_from, adjusted_by, adjusted_std: parameters that moved: value after, before, by how many tolerances, standard
     deviation of the value. cautions: what the verdict hangs on. series: by condition. unexplained: share of the residual's
-    energy. warnings: as Finding.to_json has them. time_limit, stages: s. complete: whether the search came to its end, which
-    one before there was a time limit always did."""
+    energy. not_named: why what came nearest has no name though it leaves little. warnings: as Finding.to_json has them.
+    time_limit, stages: s. complete: whether the search came to its end, which one before there was a time limit always did.
+    """
 
     verdict: str
     sentence: str
@@ -365,6 +366,7 @@ class Discovery:
     files: Sequence[str]
     stages: Mapping[str, float]
     complete: bool = True
+    not_named: str = ""
 
     @classmethod
     def read(cls, report: Any) -> Discovery:
