@@ -17,6 +17,7 @@ from fmucorrect.drafting import _held_out, draft
 from fmucorrect.drafting.driving import NAMED
 from fmucorrect.drafting.guess import likeness
 from fmucorrect.drafting.joints import find_joints, kind, kind_by_name, turns
+from fmucorrect.drafting.pairing import read_run
 from fmucorrect.drafting.parameters import find_parameters, other_parameters
 from fmucorrect.errors import RecordError
 from fmucorrect.fmu import IsolatedStepper, Variable, open_fmu
@@ -574,6 +575,21 @@ def test_a_force_is_paired_with_what_moves_of_its_own_component(tmp_path: Path) 
     )
     (joint,) = find_joints(open_fmu(by_pythonfmu(tmp_path, "Steering", "\n".join(lines))), ())
     assert (joint.force, joint.displacement, joint.velocity) == ("rack.f_ext", "rack.flange_a.s", "rack.v")
+
+
+def test_a_topics_name_tells_whose_range_a_column_is(tmp_path: Path) -> None:
+    """ROS: the messages' fields are called the same for every sensor."""
+    path = tmp_path / "rig.mcap"
+    t = np.arange(200) * 5_000_000
+    with writer(path) as file:
+        for topic, names in (("/fork/stroke", ["range"]), ("/rig/platform", ["position", "velocity"])):
+            columns = tuple(Channel(name, "m") for name in names)
+            file.write(topic, Record(t, np.random.default_rng(1).normal(size=(200, len(names))), columns))
+    log = read_run(path)
+    assert NAMED < log.alike("range", "stroke") < 1.0
+    assert log.alike("range", "zFrame") == likeness("range", "zFrame")
+    assert log.alike("position", "stroke") < NAMED
+    assert log.alike("velocity", "velocity") == 1.0
 
 
 def test_two_joints_that_show_the_same_motion_say_so(tmp_path: Path) -> None:

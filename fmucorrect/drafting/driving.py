@@ -11,7 +11,7 @@ import numpy as np
 
 from fmucorrect import units
 from fmucorrect.drafting.guess import likeness, quantity, si
-from fmucorrect.drafting.joints import find_joints, kind
+from fmucorrect.drafting.joints import find_joints, kind, kind_by_name
 from fmucorrect.drafting.pairing import (
     NAMED,
     RARE,
@@ -100,7 +100,7 @@ def _run(plant: Plant, log: Run, inputs: Sequence[InputGuess], step_ns: int) -> 
 def _further(plant: Plant, log: Run, known: Driving, step_ns: int) -> Driving | None:
     """With one more input, which no name tells; None where no column shows that it is one."""
     fmu = plant.fmu
-    pairs = sorted(_possible(fmu, log, known), key=lambda pair: -likeness(pair[0].name, pair[1]))
+    pairs = sorted(_possible(fmu, log, known), key=lambda pair: -log.alike(pair[1], pair[0].name))
     shown = {guess.column: guess.shown for guess in find_channels(fmu, log, known.trial)}
     best: tuple[float, Driving] | None = None
     for variable, column in sorted(pairs[:TRIED], key=lambda pair: pair[0].name):  # one process for each input
@@ -115,7 +115,7 @@ def _further(plant: Plant, log: Run, known: Driving, step_ns: int) -> Driving | 
         gain, response = found
         why = f"no name tells; with it, {response.output} shows {response.column} ({response.why})"
         guess = InputGuess(variable.name, column, why)
-        score = gain + likeness(variable.name, column)
+        score = gain + log.alike(column, variable.name)
         if best is None or score > best[0]:
             best = score, Driving((*known.inputs, guess), trial, max(len(pairs) - TRIED, 0))
     return None if best is None else best[1]
@@ -157,8 +157,9 @@ def _possible(fmu: FmuDescription, log: Run, known: Driving) -> Iterator[tuple[V
     }
     for variable in _undriven(fmu, driven):
         for column, unit in log.columns.items():
-            theirs = "displacement" if quantity(unit) == "angle" else quantity(unit)
-            alike = not kind(variable) or theirs in (None, kind(variable))
+            theirs = kind_by_name(column) if unit in units.UNSAID else quantity(unit)
+            theirs = "displacement" if theirs == "angle" else theirs
+            alike = not (kind(variable) and theirs) or theirs == kind(variable)
             fits = alike and may_be(variable.unit, unit, fmu.defined)
             if fits and moving.get(column) and column not in outputs:
                 yield variable, column

@@ -12,7 +12,7 @@ from jaxtyping import Float64
 
 from fmucorrect import records, units
 from fmucorrect.clocks import overlapping
-from fmucorrect.drafting.guess import SENSED, likeness, quantity, si
+from fmucorrect.drafting.guess import SENSED, WITHIN, likeness, quantity, si
 from fmucorrect.drafting.joints import kind, kind_by_name, unit_of, written_out
 from fmucorrect.errors import RecordError, few
 from fmucorrect.fmu import FmuDescription, IsolatedStepper, Variable, input_record
@@ -66,7 +66,8 @@ class Run:
     columns that are the same in another run to the last digit: commands, no measurements. reading: how a study has to read
     it, beside what the file says. at_once: whether a run that nothing drives begins with its first row, whatever its stamps.
     heard: whether columns are taken for what is linear in an output and of its size, as no correlation says what they are.
-    stand_ins: numbers that look like lost samples, in words."""
+    stand_ins: numbers that look like lost samples, in words. topics: with its topic before it, a column's name, where there
+    are several topics: in logs of ROS that alone tells one sensor's `range` from another's."""
 
     path: Path
     columns: Mapping[str, str]
@@ -79,6 +80,12 @@ class Run:
     at_once: bool = False
     heard: bool = False
     stand_ins: tuple[str, ...] = ()
+    topics: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+
+    def alike(self, column: str, variable: str) -> float:
+        """Likeness of a column's name, its topic's too, to that of a variable, 0 to 1: 1 where the column's own is the same."""
+        with_topic = likeness(self.topics[column], variable) if column in self.topics else 0.0
+        return max(likeness(column, variable), min(with_topic, WITHIN))
 
     @property
     def stamps(self) -> tuple[int, int]:
@@ -158,7 +165,14 @@ def read_run(path: Path, reading: Reading = AS_IT_IS, used: Collection[str] | No
     record, wrong, reading, why = _mended(path, rows, reading, kept)
     columns = {channel.name: units[channel.name] for channel in record.channels}
     told = (*wrong.values(), *left_out, *contents.left_out)
-    return Run(path, columns, record, told, wrong, why, reading=reading, stand_ins=tuple(stand_ins(record)))
+    longer = {
+        name: item.topic.full_name(name)
+        for name, item in topics.items()
+        if len(kept) > 1 and name in (column.name for column in item.topic.columns)
+    }
+    return Run(
+        path, columns, record, told, wrong, why, reading=reading, stand_ins=tuple(stand_ins(record)), topics=longer
+    )
 
 
 def _mended(
@@ -387,7 +401,7 @@ def find_channels(fmu: FmuDescription, log: Run, trial: Trial) -> tuple[ChannelG
     shown = correlation = correlations(trial.measured, trial.simulated)
     if trial.heard:
         shown = _heard(fmu, log, trial, shown)
-    alike = np.array([[likeness(c, o.name) for o in trial.outputs] for c in trial.columns]).reshape(shown.shape)
+    alike = np.array([[log.alike(c, o.name) for o in trial.outputs] for c in trial.columns]).reshape(shown.shape)
     fits = [
         [c not in log.repeated and _may_show(log.columns[c], c, o, fmu) for o in trial.outputs] for c in trial.columns
     ]
