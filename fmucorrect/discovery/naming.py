@@ -27,7 +27,7 @@ ENDING = {"ending": "equivalents of what was found, and its numbers to their end
 """What comes after every search, by the name that `Ledger.through` takes."""
 NEAR, TWINS = 8.0, 4
 """How far behind, and how many, sets are tried at other places."""
-AGAIN = 3
+HANDED_ON = 3
 """How often the equivalents of a set are asked for that gives way to a likelier one among them."""
 
 
@@ -179,7 +179,7 @@ def _with_equivalents(
     setting = replace(setting, share=share_of(problem, setting, best.residual))
     base, here = judge(setting, base), comparable(problem, setting, best)
     others: list[Fitted] = []
-    for _ in range(AGAIN):
+    for _ in range(HANDED_ON):
         alike = [*at_other_places(problem, setting, here), *exchanged(problem, setting, here, curves, [])]
         alike = [one for one in merged(alike) if not simpler_ones(setting, base, [here], one)]
         others = merged([here, *others, *alike])

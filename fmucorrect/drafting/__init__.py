@@ -112,7 +112,7 @@ def draft(
     units |= {guess.output: guess.variable_unit for guess in channels if guess.variable_unit}
     used = {*(guess.column for guess in channels), *inputs.values()}
     measured = [guess.column for guess in channels]
-    logs = [_steady(_needed(log, reading, used), measured) for log in logs]
+    logs = [_steady(_needed(log, reading, used), measured, log.columns) for log in logs]
     held_out = _held_out([log.path.stem for log in logs])
     drafted = [
         DraftedRun(
@@ -222,9 +222,13 @@ def _needed(log: Run, reading: Reading, used: Collection[str]) -> Run:
     )
 
 
-def _steady(log: Run, measured: Sequence[str]) -> Run:
+SENT = "header.stamp"
+"""The time that a message of ROS has itself, beside that at which it was logged."""
+
+
+def _steady(log: Run, measured: Sequence[str], columns: Collection[str]) -> Run:
     """The log, its stamps at the median step where those of what is measured jitter: what is registered, filtered and trained
-    on wants even ones. A gap is left to the user."""
+    on wants even ones. A gap is left to the user. columns: all that the file has."""
     there = [column for column in measured if column in log.columns]
     if not there:
         return log
@@ -234,6 +238,8 @@ def _steady(log: Run, measured: Sequence[str]) -> Run:
         return log
     reading = replace(log.reading, repair=",".join(filter(None, [log.reading.repair, "resample"])))
     why = "the stamps of what is measured jitter: straight lines to those of their median step"
+    if not log.reading.time and any(column.endswith(SENT) for column in columns):
+        why += f"; they are of the log's writing, those of --time {SENT} of the sensors"
     return replace(log, reading=reading, filled="; ".join(filter(None, [log.filled, why])))
 
 

@@ -22,26 +22,12 @@ _WORDS = {
     "acceleration": frozenset(["a", "acc", "accel", "acceleration", "arel"]),
     "displacement": frozenset(
         [
-            *(
-                "d",
-                "s",
-                "x",
-                "y",
-                "z",
-                "disp",
-                "displacement",
-                "pos",
-                "position",
-                "travel",
-                "stroke",
-                "defl",
-                "deflection",
-            ),
-            *("compression", "extension", "elongation", "srel", "angle", "phi", "theta", "twist", "phirel"),
+            *("d", "x", "y", "z", "disp", "displacement", "pos", "position", "travel", "stroke", "defl", "deflection"),
+            *("compression", "extension", "elongation", "srel", "angle", "phi", "theta", "twist", "phirel", "s"),
         ]
     ),
 }
-"""Words of a name that tell what a variable without a unit is; `s_rel` and its kin as Modelica's library has them."""
+"""Words of a name that tell what a variable without a unit is; `s`, `s_rel` and their kin as Modelica's library has them."""
 _TURNS = frozenset("torque trq moment mx my mz tau omega wrel angle phi theta twist phirel".split())  # noqa: SIM905
 """Of these words, those of what turns."""
 _ALL = frozenset().union(*_WORDS.values())
