@@ -124,6 +124,7 @@ def _less(problem: Problem, setting: Setting, best: Fitted) -> Iterator[Fitted]:
 def comparable(problem: Problem, setting: Setting, best: Fitted) -> Fitted:
     """An ended set as other sets are fitted: its numbers may be by more of the record, and are then not the likeliest here."""
     best, own = judge(setting, best), replace(setting, base=best.base)
+    # by its number: its sensitivities are those from before more of the record moved it, and promise nothing of this fit
     fitted = fit(problem, own, best.model, LONG, best.at, parent=best.number)
     return fitted if fitted is not None and fitted.surprise < best.surprise else best
 

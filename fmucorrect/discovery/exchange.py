@@ -122,13 +122,14 @@ def _columns(problem: Problem, best: Fitted, curves: Sequence[Curve]) -> Iterato
     have, own = names(best), {" and ".join(a.parameters): i for i, a in enumerate(problem.tolerated)}
     at = {term.where for term in best.model.terms if isinstance(term, ForceTerm)}
     free = [curve for curve in curves if curve.key not in have and (curve.numbers == 1 or curve.where in at)]
-    free = [curve for curve in free if not _spanned(curve.term(curve.size), best.model.terms)]
     sides: list[tuple[int, float, Model]] = []
     for i, curve in enumerate(free):
+        first = curve.term(curve.size)
+        if first is not None and _spanned(first, best.model.terms):
+            continue
         if curve.effect == OFFSET and curve.where in own:
             yield _Column(curve, best.base[:, own[curve.where]] * curve.size * (1.0 if curve.form == UP else -1.0))
             continue
-        first = curve.term(curve.size)
         straight = curve.numbers == 1 and first is not None and (isinstance(first, SignalTerm) or proportional(first))
         if not (straight or curve.where in at):
             continue
@@ -146,11 +147,9 @@ def _columns(problem: Problem, best: Fitted, curves: Sequence[Curve]) -> Iterato
         yield _Column(free[i], np.mean([*each[:2], *mirrored], axis=0))
 
 
-def _spanned(candidate: Term | None, terms: Sequence[Term]) -> bool:
+def _spanned(candidate: Term, terms: Sequence[Term]) -> bool:
     """Whether a candidate moves nothing but what the members together move already: one of two dampers beside both of them and
     the other one. That writes the same model in other numbers, and is none to be compared with it."""
-    if candidate is None:
-        return False
     members, own = [_moves(term) for term in terms], _moves(candidate)
     parts = sorted(set().union(*members))
     rows = np.array([[part in one for part in parts] for one in (*members, own)], float)

@@ -128,15 +128,15 @@ def _finished(problem: Problem, naming: Naming) -> Naming:
 
 def _ended(problem: Problem, naming: Naming, progress: Progress) -> Naming:
     """With what is only at other places, what is alike, and the likeliest sets fitted to their end."""
-    setting = naming.setting
+    setting, told = naming.setting, list[Fitted]()
     close = [fitted for fitted in naming.sets if fitted.surprise < naming.best.surprise + NEAR][:TWINS]
     found = merged([*naming.sets, *(twin for fitted in close for twin in at_other_places(problem, setting, fitted))])
-    curves = around(problem, naming.base).curves(naming.base) if naming.sets else []
     if naming.sets:
+        curves = around(problem, naming.base).curves(naming.base)
         alike = exchanged(problem, setting, first_of(found), curves, found)
         found = merged([*found, *(one for one in alike if not simpler_ones(setting, naming.base, found, one))])
-    told = likeliest(problem, setting, found)
-    if told:  # its numbers to their end; compared with the others as they were fitted alike
+        told = likeliest(problem, setting, found)
+        # its numbers to their end; compared with the others as they were fitted alike
         least = told[0].surprise
         first = names(naming.best)  # of equals it stays
         told.sort(key=lambda fitted: names(fitted) != first or fitted.surprise > least + GAINED)

@@ -57,8 +57,8 @@ def find_joints(fmu: FmuDescription, driven: Sequence[str]) -> tuple[JointGuess,
     answers = feedthrough(fmu.path, [v.name for v in forces], [v.name for v in moved], PUSH_NS)
     found: list[JointGuess] = []
     for i, force in enumerate(forces):
-        mine = [j for j, v in enumerate(moved) if stem(v.name) == stem(force.name) and _belong(force, v)]
         belonging = [j for j, v in enumerate(moved) if _belong(force, v)]
+        mine = [j for j in belonging if stem(moved[j].name) == stem(force.name)]
         candidates = mine or [j for j in belonging if _component(moved[j].name, force.name)] or belonging
         gives = [j for j in candidates if answers[j, i] != 0.0]
         if not gives:
@@ -149,8 +149,8 @@ def stem(name: str) -> str:
 
 def _component(one: str, other: str) -> bool:
     """Whether two names stand below the same first part: `rack.flange_a.s` and `rack.f_ext`."""
-    first = [re.match(r"(.+?)[./]", name) for name in (one, other)]
-    return all(first) and len({match.group(1) for match in first if match}) == 1
+    head = re.match(r".+?[./]", one)
+    return head is not None and other.startswith(head.group())
 
 
 def _belong(force: Variable, moved: Variable) -> bool:

@@ -154,25 +154,19 @@ def read_run(path: Path, reading: Reading = AS_IT_IS, used: Collection[str] | No
         raise RecordError("there are no numeric columns with rows", where=str(path))
     kept, left_out = _beside_each_other(filled)
     names = [column.name for item in kept for column in item.topic.columns]
-    units, topics = dict[str, str](), dict[str, TopicContents]()
+    units, topics, longer = dict[str, str](), dict[str, TopicContents](), dict[str, str]()
     for item in kept:
         for column in item.topic.columns:
             name = item.topic.full_name(column.name) if names.count(column.name) > 1 else column.name
-            units[name], topics[name] = column.unit, item
+            units[name], topics[name], longer[name] = column.unit, item, item.topic.full_name(column.name)
     topics = {name: item for name, item in topics.items() if used is None or name in used} or topics
     kept = [item for item in kept if item in topics.values()]
     rows = {name: item.extent.rows for name, item in topics.items()}
     record, wrong, reading, why = _mended(path, rows, reading, kept)
     columns = {channel.name: units[channel.name] for channel in record.channels}
     told = (*wrong.values(), *left_out, *contents.left_out)
-    longer = {
-        name: item.topic.full_name(name)
-        for name, item in topics.items()
-        if len(kept) > 1 and name in (column.name for column in item.topic.columns)
-    }
-    return Run(
-        path, columns, record, told, wrong, why, reading=reading, stand_ins=tuple(stand_ins(record)), topics=longer
-    )
+    lost, longer = tuple(stand_ins(record)), longer if len(kept) > 1 else {}
+    return Run(path, columns, record, told, wrong, why, reading=reading, stand_ins=lost, topics=longer)
 
 
 def _mended(
