@@ -7,7 +7,9 @@ import pytest
 from fmucorrect.cli import group
 
 
-def test_a_line_a_minute(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_line_after_half_a_minute_then_each_minute(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     now = [100.0]
     monkeypatch.setattr(group.time, "monotonic", lambda: now[0])
     with group.progress_bar(10, "epoch", "train") as advance, group.stages("discover") as progress:
@@ -18,9 +20,9 @@ def test_a_line_a_minute(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capture
     told = capsys.readouterr()
     assert told.out == ""
     assert told.err.splitlines() == [
-        *("train: 3 of 10 epochs, 1 min, 2 more at this pace, or fewer", "discover, fit: 3 of 7, 1 min"),
-        *("train: 6 of 10 epochs, 2 min, 1 more at this pace, or fewer", "discover, fit: 3 of 7, 2 min"),
-        *("train: 9 of 10 epochs, 3 min, 0 more at this pace, or fewer", "discover, fit: 3 of 7, 3 min"),
+        *("train: 2 of 10 epochs, 40 s, 3 min more at this pace, or less", "discover, fit: 3 of 7, 40 s"),
+        *("train: 5 of 10 epochs, 2 min, 2 min more at this pace, or less", "discover, fit: 3 of 7, 2 min"),
+        *("train: 8 of 10 epochs, 3 min, 40 s more at this pace, or less", "discover, fit: 3 of 7, 3 min"),
     ]
 
 
@@ -28,7 +30,8 @@ def test_a_long_stage_goes_on_being_told(monkeypatch: pytest.MonkeyPatch, capsys
     """Between two of its steps, too."""
     told = threading.Event()
     monkeypatch.setattr(group, "AGAIN", 0.001)
-    monkeypatch.setattr(group, "MINUTE", 0.0)
+    for wait in ("MINUTE", "FIRST"):
+        monkeypatch.setattr(group, wait, 0.0)
     said = group.click.echo
 
     def echo(text: str, err: bool) -> None:

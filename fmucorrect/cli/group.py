@@ -229,8 +229,9 @@ def open_study(path: Path, allow_damaged: bool, step_timeout: float | None = Non
 
 AGAIN = 2.0
 """s after which the time beside a stage is shown anew."""
-MINUTE = 60.0
-"""s between lines about a command's progress, where there is no terminal: a log that is read later stays short."""
+MINUTE, FIRST = 60.0, 30.0
+"""s between lines about a command's progress, where there is no terminal, and before the first: a log that is read later stays
+short, and whether to wait or to come back tomorrow is asked at once."""
 
 
 @contextmanager
@@ -306,19 +307,24 @@ def _again(show: Callable[[], object]) -> Generator[None]:
 
 def _minutely() -> Callable[..., None]:
     """Writes what it is told to standard error, with the time since and, of a share that is done, what is to come at most at
-    this pace, if the last line is a minute old."""
-    begun = last = time.monotonic()
+    this pace: FIRST after it began, then if the last line is a minute old."""
+    begun = time.monotonic()
+    due = begun + FIRST
 
     def tell(text: str, share: float = 0.0) -> None:
-        nonlocal last
+        nonlocal due
         now = time.monotonic()
-        if now - last >= MINUTE:
-            last = now
-            minutes = (now - begun) / 60.0
-            more = f", {minutes * (1.0 - share) / share:.0f} more at this pace, or fewer" if share > 0.0 else ""
-            click.echo(f"{text}, {minutes:.0f} min{more}", err=True)
+        if now >= due:
+            due = now + MINUTE
+            passed = now - begun
+            more = f", {_time(passed * (1.0 - share) / share)} more at this pace, or less" if share > 0.0 else ""
+            click.echo(f"{text}, {_time(passed)}{more}", err=True)
 
     return tell
+
+
+def _time(seconds: float) -> str:
+    return f"{seconds:.0f} s" if seconds < MINUTE else f"{seconds / 60.0:.0f} min"
 
 
 def note(text: str) -> None:

@@ -29,20 +29,21 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import torch
 from jaxtyping import Float, Float64
 from torch import Tensor, nn
+from torch.nn import functional
 
 from fmucorrect.study_training import Training
-from fmucorrect.training.bank import DAMPING, ROWS, Bank, Pace, answer, answers, bank, pace, remembered, rotation
+from fmucorrect.training.bank import DAMPING, ROWS, Bank, Pace, bank, pace, remembered, rotation
 from fmucorrect.training.data import Samples, Sizes
 from fmucorrect.training.deployed import Said, bias, spread, weight
 from fmucorrect.training.loop import Curve, Run, Terms, minimise, one_cycle
 from fmucorrect.training.mlp import parameters, tanh
 from fmucorrect.training.nearby import SHARE, nearby
+from fmucorrect.training.recurrence import answers
 from fmucorrect.training.tasks import Context
 
 STEEPEST = 1.0
@@ -52,37 +53,6 @@ LEAST = 1e-6
 less than this is below single precision."""
 RIDGE = 1e-6
 """Penalty of the last layer's own fit, as a share of the mean power of a feature."""
-
-
-class _Bank(torch.autograd.Function):
-    """y_t = lambda y_(t-1) + x_t for each pole: (T, M), (P,), (P,) to real and imaginary part (T, P, M). The gradient is the
-    same recurrence with the conjugate pole, backwards."""
-
-    @staticmethod
-    def forward(ctx: Any, x: Tensor, real: Tensor, imaginary: Tensor) -> tuple[Tensor, Tensor]:  # type: ignore[override]
-        ctx.poles = _complex(real, imaginary)
-        ctx.answer = answers(x.detach().numpy(), ctx.poles)
-        return _parts(ctx.answer)
-
-    @staticmethod
-    def backward(ctx: Any, real: Tensor, imaginary: Tensor) -> tuple[Tensor, Tensor, Tensor]:  # type: ignore[override]
-        back = _complex(real, imaginary)[::-1]
-        on_x = np.zeros(back[:, 0].shape, np.float32)
-        on_poles = np.zeros(len(ctx.poles), np.complex64)
-        for i, pole in enumerate(ctx.poles):
-            adjoint = answer(back[:, i], pole.conj())[::-1]
-            on_x += np.real(adjoint)
-            on_poles[i] = np.vdot(ctx.answer[:-1, i], adjoint[1:])
-        return torch.from_numpy(on_x), *_parts(on_poles)
-
-
-def _complex(real: Tensor, imaginary: Tensor) -> np.ndarray:
-    """complex64"""
-    return (real.detach().numpy() + np.complex64(1j) * imaginary.detach().numpy()).astype(np.complex64)
-
-
-def _parts(values: np.ndarray) -> tuple[Tensor, Tensor]:
-    return torch.from_numpy(np.real(values).copy()), torch.from_numpy(np.imag(values).copy())
 
 
 @dataclass(frozen=True)
@@ -96,9 +66,11 @@ class View:
     speed: tuple[float, float]
     speeds: bool
 
-    def condition(self, item: Samples) -> Float[Tensor, " C"]:
-        """The scaled speed, or nothing."""
-        return torch.full((int(self.speeds),), (item.speed - self.speed[0]) / self.speed[1])
+    def seen(self, item: Samples) -> Float[Tensor, "R I"]:
+        """What the network sees of a condition: the bank's features, and the scaled speed, or nothing."""
+        features = self.bank.features(item)
+        condition = np.full((len(features), int(self.speeds)), (item.speed - self.speed[0]) / self.speed[1])
+        return torch.from_numpy(np.concatenate([features, condition], axis=1)).float()
 
 
 def view(development: Sequence[Samples], training: Training, sizes: Sizes) -> View:
@@ -141,12 +113,10 @@ class Oscillators(nn.Module):
             for weights in () if layer is None else layer.parameters():
                 nn.init.zeros_(weights)
 
-    def poles(self, step: float) -> tuple[Tensor, Tensor, Tensor]:
-        """Modulus, real and imaginary part at a sample time."""
-        omega, damping = torch.exp(self.rate), torch.sigmoid(self.damping)
-        modulus = torch.exp(-damping * omega * step)
-        angle = omega * step * torch.sqrt(1.0 - damping**2)
-        return modulus, modulus * torch.cos(angle), modulus * torch.sin(angle)
+    def poles(self, step: float) -> tuple[Float[Tensor, " P"], Float[Tensor, " P"]]:
+        """Of a row of that sample time: by how much each pole decays, as ln, and the angle that it turns by."""
+        omega, damping = torch.exp(self.rate) * step, torch.sigmoid(self.damping)
+        return damping * omega, omega * torch.sqrt(1.0 - damping**2)
 
     def lacking(self, first: Float[Tensor, "N W"]) -> Float[Tensor, "N U"]:
         """What the network says. first: of its first layer, before the nonlinearity."""
@@ -156,29 +126,25 @@ class Oscillators(nn.Module):
         """u_0"""
         return self.lacking(self.first(self.begin[None]))
 
-    def inner(
-        self, features: Float[Tensor, "T F"], condition: Float[Tensor, " C"], step: float
-    ) -> Float[Tensor, "T O"]:
-        """What the last layer sees: (r, u, q, p), of the last answer."""
-        first, begun = self.first(torch.cat([features, condition.expand(len(features), -1)], 1)), self.begun()
-        modulus, real, imaginary = self.poles(step)
-        gain = (1.0 - modulus)[:, None]
+    def answer(self, seen: Float[Tensor, "T I"], step: float) -> Float[Tensor, "T Z"]:
+        """(r, u), of the last answer. seen: features and condition."""
+        first, begun, poles = self.first(seen), self.begun(), self.poles(step)
 
         def answered(u: Float[Tensor, "T U"]) -> Float[Tensor, "T Z"]:
-            """(r, u)"""
-            before = torch.cat([torch.zeros_like(u[:1]), u[:-1]])
-            re, im = _Bank.apply(0.5 * (u + before), real, imaginary)  # type: ignore[misc]
-            return torch.cat([(re * gain).flatten(1), (im * gain).flatten(1), u], 1)
+            u = u.T
+            before = functional.pad(u[:, :-1], (1, 0))
+            return torch.cat([answers(0.5 * (u + before), *poles), u]).T
 
         answer = answered(self.lacking(first) - begun)
         if self.fed_back is not None:
             answer = answered(self.lacking(first + self.fed_back(answer)) - begun)
-        return torch.cat([answer, features], 1)
+        return answer
 
-    def forward(
-        self, features: Float[Tensor, "T F"], condition: Float[Tensor, " C"], step: float
-    ) -> Float[Tensor, "T J"]:
-        return self.out(self.inner(features, condition, step))
+    def forward(self, seen: Float[Tensor, "T I"], step: float) -> Float[Tensor, "T J"]:
+        answer = self.answer(seen, step)
+        on_answer, on_features = self.out.weight.split([answer.shape[1], self.out.in_features - answer.shape[1]], 1)
+        features = seen[:, : on_features.shape[1]]
+        return answer @ on_answer.T + functional.linear(features, on_features, self.out.bias)
 
 
 def fit_member(
@@ -198,19 +164,17 @@ def fit_member(
     stride, channels = see.pace.stride, len(see.lacking)
     near = nearby(development, member)
     lesson = [*development, *near]
-    features = [see.bank.features(item) for item in lesson]
+    seen = [see.seen(item) for item in lesson]
     torch.manual_seed(run.seed)
-    conditions = [see.condition(item) for item in lesson]
-    begin = [np.append(values[0], condition) for values, condition in zip(features, conditions, strict=True)]
-    begun = torch.from_numpy(np.mean(begin[: len(development)], axis=0)).float()
-    network = Oscillators(begun, features[0].shape[1], channels, training, see.pace, feedback)
-    seen = [torch.from_numpy(values[::stride]).float() for values in features]
-    targets = [_target(item, see, len(values)) for item, values in zip(lesson, features, strict=True)]
+    begun = torch.stack([values[0] for values in seen[: len(development)]]).mean(0)
+    network = Oscillators(begun, len(see.bank.feature), channels, training, see.pace, feedback)
+    strided = [values[::stride].contiguous() for values in seen]
+    targets = [_target(item, see, len(values)) for item, values in zip(lesson, seen, strict=True)]
     each = len(near) // len(development)
     poles = [network.rate, network.damping]
     others = [p for name, p in network.named_parameters() if name not in ("rate", "damping")]
     groups = [{"params": others, "weight_decay": settings.weight_decay}, {"params": poles, "weight_decay": 0.0}]
-    optimiser = torch.optim.AdamW(groups, lr=settings.learning_rate)
+    optimiser = torch.optim.AdamW(groups, lr=settings.learning_rate, fused=True)
     schedule = one_cycle(optimiser, settings.learning_rate, epochs * len(development))
     optimiser.register_step_pre_hook(lambda *_: _shortened(network))
 
@@ -220,12 +184,12 @@ def fit_member(
             other = int(torch.randint(3 * each, (1,), generator=drawn)) if near else each
             i = len(development) + k * each + other if other < each else k
             first, target = targets[i]
-            said = network(seen[i], conditions[i], see.bank.step * stride)[-(-first // stride) :]
+            said = network(strided[i], see.bank.step * stride)[-(-first // stride) :]
             yield {"residual": ((said - target[-first % stride :: stride]) ** 2).mean()}
 
     minimise(run, "recurrent", network, optimiser, steps, epochs, schedule)
     shares = [1.0] * len(development) + [1.0 / SHARE] * len(near)
-    _last_layer(network, see, features, conditions, targets, shares)
+    _last_layer(network, see, seen, targets, shares)
     return network, run.curves
 
 
@@ -243,8 +207,7 @@ def _target(item: Samples, see: View, rows: int) -> tuple[int, Float[Tensor, "N 
 def _last_layer(
     network: Oscillators,
     see: View,
-    features: Sequence[np.ndarray],
-    conditions: Sequence[Tensor],
+    seen: Sequence[Tensor],
     targets: Sequence[tuple[int, Tensor]],
     shares: Sequence[float],
 ) -> None:
@@ -255,9 +218,9 @@ def _last_layer(
     gram = torch.zeros(size, size, dtype=torch.float64)
     side = torch.zeros(size, layer.out_features, dtype=torch.float64)
     with torch.no_grad():
-        for values, condition, (first, target), share in zip(features, conditions, targets, shares, strict=True):
-            x = network.inner(torch.from_numpy(values).float(), condition, see.bank.step)[first:].double()
-            x = torch.cat([x, torch.ones(len(x), 1, dtype=torch.float64)], 1)
+        for values, (first, target), share in zip(seen, targets, shares, strict=True):
+            answer, features = network.answer(values, see.bank.step), values[:, : len(see.bank.feature)]
+            x = torch.cat([answer, features, torch.ones(len(values), 1)], 1)[first:].double()
             rest = target.double() - x[:, :-1] @ layer.weight.double().T - layer.bias.double()
             gram, side = gram + share * x.T @ x, side + share * x.T @ rest
         more = torch.linalg.solve(gram + RIDGE * gram.trace() / size * torch.eye(size), side)
@@ -279,11 +242,10 @@ class Recurrent:
 
     def responses(self, item: Samples, stride: int = 1) -> Float[np.ndarray, "K N J"]:
         """What each member says, in the channels' units, without envelope."""
-        features, condition = torch.from_numpy(self.see.bank.features(item)).float(), self.see.condition(item)
-        count, said = len(item.simulated), []
+        seen, count, said = self.see.seen(item), len(item.simulated), []
         with torch.no_grad():
             for member in self.members:
-                lacking = member(features, condition, self.see.bank.step).double().numpy()[-count:] * self.see.lacking
+                lacking = member(seen, self.see.bank.step).double().numpy()[-count:] * self.see.lacking
                 said.append(
                     item.simulated + np.concatenate([np.zeros((count - len(lacking), lacking.shape[1])), lacking])
                 )
@@ -389,11 +351,12 @@ def _member(member: Oscillators, see: View, inputs: int) -> dict[str, Tensor]:
 
     seen, past, constant = on_x(weight(member.first))
     with torch.no_grad():
-        modulus, real, imaginary = (part.double() for part in member.poles(see.bank.step))
+        decay, angle = (part.double() for part in member.poles(see.bank.step))
+        poles = torch.exp(torch.complex(-decay, angle)).numpy()
         begun = member.begun()[0].double()
     signals = member.missing.out_features
-    answer = rotation(real.numpy() + 1j * imaginary.numpy(), signals)
-    gain = torch.kron(0.5 * (1.0 - modulus)[None], torch.eye(signals, dtype=torch.float64))
+    answer = rotation(poles, signals)
+    gain = torch.kron(0.5 * (1.0 - torch.exp(-decay))[None], torch.eye(signals, dtype=torch.float64))
     out = weight(member.out) * lacking
     size_r = len(answer)
     seen_again = None if member.fed_back is None else weight(member.fed_back)
