@@ -551,6 +551,8 @@ def test_parameters_that_a_draft_does_not_list_are_named_with_their_units() -> N
     others = other_parameters(fmu, found)
     assert {"f11 (7830000.0 N)", "wheelbase (2.6 m)"} <= {*others}
     assert not {guess.name for guess in found} & {other.split(" ")[0] for other in others}
+    tolerances = {guess.name: guess.tolerance for guess in found}
+    assert tolerances["bush_cx"] > tolerances["bush_kx"] == tolerances["car_mass"]
 
 
 def test_a_force_is_paired_with_what_moves_of_its_own_component(tmp_path: Path) -> None:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Bool, Float64
 
-from fmucorrect.discovery.fitted import Fitted, Setting, explains, price
+from fmucorrect.discovery.fitted import Fitted, Setting, explains, judge, price
 from fmucorrect.discovery.form import FARTHEST
 from fmucorrect.discovery.naming import Naming
 from fmucorrect.discovery.problem import Problem
@@ -23,6 +23,10 @@ BESIDE_REST = 0.6
 cases of the suite's development seed. What no catalogue holds may look like one effect of it far more than like any other."""
 ON_BOUND = 0.999
 """Share of how far a base parameter may go from which on it counts as there."""
+EXPECTED = 2.0
+"""Tolerances: how far 95 of 100 base parameters are off at most, if the study is right about them."""
+OPEN_PRIOR = 1e-9
+"""Precision of a law's numbers before the record: none, but for a matrix that can be solved."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +82,7 @@ def decide(naming: Naming) -> Decision:
     elif (
         unexplained > LEFT
         or _full(best, unexplained > WORTH**2 and best.s2 > OPEN * naming.setting.floor)
-        or strained(naming.setting, best)
+        or strained(naming.setting, base, best)
     ):
         verdict = "unexplained"
     else:
@@ -93,12 +97,36 @@ def _full(fitted: Fitted, open_still: bool) -> bool:
     return not has_room(fitted) and (open_still or moved > MOST)
 
 
-def strained(setting: Setting, fitted: Fitted) -> bool:
-    """Whether a base parameter went as far as any may, and wanted more; or, where the set leaves something above the noise,
-    farther than its own name would cost. By the search's own measure that is off as well, and is not told: what is missing may
-    be at another place, or what a law adds be taken out of the model."""
-    far = float(np.abs(fitted.model.base).max(initial=0.0))
-    return far > ON_BOUND * FARTHEST or (far**2 > price(setting, 1) and not explains(setting, fitted))
+def strained(setting: Setting, base: Fitted, fitted: Fitted) -> bool:
+    """Whether a set explains the measurement only with a base parameter that went as far as any may, and wanted more; or, where
+    something is left above the noise, so far that it would be believed to be off by name. What is missing may be at another
+    place, or what a law adds be taken out of the model. Where the set leaves as little as a name may with such parameters held
+    where the study expects them, its name does not hang on them."""
+    far = np.abs(fitted.model.base)
+    too_far = far > ON_BOUND * FARTHEST
+    if not explains(setting, fitted):
+        too_far |= far**2 > price(setting, 1) + CLEAR
+    return bool(too_far.any()) and left(_held(setting, fitted, too_far), base, setting.floor) > LEFT
+
+
+def _held(setting: Setting, fitted: Fitted, which: Bool[np.ndarray, " A"]) -> Fitted:
+    """The set with these base parameters EXPECTED off and all its other numbers fitted anew, to first order."""
+    known = np.asarray(fitted.model.base)
+    back = known - np.clip(known, -EXPECTED, EXPECTED)
+    residual = fitted.residual + fitted.base[:, which] @ back[which]
+    free = np.concatenate([fitted.slopes, fitted.base[:, ~which]], axis=1)
+    columns = np.concatenate([free, setting.sensors.columns], axis=1)
+    prior = np.ones(columns.shape[1])
+    prior[: fitted.slopes.shape[1]] = OPEN_PRIOR
+    start = np.zeros(len(prior))
+    start[fitted.slopes.shape[1] : free.shape[1]] = known[~which]
+    level = fitted.s2 / setting.share
+    change = np.linalg.solve(columns.T @ columns / level + np.diag(prior), columns.T @ residual / level - prior * start)
+    moved = known.copy()
+    moved[which] -= back[which]
+    moved[~which] += change[fitted.slopes.shape[1] : free.shape[1]]
+    rest = residual - free @ change[: free.shape[1]]
+    return judge(setting, replace(fitted, model=replace(fitted.model, base=tuple(moved)), residual=rest))
 
 
 def _class(best: Fitted, t: int, rivals: Sequence[Rival]) -> tuple[Term, ...]:
@@ -128,7 +156,7 @@ def held_out(problem: Problem, setting: Setting, fitted: Fitted) -> Float64[np.n
         return np.full(1, np.nan)
     jacobian = np.concatenate([fitted.slopes, fitted.base, setting.sensors.columns], axis=1)
     prior = np.ones(jacobian.shape[1])
-    prior[: fitted.slopes.shape[1]] = 1e-9
+    prior[: fitted.slopes.shape[1]] = OPEN_PRIOR
     target = fitted.linear
     level = fitted.s2 / setting.share
     whole = jacobian.T @ jacobian / level + np.diag(prior)

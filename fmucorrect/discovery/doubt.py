@@ -11,10 +11,11 @@ import numpy as np
 
 from fmucorrect.discovery.decide import Decision, strained
 from fmucorrect.discovery.errorbars import JOINT_ERROR
-from fmucorrect.discovery.fitted import Fitted, Setting
+from fmucorrect.discovery.fitted import Fitted
 from fmucorrect.discovery.form import FARTHEST
 from fmucorrect.discovery.model import Model, start_value, tolerance_of
 from fmucorrect.discovery.motion import along
+from fmucorrect.discovery.naming import Naming
 from fmucorrect.discovery.paring import NOTHING, is_nothing
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.terms import OffsetTerm
@@ -22,7 +23,7 @@ from fmucorrect.discovery.worth import LEFT
 from fmucorrect.errors import FmuError
 from fmucorrect.report.base.words import short
 from fmucorrect.report.discovery.text import at, plain
-from fmucorrect.study import Joint
+from fmucorrect.study import Adjustable, Joint
 
 FAR = 3.0
 """Standard deviations from what is expected: one number in 370 is farther by chance."""
@@ -45,31 +46,39 @@ def far_moves(problem: Problem, model: Model) -> list[str]:
     return [*_parameters(problem, model), *_together(problem, model)]
 
 
-def not_named(problem: Problem, setting: Setting, decision: Decision) -> str:
+def not_named(problem: Problem, naming: Naming, decision: Decision) -> str:
     """Why what came nearest has no name though it leaves little; "" where it leaves much, or where its size does not last."""
     best = decision.best
     if not best.model.terms or decision.verdict != "unexplained" or decision.unexplained > LEFT:
         return ""
-    if not strained(setting, best):
+    if not strained(naming.setting, naming.base, best):
         return "it takes as many effects as a set may have"
     i = int(np.argmax(np.abs(best.model.base)))
     moved = " and ".join(problem.tolerated[i].parameters)
-    return f"with it {moved} moves by {short(best.model.base[i])} of its tolerances"
+    far = short(best.model.base[i])
+    return f"with it {moved} moves by {far} of its tolerances (if that may be, write a larger `tolerance`)"
 
 
 def _parameters(problem: Problem, model: Model) -> Iterator[str]:
     reach = np.clip(problem.reach, -FARTHEST, FARTHEST)
     for adjustable, z, (low, high) in zip(problem.tolerated, model.base, reach, strict=True):
-        name = " and ".join(adjustable.parameters)
-        if z != 0.0 and not low + BOUND < z < high - BOUND:
-            yield f"{name}, which moved by {short(z)} of its tolerances and would have gone on"
-        elif abs(z) >= FAR:
-            yield f"{name}, which moved by {short(z)} of its tolerances"
+        on_bound = z != 0.0 and not low + BOUND < z < high - BOUND
+        if on_bound or abs(z) >= FAR:
+            name, more = " and ".join(adjustable.parameters), " and would have gone on" * on_bound
+            yield f"{name}, which moved by {short(z)} of its tolerances{_to(problem, adjustable, z)}{more}"
     for term in model.terms:
         if isinstance(term, OffsetTerm):
             edge = BOUND * (term.high - term.low)
             if not term.low + edge < term.values["value"] < term.high - edge:
                 yield f"{term.where}, which is at its bound in the study"
+
+
+def _to(problem: Problem, adjustable: Adjustable, z: float) -> str:
+    """Where a parameter has moved to; "" where several have moved together."""
+    if len(adjustable.parameters) > 1:
+        return ""
+    start = start_value(problem.study, problem.fmu, None, adjustable.parameters[0])
+    return f" (from {short(start)} to {short(start + z * tolerance_of(adjustable, start))})"
 
 
 def _together(problem: Problem, model: Model) -> Iterator[str]:

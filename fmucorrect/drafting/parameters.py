@@ -10,27 +10,30 @@ from fmucorrect.errors import SignalError
 from fmucorrect.fmu import FmuDescription, Variable
 from fmucorrect.units import parse
 
-UNCERTAIN = ("N/m", "N.m/rad", "N.s/m", "N.m.s/rad", "kg", "kg.m2")
-"""Units of stiffness, damping and inertia, along and about an axis."""
+DAMPING = ("N.s/m", "N.m.s/rad")
+UNCERTAIN = ("N/m", "N.m/rad", "kg", "kg.m2", *DAMPING)
+"""Units of stiffness, inertia and damping, along and about an axis."""
 _NAMED = re.compile(
     r"(?:^|[._])(?:k|c|m|d|j|ks|kt|cs|ms|mu|mb|mw|stiffness|damping|mass|inertia)[a-z]{0,2}\d*(?:_\w+)?$", re.I
 )
 """Names that say as much where the FMU says no unit."""
-TOLERANCE = 0.05
-"""Relative standard deviation of a value from a drawing or a data sheet."""
+TOLERANCE, OF_DAMPING = 0.05, 0.2
+"""Relative standard deviation of a value from a drawing or a data sheet; and of damping, which is on no drawing: dampers
+scatter from one to the next and with their temperature, and that of rubber and of structures is estimated."""
 MOST = 20
 """Of them in a draft: more would hide the others, and discovery pays for each."""
 
 
 @dataclass(frozen=True)
 class ParameterGuess:
-    """start: in the FMU's unit; minimum, maximum: half and twice of it, within the FMU's own bounds."""
+    """start: in the FMU's unit; minimum, maximum: half and twice of it, within the FMU's own bounds. tolerance: relative."""
 
     name: str
     start: float
     minimum: float
     maximum: float
     why: str
+    tolerance: float
 
 
 def find_parameters(fmu: FmuDescription) -> tuple[ParameterGuess, ...]:
@@ -44,7 +47,9 @@ def find_parameters(fmu: FmuDescription) -> tuple[ParameterGuess, ...]:
         low, high = sorted((0.5 * start, 2.0 * start))
         low, high = max(low, variable.minimum), min(high, variable.maximum)
         if start and low < high:
-            found.append(ParameterGuess(variable.name, start, low, high, why))
+            damping = _has_one_of(variable.unit, DAMPING) or (why and "damping" in variable.name.lower())
+            tolerance = OF_DAMPING if damping else TOLERANCE
+            found.append(ParameterGuess(variable.name, start, low, high, why, tolerance))
     return tuple(found[:MOST])
 
 
@@ -63,9 +68,13 @@ def _own(fmu: FmuDescription) -> list[Variable]:
 def _why(variable: Variable) -> str:
     if variable.unit in ("", "1", "-"):
         return "named as one of stiffness, damping or mass" if _NAMED.search(variable.name) else ""
+    return f"its unit is {variable.unit}" if _has_one_of(variable.unit, UNCERTAIN) else ""
+
+
+def _has_one_of(unit: str, known: Sequence[str]) -> bool:
+    """Whether a unit is of the dimension of one of these, an angle being a number."""
     try:
-        dimension = parse(variable.unit).dimension[:5]
+        dimension = parse(unit).dimension[:5]
     except SignalError:
-        return ""
-    known = any(parse(unit).dimension[:5] == dimension for unit in UNCERTAIN)
-    return f"its unit is {variable.unit}" if known else ""
+        return False
+    return any(parse(one).dimension[:5] == dimension for one in known)

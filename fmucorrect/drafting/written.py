@@ -10,7 +10,7 @@ from pathlib import Path
 from fmucorrect.drafting.driving import Driving
 from fmucorrect.drafting.joints import JointGuess
 from fmucorrect.drafting.pairing import ChannelGuess
-from fmucorrect.drafting.parameters import MOST, TOLERANCE, ParameterGuess, other_parameters
+from fmucorrect.drafting.parameters import MOST, ParameterGuess, other_parameters
 from fmucorrect.effects import toml
 from fmucorrect.errors import few, one_line
 from fmucorrect.fmu import FmuDescription
@@ -86,7 +86,7 @@ class Draft:
             yield f"parameter = {toml(parameter.name)}  # guess: {parameter.why}; it is {parameter.start:g}"
             yield f"minimum = {parameter.minimum!r}"
             yield f"maximum = {parameter.maximum!r}"
-            yield f"tolerance = {TOLERANCE}  # guess: write how well you know it"
+            yield f"tolerance = {parameter.tolerance}  # guess: write how well you know it"
         others = other_parameters(self.model, self.parameters)
         if others:
             yield ""

@@ -23,6 +23,7 @@ from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.fitted import Setting
 from fmucorrect.discovery.motion import acting
+from fmucorrect.discovery.naming import Naming
 from fmucorrect.discovery.problem import load
 from fmucorrect.discovery.terms import SignalTerm
 from fmucorrect.discovery.wording import sentence
@@ -49,14 +50,16 @@ def test_a_parameter_far_from_its_tolerance_is_told(library, tmp_path, stiffer, 
     at_bound = replace(found.best, model=replace(found.best.model, base=(6.0, 0.0)))
     assert "would have gone on" in cautions(problem, at_bound, at_bound, [])[0]
     (law,) = SIGNALS["sensor_lowpass"]
-    near = replace(at_bound, model=replace(at_bound.model, terms=(SignalTerm(law, "x1", (0,), {"cutoff": 40.0}),)))
-    setting = Setting(near.at, Nuisances(near.base), near.base, np.zeros(0), 1.0)
-    why = not_named(problem, setting, Decision("unexplained", near, (1.0,), ((),), (), 1e-3))
-    assert why == "with it k1 moves by 6.00 of its tolerances"
-    assert not_named(problem, setting, Decision("unexplained", near, (1.0,), ((),), (), 0.5)) == ""
+    near = SignalTerm(law, "x1", (0,), {"cutoff": 40.0})
+    near = replace(at_bound, model=replace(at_bound.model, base=(6.0, -6.0), terms=(near,)))
+    setting = Setting(near.at, Nuisances(near.base[:, :0]), near.base, np.zeros(0), 1.0)
+    naming = Naming(found.best, (near,), setting)
+    why = not_named(problem, naming, Decision("unexplained", near, (1.0,), ((),), (), 1e-3))
+    assert why.startswith("with it k1 moves by 6.00 of its tolerances")
+    assert not_named(problem, naming, Decision("unexplained", near, (1.0,), ((),), (), 0.5)) == ""
     rows = [{"effect": "sensor_lowpass", "joint": "x1", "uneven": None, "varies": None}]
     report = {"verdict": "unexplained", "unexplained": 1e-3, "suspects": rows, "not_named": why}
-    assert "energy stays, but with it k1 moves by 6.00 of its tolerances." in sentence(Discovery.read(report), [])
+    assert "energy stays, but with it k1 moves by 6.00 of its tolerances (" in sentence(Discovery.read(report), [])
 
 
 def test_sensors_that_moved_alike_are_told_and_those_that_scatter_are_not(library, tmp_path):

@@ -39,10 +39,12 @@ def effects_section(page: Page, report: Discovery) -> None:
         page.end()
     elif not effects and verdict == "unexplained":
         page.section("What")
-        page.text_block(
-            "The disagreement is real, well above the noise, but no effect of the catalogue, alone or with others, "
-            "removes it and carries over to conditions that were left out. No name was added to the model."
+        why = (
+            f"What came nearest removes nearly all of it, but {report.not_named}. "
+            if report.not_named
+            else "No effect of the catalogue, alone or with others, removes it and carries over to what was left out. "
         )
+        page.text_block(f"The disagreement is real, well above the noise. {why}No name was added to the model.")
         page.end()
     if len(effects) > 1 and report.found:
         _overview(page, effects)
