@@ -75,9 +75,10 @@ def _parameters(problem: Problem, model: Model) -> Iterator[str]:
 
 def _to(problem: Problem, adjustable: Adjustable, z: float) -> str:
     """Where a parameter has moved to; "" where several have moved together."""
-    if len(adjustable.parameters) > 1:
+    name, *others = adjustable.parameters
+    if others:
         return ""
-    start = start_value(problem.study, problem.fmu, None, adjustable.parameters[0])
+    start = start_value(problem.study, problem.fmu, None, name)
     return f" (from {short(start)} to {short(start + z * tolerance_of(adjustable, start))})"
 
 
