@@ -12,11 +12,10 @@ import numpy as np
 from fmucorrect.catalogue import Law, Parameter, force
 from fmucorrect.catalogue.signal import SignalLaw
 from fmucorrect.discovery.simulator import LawAt
+from fmucorrect.report.discovery.text import OF_FACTOR
 from fmucorrect.study import Adjustable, Joint
 
 OFFSET = "parameter_offset"
-OF_FACTOR = "change of the start values' common factor"
-"""What the number of several parameters that are scaled together means."""
 EXCITATION = "excitation"
 PLAIN = {"displacement", "velocity", "acceleration"}
 """What a linear law may read."""

@@ -11,11 +11,11 @@ from fmucorrect.discovery.decide import BESIDE_REST, Decision
 from fmucorrect.discovery.discrepancy import TOO_MUCH, TOO_UNEVEN
 from fmucorrect.discovery.fitted import Setting, explains, stands_out
 from fmucorrect.discovery.sets import MOST
-from fmucorrect.discovery.terms import OF_FACTOR, OFFSET
+from fmucorrect.discovery.terms import OFFSET
 from fmucorrect.discovery.worth import OPEN, SMALL, WORTH
 from fmucorrect.report.base.words import duration, known, quantity, short
 from fmucorrect.report.discovery.content import Discovery, Effect
-from fmucorrect.report.discovery.text import WITH_THEM, hangs_on, plain
+from fmucorrect.report.discovery.text import OF_FACTOR, WITH_THEM, hangs_on, plain
 
 TELLING = 2.5
 """Standard deviations of a sensor's gain or lag from which on the sentence tells it."""

@@ -26,6 +26,7 @@ from fmucorrect.report.discovery import gap
 from fmucorrect.report.discovery import page as discovery_page
 from fmucorrect.report.discovery import pictures as discovery_pictures
 from fmucorrect.report.discovery.content import Discovery
+from fmucorrect.report.discovery.text import OF_FACTOR
 from fmucorrect.signals import Condition
 
 VERDICTS = ("named", "ambiguous", "none", "unexplained")
@@ -210,6 +211,14 @@ def test_a_number_that_differs_between_conditions_is_said() -> None:
     assert "another friction force: they differ by 31 %" in words(report | {"effects": [effect]}).replace("\u00a0", " ")
 
 
+def test_parameters_that_are_scaled_together_are_told_in_per_cent() -> None:
+    report = example.report("named")
+    row = {"value": -0.294, "std": 0.012, "unit": "1", "symbol": "", "meaning": OF_FACTOR}
+    effect = report["effects"][0] | {"effect": "parameter_offset", "equation": "", "parameters": {"value": row}}
+    text = words(report | {"effects": [effect]}).replace("\u00a0", " ")
+    assert "−29.4 ± 1.2 %" in text
+
+
 def test_a_force_that_differs_from_place_to_place_is_said() -> None:
     report = example.report("named")
     pieces = {
@@ -232,6 +241,10 @@ def test_unexplained_says_where_and_names_nothing() -> None:
     assert "Explained by a free force 98 % at secondary, lateral" in text
     assert "No name was added to the model." in text
     assert "explained by the best that was tried: 36 % left: 64 %" in text
+    assert "carries over" in text
+    near = words(example.report("unexplained") | {"not_named": "with it k1 moves by 6.00 of its tolerances"})
+    assert "removes nearly all of it, but with it k1 moves by 6.00" in near
+    assert "carries over" not in near
     assert "Tried Coulomb friction" in text
     assert "Secondary, lateral" in text  # its force against displacement and velocity, without a law
     assert "Line: what the law gives" not in text

@@ -10,6 +10,8 @@ from fmucorrect.report.base.words import MISSING, listed
 NAMES = {"bouc_wen": "Bouc-Wen", "coulomb": "Coulomb", "stribeck": "Stribeck", "dahl": "Dahl", "maxwell": "Maxwell"}
 OWN = ("sensor", "parameter", "excitation")
 """What an effect's name begins with where it is no force at a joint."""
+OF_FACTOR = "change of the start values' common factor"
+"""What the number of several parameters that are scaled together means; it is told in %."""
 WITH_THEM = " With them "
 """With what the verdict's sentence begins to say how much less the error is with all that was found."""
 
