@@ -54,7 +54,7 @@ def check_file(out: Path, inputs: Inputs, command: str, overwrite: bool, parents
         )
     if not overwrite and _is_there(out) and not _made_by(out, command):
         raise OutputError(
-            f"this file is there already, and does not say that `fmucorrect {command}` made it",
+            f"this file is there already, and may hold more than what `fmucorrect {command}` writes",
             where=str(out),
             remedy="Choose another name for -o, or give --overwrite.",
         )

@@ -387,5 +387,6 @@ def _print_summary(summary: Summary, as_json: bool) -> None:
             say(f"outside: {summary.unlike}; the corrector is withheld")
         elif summary.status["outside"] > 0:
             say(
-                "outside: the corrector was not trained for this; there it fades, and the band is that of the simulation"
+                "outside: the corrector was not trained for this; there it fades, or goes on as a linear filter if its card "
+                "says so, and the band is that of the simulation"
             )

@@ -267,7 +267,11 @@ def _report(
         "sensors": sensed,
         "cautions": [
             *wrong_signs(problem),
-            *(cautions(problem, best, wider, sensed) if learned is None else far_moves(problem, learned.model)),
+            *(
+                cautions(problem, best, wider, sensed)
+                if learned is None
+                else (f"{moved}, with the learned force" for moved in far_moves(problem, learned.model))
+            ),
             *(_alone(best, own) if named else ()),
         ],
         "candidates": output.candidate_rows(problem, naming, decision),

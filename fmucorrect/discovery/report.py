@@ -17,9 +17,12 @@ class Report(dict[str, Any]):
             lines.append(f"  {effect} at {joint} ({share}): {equation}; {values}")
         how = "look at" if self["verdict"] == "unexplained" else "hangs on"
         lines += [f"  {how} {doubt}" for doubt in self.get("cautions", [])]
+        learned = self._learned()
         for condition, role, before, after, noise in self._gaps():
             held = ", held out" if role == "evaluation" else ""
-            lines.append(f"  {condition}{held}: {before} -> {after} % ({noise})")
+            near = " with what came nearest, which is in no file" if self.get("suspects") else ""
+            near += f", {learned[condition]:.3g} % with the learned force" if condition in learned else ""
+            lines.append(f"  {condition}{held}: {before} -> {after} %{near} ({noise})")
         if not self.complete:
             lines += [f"  not looked at yet: {what}" for what in self["not_looked_at"]]
             lines.append("  The same command without --time-limit goes on where this search was.")
@@ -56,6 +59,13 @@ class Report(dict[str, Any]):
             )
             for row in self["effects"]
         ]
+
+    def _learned(self) -> dict[str, float]:
+        """NRMSE, %, of the conditions with a learned force; of none where augmented.fmu has none."""
+        row = self.get("learned")
+        if row is None or "augmented.fmu" not in self["files"]:
+            return {}
+        return {gap["condition"]: gap["nrmse_after"] for gap in row["gap"]}
 
     def _gaps(self) -> list[tuple[str, str, str, str, str]]:
         return [

@@ -21,6 +21,8 @@ TELLING = 2.5
 """Standard deviations of a sensor's gain or lag from which on the sentence tells it."""
 MUCH = 0.1
 """Share of the disagreement's amplitude that may stay without being told in the sentence."""
+TOLD = 2
+"""Of the parameters that moved, so many are told by name in the sentence; the page has them all."""
 
 
 def sentence(report: Discovery, checked: Sequence[Gap]) -> str:
@@ -61,7 +63,8 @@ def _verdict(report: Discovery, checked: Sequence[Gap]) -> str:
     error += f" ({'; '.join(beside)})" if beside else ""
     names = [_or_another(row) for row in report.effects]
     what = names[0] if len(names) == 1 else f"{len(names)} effects: {'; '.join(names)}"
-    after = f"; with it {error}." if len(names) == 1 else f".{WITH_THEM}{error}."
+    moved = _moved(report)
+    after = f"; with it {moved}{error}." if len(names) == 1 else f".{WITH_THEM}{moved}{error}."
     return f"The model lacks {what}{after}{_more(report.unexplained, worst)}"
 
 
@@ -71,7 +74,17 @@ def _learned(report: Discovery) -> str:
     if row is None or not (share := row.closed if known(row.closed) else row.closed_in_development) > 0.0:
         return ""
     gap = "held-out gap" if known(row.closed) else "gap it was learned from (none was held out)"
-    return f" A force learned at {row.joint}, which is no name for it, closes {100 * share:.2g} % of the {gap}."
+    return f" A force learned at {row.joint}, which is no name for it, closes {short(100 * share, 2)} % of the {gap}."
+
+
+def _moved(report: Discovery) -> str:
+    """Parameters of the model that moved by as much as is expected of one, or more: a part of what became better is theirs."""
+    moved = sorted(report.adjusted, key=lambda name: -abs(report.adjusted_by.get(name, 0.0)))
+    moved = [name for name in moved if abs(report.adjusted_by.get(name, 0.0)) >= 1.0]
+    told = [f"{name} at {short(report.adjusted[name])} (from {short(report.adjusted_from[name])})" for name in moved]
+    if len(moved) > TOLD:
+        told = [f"{len(moved)} parameters that moved, {told[0]} the farthest,"]
+    return "".join(f"and {one} " for one in told)
 
 
 def _more(unexplained: float, held: Gap) -> str:
@@ -100,15 +113,22 @@ def _nearest(suspects: Sequence[Effect]) -> str:
     by_place = max(((row.uneven, row) for row in suspects if row.uneven), key=lambda pair: pair[0].share, default=None)
     if by_place is not None and (uneven := by_place[0]).share >= TOO_UNEVEN:
         differs = f"force would have to differ by {100 * uneven.share:.0f} % with the {uneven.over} there"
-        return f"nearest comes {by_place[1].at}, whose {differs}"
+        return f"{_one_of(suspects, by_place[1])} {differs}"
     by_size = max(((row.varies, row) for row in suspects if row.varies), key=lambda pair: pair[0].share, default=None)
     if by_size is not None and (varies := by_size[0]).share >= TOO_MUCH:
         differs = f"{plain(varies.parameter)} would have to differ by {100 * varies.share:.0f} % between conditions"
-        return f"nearest comes {by_size[1].at}, whose {differs}"
+        return f"{_one_of(suspects, by_size[1])} {differs}"
     moved = sum(row.effect == OFFSET for row in suspects)
     if moved > MOST:
         return f"nearest come {len(suspects)} effects at once, {moved} of them parameters that are off"
     return ""
+
+
+def _one_of(suspects: Sequence[Effect], row: Effect) -> str:
+    """What came nearest, up to what is said of one of them."""
+    if len(suspects) == 1:
+        return f"nearest comes {row.at}, whose"
+    return f"nearest come {len(suspects)} effects together; of {row.at} the"
 
 
 def sized(row: Effect) -> str:

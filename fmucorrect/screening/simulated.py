@@ -349,7 +349,11 @@ def _assigned(
         for j, row in wrong.items():
             if j not in everywhere and any(_right(alone[c], other, j, row) for other in others):
                 found.setdefault((j, row), []).append(c)
-    found = {(j, row): having for (j, row), having in found.items() if j not in doubtful}
+    found = {
+        (j, row): having
+        for (j, row), having in found.items()
+        if j not in doubtful and not _in_antiphase(study, [correlations(pairs[c]) for c in having], j, row)
+    }
     asked = [j for j in range(len(study.channels)) if j not in doubtful]
     turned = [found.get((j, j)) for j in asked]
     having = turned[0] if len(turned) > 1 and all(one == turned[0] for one in turned) else None
@@ -397,6 +401,13 @@ def _assigned(
             "The cables, names or directions of sensors are not as the study says",
             remedy,
         )
+
+
+def _in_antiphase(study: Study, tables: Sequence[Table], j: int, row: int) -> bool:
+    """Whether two channels are of different quantities, and the one follows its own simulation: near one frequency an
+    acceleration is a displacement the other way round, and may follow that even better."""
+    alike = study.channels[j].quantity == study.channels[row].quantity
+    return not alike and all(table[j, j] > VOTE for table in tables)
 
 
 def _crossed(tables: Sequence[Table], j: int, k: int) -> bool:

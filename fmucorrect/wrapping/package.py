@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -173,7 +174,7 @@ def wrap(
         compiler.write_fmu(trial, files | _described(parts, outer, True, True))
         made = open_fmu(trial, warn=False)
         state, unsure = _check_state(made, parts.step_ns)
-        notes += [*unsure, *_faults(parts.inner, made), *_condition_notes(parts)]
+        notes += [*unsure, *_faults(parts.inner, made), *_start_notes(parts), *_condition_notes(parts)]
         progress("write")
         files |= _described(parts, outer, state.copy, state.serialise)
         files[outputs.FACTS] = json.dumps(
@@ -316,6 +317,20 @@ def _step_notes(parts: _Parts) -> list[str]:
         return []
     return [
         f"the sample time {sample:g} s is no multiple of the solver's internal step {internal:g} s: it may refuse steps"
+    ]
+
+
+def _start_notes(parts: _Parts) -> list[str]:
+    """Where the solver begins with other numbers than the corrector was trained with: by itself, or by the effects file."""
+    if parts.model is None or parts.inner is None:
+        return []
+    own = {v.name: v.begins for v in parts.inner.of("parameter") if v.number and math.isfinite(v.begins)}
+    unlike = parts.model.info.unlike(parts.starts, own)
+    if not unlike:
+        return []
+    return [
+        f"the corrector will correct nothing, unless the host sets the solver's parameters as they were in training: "
+        f"{few(unlike)}"
     ]
 
 

@@ -131,3 +131,60 @@ def test_agreement_by_a_sensor_that_is_far_off_is_said(lag_by, said):
     text = sentence(Discovery.read(report), [])
     assert said in text
     assert "2.4 of their tolerances (m1)" in text
+
+
+@pytest.mark.parametrize(
+    ("by", "said"),
+    [
+        ({"bar.c": -1.5, "rack.m": -0.4}, "; with it and bar.c at 89.5 (from 115) the error"),
+        ({"bar.c": -1.5, "rack.m": 1.1}, "; with it and bar.c at 89.5 (from 115) and rack.m at 30.0 (from 28.0) the"),
+        (
+            {"bar.c": 1.5, "rack.m": 1.1, "d": 1.0},
+            "and 3 parameters that moved, bar.c at 89.5 (from 115) the farthest, the error",
+        ),
+        ({"rack.m": 0.9}, "; with it the error"),
+    ],
+)
+def test_parameters_that_share_what_became_better_are_told_with_it(by, said):
+    """A torsion bar that moved by a fifth within a wide tolerance took away as much as the friction that was named."""
+    values = {"bar.c": (115.0, 89.5), "rack.m": (28.0, 30.0), "d": (0.1, 0.2)}
+    adjusted = {
+        "adjusted": {name: values[name][1] for name in by},
+        "adjusted_from": {name: values[name][0] for name in by},
+        "adjusted_by": by,
+    }
+    row = told("coulomb_friction", "rack", friction_force=(80.0, "N", "Coulomb force"))
+    gap = Gap(Condition("weave"), np.zeros(0), *[np.zeros((0, 1))] * 3, np.ones(1), 11.9, 0.0514, 0.046, 0.1, 0.9)
+    report = {"verdict": "named", "effects": [row], "unexplained": 1e-6, **adjusted}
+    assert said in sentence(Discovery.read(report), [gap])
+
+
+def test_a_line_of_a_condition_says_what_is_in_the_file():
+    """Where what came nearest is no finding, what is written is a learned force, and leaves more."""
+    gap = Gap(Condition("run4"), np.zeros(0), *[np.zeros((0, 1))] * 3, np.ones(1), 1.0, 0.0344, 0.0058, 0.1, 0.9)
+    near, learned = gap_row(gap), gap_row(gap) | {"nrmse_after": 0.45}
+    report = Report(
+        verdict="unexplained",
+        sentence="",
+        effects=[],
+        suspects=[told("backlash", "shaft", gap=(1.2e-4, "m", "free travel"))],
+        gap=[near],
+        learned={"gap": [learned]},
+        files=["augmented.fmu"],
+    )
+    line = report.lines()[-1]
+    assert "0.0344 % with what came nearest, which is in no file, 0.45 % with the learned force" in line
+    assert "learned" not in Report(report | {"files": ["report.json"]}).lines()[-1]
+
+
+def test_one_of_several_that_came_nearest_together_is_told_as_one_of_them():
+    uneven = {"over": "displacement", "share": 0.6, "unit": "m", "places": [], "factors": []}
+    rows = [
+        told("cubic_stiffness", "seat", cubic_stiffness=(3.4e7, "N/m3", "of the cube")) | {"uneven": uneven},
+        told("backlash", "seat", gap=(1.2e-4, "m", "free travel")),
+    ]
+    report = {"verdict": "unexplained", "unexplained": 0.1}
+    one = sentence(Discovery.read(report | {"suspects": rows[:1]}), [])
+    two = sentence(Discovery.read(report | {"suspects": rows}), [])
+    assert "nearest comes cubic stiffness at seat, whose force would have to differ by 60 %" in one
+    assert "nearest come 2 effects together; of cubic stiffness at seat the force would have to differ by 60 %" in two

@@ -132,7 +132,12 @@ def test_a_parameter_that_training_did_not_have_is_told(
     model = bundles.make(tmp_path / "toy.onnx", CHANNELS, rows=12, parameters={"gain": 1.5})
     mapping = tmp_path / "mapping.toml"
     mapping.write_text('[units]\nleft = "mm"\nright = "mm"\n')
-    path = wrap(solver(inner), model, tmp_path / "x.fmu", fmi=outer, platforms=["linux64"], mapping=mapping).path
+    made = wrap(solver(inner), model, tmp_path / "x.fmu", fmi=outer, platforms=["linux64"], mapping=mapping)
+    path = made.path
+    assert not any("correct nothing" in note for note in made.notes)
+    mapping.write_text(mapping.read_text() + "[parameters]\ngain = 3.0\n")
+    other = wrap(solver(inner), model, tmp_path / "y.fmu", fmi=outer, platforms=["linux64"], mapping=mapping)
+    assert any("correct nothing" in note and "gain is 3, trained with 1.5" in note for note in other.notes)
     as_trained = walked(FmuStepper(path, OUTPUTS, units=UNITS))  # the wrapper sets 1.5
     assert as_trained["corrector_status"][-1] == 0.0
     other = walked(FmuStepper(path, OUTPUTS, parameters={"gain": 3.0}, units=UNITS))

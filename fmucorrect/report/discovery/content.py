@@ -382,6 +382,11 @@ class Discovery:
         return bool(self.effects) and self.verdict in ("named", "ambiguous")
 
     @property
+    def has_learned(self) -> bool:
+        """Whether augmented.fmu has a learned force in it."""
+        return self.learned is not None and "augmented.fmu" in self.files
+
+    @property
     def fmu(self) -> str:
         """The name of the study's FMU; "" where there is none."""
         return self.study.fmu if self.study else ""

@@ -202,10 +202,11 @@ def _parameter(name: str, item: Parameter, symbols: bool) -> Row:
 def _adjusted(page: Page, report: Discovery) -> None:
     if not report.adjusted:
         return
+    beside = "With the learned force, as augmented.fmu has them. " * report.has_learned
     page.section(
         "Parameters of the model that moved along",
-        "By as much as their tolerances, which are standard deviations, make likely. ±: one standard deviation, with what "
-        "others could do in its place.",
+        f"{beside}By how many of their tolerances, which are standard deviations, stands last. ±: one standard deviation, with "
+        "what others could do in its place.",
     )
     table: list[Row] = []
     for name, new in report.adjusted.items():

@@ -45,6 +45,11 @@ def next_section(page: Page, report: Discovery) -> None:
         page.text_block("No test that would split the class was found among the conditions that could be simulated.")
     else:
         page.text_block(_advice(report.verdict, bool(fmu), "effects.toml" in files))
+        if report.not_named:
+            page.text_block(
+                f"What came nearest leaves less than that, but {report.not_named}. Where it is right, it is in no file here: "
+                "discover again with what the study then says."
+            )
     if report.notes:
         page.heading("Notes")
         page.items(report.notes)
