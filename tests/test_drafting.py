@@ -17,7 +17,7 @@ from fmucorrect.drafting import _held_out, draft
 from fmucorrect.drafting.driving import NAMED
 from fmucorrect.drafting.guess import likeness
 from fmucorrect.drafting.joints import find_joints, kind, kind_by_name, turns
-from fmucorrect.drafting.pairing import read_run
+from fmucorrect.drafting.pairing import Run, quiet, read_run
 from fmucorrect.drafting.parameters import find_parameters, other_parameters
 from fmucorrect.errors import RecordError
 from fmucorrect.fmu import IsolatedStepper, Variable, open_fmu
@@ -610,3 +610,14 @@ def test_two_joints_that_show_the_same_motion_say_so(tmp_path: Path) -> None:
     text = draft(fmu, [path]).text(tmp_path / "study.toml")
     assert "the force pushes, as at guide: one of them moves otherwise, or they are one joint" in text
     assert "the force pushes, as at rope: " in text
+
+
+@pytest.mark.parametrize(("scatter", "least", "most"), [(0.0, 0.99, 1.02), (0.01, 0.85, 1.0), (0.2, 0.0, 0.0)])
+def test_an_input_that_was_measured_scatters_while_it_stands_still(scatter: float, least: float, most: float) -> None:
+    """A floor that stands still for a second, by its accelerometer; of a road that never does, and shows no more than its own
+    scatter, nothing is said."""
+    t = np.arange(2000) / 200.0
+    moves = np.where(t < 1.0, 0.0, np.sin(4.0 * (t - 1.0)) * (scatter < 0.1))
+    values = moves + np.random.default_rng(3).normal(scale=scatter, size=len(t)) if scatter else moves
+    record = Record((t * 1e9).astype(np.int64), values[:, None], (Channel("floor", "1", "acceleration", ""),))
+    assert least <= quiet(Run(Path("log.csv"), {"floor": "1"}, record, ()), ["floor"]) <= most
