@@ -59,3 +59,20 @@ def test_a_short_command_says_nothing(capsys: pytest.CaptureFixture[str]) -> Non
     with group.progress_bar(None, "sample", "385") as advance:
         advance(1000)
     assert capsys.readouterr().err == ""
+
+
+def test_what_came_before_the_first_step_is_no_part_of_the_pace(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Reading and simulating took 39 s; of 100 epochs one takes a second then."""
+    now = [0.0]
+    monkeypatch.setattr(group.time, "monotonic", lambda: now[0])
+    with group.progress_bar(100, "epoch", "train") as advance:
+        now[0] = 39.0
+        for _ in range(20):
+            advance(1)
+            now[0] += 1.0
+    assert capsys.readouterr().err.splitlines() == [
+        "train: 1 of 100 epochs, 39 s",
+        "train: 16 of 100 epochs, 54 s, 1 min more at this pace, or less",
+    ]

@@ -232,6 +232,8 @@ AGAIN = 2.0
 MINUTE, FIRST = 60.0, 30.0
 """s between lines about a command's progress, where there is no terminal, and before the first: a log that is read later stays
 short, and whether to wait or to come back tomorrow is asked at once."""
+PACED = 15.0
+"""s of work from which on its pace is told."""
 
 
 @contextmanager
@@ -307,18 +309,23 @@ def _again(show: Callable[[], object]) -> Generator[None]:
 
 def _minutely() -> Callable[..., None]:
     """Writes what it is told to standard error, with the time since and, of a share that is done, what is to come at most at
-    this pace: FIRST after it began, then if the last line is a minute old."""
+    this pace: FIRST after it began, then if the last line is a minute old. The pace is known a while after the first step;
+    what was done before that one took its time otherwise."""
     begun = time.monotonic()
-    due = begun + FIRST
+    due, first = begun + FIRST, (math.nan, 0.0)
 
     def tell(text: str, share: float = 0.0) -> None:
-        nonlocal due
+        nonlocal due, first
         now = time.monotonic()
-        if now >= due:
-            due = now + MINUTE
-            passed = now - begun
-            more = f", {_time(passed * (1.0 - share) / share)} more at this pace, or less" if share > 0.0 else ""
-            click.echo(f"{text}, {_time(passed)}{more}", err=True)
+        if math.isnan(first[0]):
+            first = (now, share)
+        if now < due:
+            return
+        since, done = now - first[0], share - first[1]
+        paced = done > 0.0 and since >= PACED
+        more = f", {_time(since * (1.0 - share) / done)} more at this pace, or less" if paced else ""
+        click.echo(f"{text}, {_time(now - begun)}{more}", err=True)
+        due = now + (MINUTE if paced or not share else PACED)
 
     return tell
 
