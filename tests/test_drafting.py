@@ -356,6 +356,8 @@ def test_the_sign_of_a_joint_is_found_by_pushing(tmp_path: Path):
         ("zr", "Road_zr", True),
         ("acc_body", "Body acc [g]", True),
         ("frontWheel.travel", "front_wheel_travel_meas", True),
+        ("phi_mot", "axis[1].motor.phi", True),
+        ("phi_arm", "axis[1].motor.phi", False),
         ("travel", "temperature", False),
         ("x", "Temp", False),
     ],

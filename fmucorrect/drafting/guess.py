@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from difflib import SequenceMatcher
+from functools import partial
 
 from fmucorrect import units
 from fmucorrect.errors import SignalError
@@ -16,6 +17,8 @@ _SIDES = frozenset("front rear left right upper lower inner outer top bottom".sp
 """Words for a side of a machine."""
 WITHIN = 0.9
 """Likeness of `zr` and `road_zr`."""
+SHORTENED, LETTERS = 0.8, 3
+"""Likeness of `phi_mot` and `axis.motor.phi`; letters that tell a word."""
 SENSED = {"g": "gn", "mg": "mgn"}
 """What a sensor's unit means, which by itself is one of mass: no channel of a machine's motion is a mass."""
 
@@ -61,7 +64,14 @@ def likeness(one: str, other: str) -> float:
     if sorted(map(_side, a)) == sorted(map(_side, b)):
         return WITHIN
     less, more = sorted((set(a), set(b)), key=len)
-    return max(whole, WITHIN) if less <= more and len("".join(less)) > 1 else whole
+    if less <= more and len("".join(less)) > 1:
+        return max(whole, WITHIN)
+    return max(whole, SHORTENED) if less & more and all(map(partial(_stands_for, more), less - more)) else whole
+
+
+def _stands_for(others: Collection[str], word: str) -> bool:
+    """Whether a word is one of these, shortened: mot for motor."""
+    return len(word) >= LETTERS and any(other.startswith(word) for other in others)
 
 
 def _side(word: str) -> str:
