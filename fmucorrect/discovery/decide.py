@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,7 +13,7 @@ from fmucorrect.discovery.form import FARTHEST
 from fmucorrect.discovery.naming import Naming
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.sets import MOST, has_room
-from fmucorrect.discovery.terms import OffsetTerm, Term
+from fmucorrect.discovery.terms import OffsetTerm, Term, coordinates
 from fmucorrect.discovery.worth import AGREES, CLEAR, CLOSE, LEFT, OPEN, WORTH, left, names
 
 TEMPER = 2.0
@@ -100,20 +100,37 @@ def _full(fitted: Fitted, open_still: bool) -> bool:
 def strained(setting: Setting, base: Fitted, fitted: Fitted) -> bool:
     """Whether a set explains the measurement only with a base parameter that went as far as any may, and wanted more; or, where
     something is left above the noise, so far that it would be believed to be off by name. What is missing may be at another
-    place, or what a law adds be taken out of the model. Where the set leaves as little as a name may with such parameters held
-    where the study expects them, its name does not hang on them."""
-    far = np.abs(fitted.model.base)
-    too_far = far > ON_BOUND * FARTHEST
-    if not explains(setting, fitted):
-        too_far |= far**2 > price(setting, 1) + CLEAR
-    return bool(too_far.any()) and left(_held(setting, fitted, too_far), base, setting.floor) > LEFT
-
-
-def _held(setting: Setting, fitted: Fitted, which: Bool[np.ndarray, " A"]) -> Fitted:
-    """The set with these base parameters EXPECTED off and all its other numbers fitted anew, to first order."""
+    place, or what a law adds be taken out of the model. The names do not hang on such parameters where the set leaves as little
+    as a name may with them held where the study expects them, and each member does more than they do beyond that."""
     known = np.asarray(fitted.model.base)
-    back = known - np.clip(known, -EXPECTED, EXPECTED)
-    residual = fitted.residual + fitted.base[:, which] @ back[which]
+    too_far = np.abs(known) > ON_BOUND * FARTHEST
+    if not explains(setting, fitted):
+        too_far |= known**2 > price(setting, 1) + CLEAR
+    if not too_far.any():
+        return False
+    back = np.where(too_far, known - np.clip(known, -EXPECTED, EXPECTED), 0.0)
+    least = float(np.linalg.norm(fitted.base @ back))
+    return left(_held(setting, fitted, too_far, back), base, setting.floor) > LEFT or min(_done(fitted)) < least
+
+
+def _done(fitted: Fitted) -> Iterator[float]:
+    """How much each member changes the evidence, to first order."""
+    k = 0
+    for term in fitted.model.terms:
+        scales = coordinates(term)
+        sizes = [
+            1.0 if scale == 0.0 else term.values[name] / scale
+            for name, scale in zip(term.estimated, scales, strict=True)
+        ]
+        columns = fitted.slopes[:, k : k + len(sizes)] * np.array(sizes)
+        yield float(np.linalg.norm(columns, axis=0).max(initial=0.0))
+        k += len(sizes)
+
+
+def _held(setting: Setting, fitted: Fitted, which: Bool[np.ndarray, " A"], back: Float64[np.ndarray, " A"]) -> Fitted:
+    """The set with these base parameters moved back by so many tolerances and its other numbers fitted anew, to first order."""
+    known = np.asarray(fitted.model.base)
+    residual = fitted.residual + fitted.base @ back
     free = np.concatenate([fitted.slopes, fitted.base[:, ~which]], axis=1)
     columns = np.concatenate([free, setting.sensors.columns], axis=1)
     prior = np.ones(columns.shape[1])
@@ -122,8 +139,7 @@ def _held(setting: Setting, fitted: Fitted, which: Bool[np.ndarray, " A"]) -> Fi
     start[fitted.slopes.shape[1] : free.shape[1]] = known[~which]
     level = fitted.s2 / setting.share
     change = np.linalg.solve(columns.T @ columns / level + np.diag(prior), columns.T @ residual / level - prior * start)
-    moved = known.copy()
-    moved[which] -= back[which]
+    moved = known - back
     moved[~which] += change[fitted.slopes.shape[1] : free.shape[1]]
     rest = residual - free @ change[: free.shape[1]]
     return judge(setting, replace(fitted, model=replace(fitted.model, base=tuple(moved)), residual=rest))

@@ -33,11 +33,12 @@ class Recorded:
 
 
 def write(ledger: Ledger, path: Path) -> None:
-    """All fits, and of what was compared what rules look at: numbers and residuals, without sensitivities."""
+    """All fits, and of what was compared what rules look at: numbers and residuals, and of the last two stages, which are
+    decided on, sensitivities."""
     stages = [
         {
             "base": _bare(stage.base, keep=True),
-            "sets": [_bare(fitted) for fitted in stage.sets],
+            "sets": [_bare(fitted, keep=k >= len(ledger.compared) - 2) for fitted in stage.sets],
             "setting": {
                 "measured": stage.setting.measured,
                 "sensors": stage.setting.sensors.columns,
@@ -47,7 +48,7 @@ def write(ledger: Ledger, path: Path) -> None:
                 "candidates": stage.setting.candidates,
             },
         }
-        for stage in ledger.compared
+        for k, stage in enumerate(ledger.compared)
     ]
     path.write_bytes(packed({"rows": ledger.rows, "runs": ledger.runs, "stages": stages}))
 
@@ -60,8 +61,8 @@ def read(path: Path) -> dict[str, Any]:
 
 def _bare(fitted: Fitted, keep: bool = False) -> Fitted:
     nothing = np.zeros((len(fitted.residual), 0))
-    base = fitted.base if keep else nothing
-    return replace(fitted, at=fitted.residual, base=base, slopes=nothing, covariance=np.zeros((0, 0)))
+    bare = replace(fitted, at=fitted.residual, covariance=np.zeros((0, 0)))
+    return bare if keep else replace(bare, base=nothing, slopes=nothing)
 
 
 def _naming(stage: dict[str, Any]) -> Naming:
