@@ -14,6 +14,9 @@ _SMOOTHING = Parameter(
     "smoothing", "w", "1", "width of the rounded corners, in gaps", default=0.01, minimum=0.0, above=True
 )
 
+LITTLE_DAMPED = 1e-3
+"""s, damping over stiffness from which a fit begins: a twentieth of critical at 16 Hz."""
+
 
 def _linear(s: Symbols) -> Formula:
     return Formula(s["stiffness"] * s.d)
@@ -34,6 +37,17 @@ def _by_ratio(s: Symbols) -> Formula:
 
 def _backlash(s: Symbols) -> Formula:
     return Formula(-s["stiffness"] * smooth.saturate(s.d, s["gap"], s["smoothing"]))
+
+
+def _undamped_backlash(s: Symbols) -> Formula:
+    gap, corner = s["gap"], s["smoothing"] * s["gap"]
+    inside = (smooth.sign(s.d + gap, corner) - smooth.sign(s.d - gap, corner)) / 2
+    return Formula(-s["stiffness"] * smooth.saturate(s.d, gap, s["smoothing"]) - s["damping"] * s.v * inside)
+
+
+def _with_its_damper(values: Mapping[str, float]) -> dict[str, float]:
+    """Play that takes the damper's force, too: first little of it."""
+    return {**values, "damping": LITTLE_DAMPED * values["stiffness"]}
 
 
 def _bump_stop(s: Symbols) -> Formula:
@@ -68,6 +82,11 @@ def _guess_ratio(motion: Motion, share: float) -> Mapping[str, float] | None:
 
 def _guess_backlash(motion: Motion, share: float) -> Mapping[str, float] | None:
     return {"gap": share * motion.d, "stiffness": motion.stiffness} if motion.stiffness > 0.0 else None
+
+
+def _guess_undamped(motion: Motion, share: float) -> Mapping[str, float] | None:
+    spring = _guess_backlash(motion, share)
+    return spring and _with_its_damper(spring) | ({"damping": motion.damping} if motion.damping > 0.0 else {})
 
 
 def _own_stop(motion: Motion, share: float) -> Mapping[str, float] | None:
@@ -186,6 +205,30 @@ LAWS = (
             " series with other elements, d is the deflection at the play: the mount is the joint. The rounding makes"
             " the gap seem larger by the share w^2 / 2."
         ),
+    ),
+    Law(
+        name="backlash",
+        form="undamped",
+        special=("linear_stiffness",),
+        family="spring",
+        description="The joint's spring and its damper have free play: inside the gap they give no force.",
+        acts="a joint whose own element has stiffness and damping, both of which act through the play",
+        equation="F = -k (d - deadzone(d, g)) - c v (tanh((d + g) / (w g)) - tanh((d - g) / (w g))) / 2",
+        parameters=(
+            _GAP,
+            Parameter("stiffness", "k", "F/D", "of the model's own spring, lost in the gap", minimum=0.0, neutral=0.0),
+            Parameter("damping", "c", "F.s/D", "of the model's own damper, lost in the gap", minimum=0.0, neutral=0.0),
+            _SMOOTHING,
+        ),
+        inputs=("displacement", "velocity"),
+        write=_undamped_backlash,
+        guesses=(_guess_undamped,),
+        main="gap",
+        estimated=("gap", "stiffness", "damping"),
+        severities=SHARES,
+        relative=True,
+        extends=(("backlash", _with_its_damper),),
+        note="As a gear or a coupling has it: between the flanks nothing is touched.",
     ),
     Law(
         name="bump_stop",

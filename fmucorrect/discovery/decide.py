@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float64
 
-from fmucorrect.discovery.fitted import Fitted, Setting, explains, judge, price
+from fmucorrect.discovery.fitted import Fitted, Setting, explains, price
 from fmucorrect.discovery.form import FARTHEST
 from fmucorrect.discovery.naming import Naming
 from fmucorrect.discovery.problem import Problem
@@ -25,8 +25,6 @@ ON_BOUND = 0.999
 """Share of how far a base parameter may go from which on it counts as there."""
 EXPECTED = 2.0
 """Tolerances: how far 95 of 100 base parameters are off at most, if the study is right about them."""
-OPEN_PRIOR = 1e-9
-"""Precision of a law's numbers before the record: none, but for a matrix that can be solved."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +80,7 @@ def decide(naming: Naming) -> Decision:
     elif (
         unexplained > LEFT
         or _full(best, unexplained > WORTH**2 and best.s2 > OPEN * naming.setting.floor)
-        or strained(naming.setting, base, best)
+        or strained(naming.setting, best)
     ):
         verdict = "unexplained"
     else:
@@ -97,25 +95,24 @@ def _full(fitted: Fitted, open_still: bool) -> bool:
     return not has_room(fitted) and (open_still or moved > MOST)
 
 
-def strained(setting: Setting, base: Fitted, fitted: Fitted) -> bool:
+def strained(setting: Setting, fitted: Fitted) -> bool:
     """Whether a set explains the measurement only with a base parameter that went as far as any may, and wanted more; or, where
     something is left above the noise, so far that it would be believed to be off by name. What is missing may be at another
-    place, or what a law adds be taken out of the model. The names do not hang on such parameters where the set leaves as little
-    as a name may with them held where the study expects them, and each member does more than they do beyond that."""
+    place, or what a law adds be taken out of the model. Not where what such parameters do beyond what the study expects of them
+    is no more, beside what any member does and they could not, than laws are idealised by."""
     known = np.asarray(fitted.model.base)
     too_far = np.abs(known) > ON_BOUND * FARTHEST
     if not explains(setting, fitted):
         too_far |= known**2 > price(setting, 1) + CLEAR
     if not too_far.any():
         return False
-    back = np.where(too_far, known - np.clip(known, -EXPECTED, EXPECTED), 0.0)
-    least = float(np.linalg.norm(fitted.base @ back))
-    return left(_held(setting, fitted, too_far, back), base, setting.floor) > LEFT or min(_done(fitted)) < least
+    beyond = np.where(too_far, known - np.clip(known, -EXPECTED, EXPECTED), 0.0)
+    return float(np.linalg.norm(fitted.base @ beyond)) > WORTH * min(_done(fitted, too_far))
 
 
-def _done(fitted: Fitted) -> Iterator[float]:
-    """How much each member changes the evidence, to first order."""
-    k = 0
+def _done(fitted: Fitted, beside: Bool[np.ndarray, " A"]) -> Iterator[float]:
+    """How much each member changes the evidence that these base parameters could not change as well, to first order."""
+    k, along = 0, np.linalg.qr(fitted.base[:, beside])[0]
     for term in fitted.model.terms:
         scales = coordinates(term)
         sizes = [
@@ -123,26 +120,9 @@ def _done(fitted: Fitted) -> Iterator[float]:
             for name, scale in zip(term.estimated, scales, strict=True)
         ]
         columns = fitted.slopes[:, k : k + len(sizes)] * np.array(sizes)
+        columns = columns - along @ (along.T @ columns)
         yield float(np.linalg.norm(columns, axis=0).max(initial=0.0))
         k += len(sizes)
-
-
-def _held(setting: Setting, fitted: Fitted, which: Bool[np.ndarray, " A"], back: Float64[np.ndarray, " A"]) -> Fitted:
-    """The set with these base parameters moved back by so many tolerances and its other numbers fitted anew, to first order."""
-    known = np.asarray(fitted.model.base)
-    residual = fitted.residual + fitted.base @ back
-    free = np.concatenate([fitted.slopes, fitted.base[:, ~which]], axis=1)
-    columns = np.concatenate([free, setting.sensors.columns], axis=1)
-    prior = np.ones(columns.shape[1])
-    prior[: fitted.slopes.shape[1]] = OPEN_PRIOR
-    start = np.zeros(len(prior))
-    start[fitted.slopes.shape[1] : free.shape[1]] = known[~which]
-    level = fitted.s2 / setting.share
-    change = np.linalg.solve(columns.T @ columns / level + np.diag(prior), columns.T @ residual / level - prior * start)
-    moved = known - back
-    moved[~which] += change[fitted.slopes.shape[1] : free.shape[1]]
-    rest = residual - free @ change[: free.shape[1]]
-    return judge(setting, replace(fitted, model=replace(fitted.model, base=tuple(moved)), residual=rest))
 
 
 def _class(best: Fitted, t: int, rivals: Sequence[Rival]) -> tuple[Term, ...]:
@@ -172,7 +152,7 @@ def held_out(problem: Problem, setting: Setting, fitted: Fitted) -> Float64[np.n
         return np.full(1, np.nan)
     jacobian = np.concatenate([fitted.slopes, fitted.base, setting.sensors.columns], axis=1)
     prior = np.ones(jacobian.shape[1])
-    prior[: fitted.slopes.shape[1]] = OPEN_PRIOR
+    prior[: fitted.slopes.shape[1]] = 1e-9
     target = fitted.linear
     level = fitted.s2 / setting.share
     whole = jacobian.T @ jacobian / level + np.diag(prior)

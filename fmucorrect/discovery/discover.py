@@ -280,7 +280,7 @@ def _report(
         "gap": [output.gap_row(gap) | alone.get(gap.condition.name, {}) for gap in checked],
         "series": output.series(study, checked),
         "unexplained": decision.unexplained,
-        "not_named": not_named(problem, naming, decision),
+        "not_named": not_named(problem, naming.setting, decision),
         "next_test": _next(problem, naming, decision) if verdict == "ambiguous" else None,
         "notes": _notes(study, problem, naming.setting, decision)
         + left_out

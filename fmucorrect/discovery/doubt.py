@@ -11,11 +11,10 @@ import numpy as np
 
 from fmucorrect.discovery.decide import Decision, strained
 from fmucorrect.discovery.errorbars import JOINT_ERROR
-from fmucorrect.discovery.fitted import Fitted
+from fmucorrect.discovery.fitted import Fitted, Setting
 from fmucorrect.discovery.form import FARTHEST
 from fmucorrect.discovery.model import Model, start_value, tolerance_of
 from fmucorrect.discovery.motion import along
-from fmucorrect.discovery.naming import Naming
 from fmucorrect.discovery.paring import NOTHING, is_nothing
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.terms import OffsetTerm
@@ -46,12 +45,12 @@ def far_moves(problem: Problem, model: Model) -> list[str]:
     return [*_parameters(problem, model), *_together(problem, model)]
 
 
-def not_named(problem: Problem, naming: Naming, decision: Decision) -> str:
+def not_named(problem: Problem, setting: Setting, decision: Decision) -> str:
     """Why what came nearest has no name though it leaves little; "" where it leaves much, or where its size does not last."""
     best = decision.best
     if not best.model.terms or decision.verdict != "unexplained" or decision.unexplained > LEFT:
         return ""
-    if not strained(naming.setting, naming.base, best):
+    if not strained(setting, best):
         return "it takes as many effects as a set may have"
     i = int(np.argmax(np.abs(best.model.base)))
     moved = " and ".join(problem.tolerated[i].parameters)

@@ -23,7 +23,6 @@ from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.fitted import Setting
 from fmucorrect.discovery.motion import acting
-from fmucorrect.discovery.naming import Naming
 from fmucorrect.discovery.problem import load
 from fmucorrect.discovery.terms import SignalTerm
 from fmucorrect.discovery.wording import sentence
@@ -53,10 +52,9 @@ def test_a_parameter_far_from_its_tolerance_is_told(library, tmp_path, stiffer, 
     near = SignalTerm(law, "x1", (0,), {"cutoff": 40.0})
     near = replace(at_bound, model=replace(at_bound.model, base=(6.0, -6.0), terms=(near,)))
     setting = Setting(near.at, Nuisances(near.base[:, :0]), near.base, np.zeros(0), 1.0)
-    naming = Naming(found.best, (near,), setting)
-    why = not_named(problem, naming, Decision("unexplained", near, (1.0,), ((),), (), 1e-3))
+    why = not_named(problem, setting, Decision("unexplained", near, (1.0,), ((),), (), 1e-3))
     assert why.startswith("with it k1 moves by 6.00 of its tolerances")
-    assert not_named(problem, naming, Decision("unexplained", near, (1.0,), ((),), (), 0.5)) == ""
+    assert not_named(problem, setting, Decision("unexplained", near, (1.0,), ((),), (), 0.5)) == ""
     rows = [{"effect": "sensor_lowpass", "joint": "x1", "uneven": None, "varies": None}]
     report = {"verdict": "unexplained", "unexplained": 1e-3, "suspects": rows, "not_named": why}
     assert "energy stays, but with it k1 moves by 6.00 of its tolerances (" in sentence(Discovery.read(report), [])
