@@ -81,7 +81,10 @@ def _guess_ratio(motion: Motion, share: float) -> Mapping[str, float] | None:
 
 
 def _guess_backlash(motion: Motion, share: float) -> Mapping[str, float] | None:
-    return {"gap": share * motion.d, "stiffness": motion.stiffness} if motion.stiffness > 0.0 else None
+    """Of the joint's own spring; where its force is not shown, as much is lost outside the gap as the residual asks for."""
+    gap = share * motion.d
+    stiffness = motion.stiffness if motion.f > 0.0 else motion.strength / gap
+    return {"gap": gap, "stiffness": stiffness} if stiffness > 0.0 else None
 
 
 def _guess_undamped(motion: Motion, share: float) -> Mapping[str, float] | None:
