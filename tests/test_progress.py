@@ -30,7 +30,7 @@ def test_a_long_stage_goes_on_being_told(monkeypatch: pytest.MonkeyPatch, capsys
     """Between two of its steps, too."""
     told = threading.Event()
     monkeypatch.setattr(group, "AGAIN", 0.001)
-    for wait in ("MINUTE", "FIRST"):
+    for wait in ("MINUTE", "BEGINNING"):
         monkeypatch.setattr(group, wait, 0.0)
     said = group.click.echo
 

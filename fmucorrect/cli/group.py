@@ -229,7 +229,7 @@ def open_study(path: Path, allow_damaged: bool, step_timeout: float | None = Non
 
 AGAIN = 2.0
 """s after which the time beside a stage is shown anew."""
-MINUTE, FIRST = 60.0, 30.0
+MINUTE, BEGINNING = 60.0, 30.0
 """s between lines about a command's progress, where there is no terminal, and before the first: a log that is read later stays
 short, and whether to wait or to come back tomorrow is asked at once."""
 PACED = 15.0
@@ -309,10 +309,10 @@ def _again(show: Callable[[], object]) -> Generator[None]:
 
 def _minutely() -> Callable[..., None]:
     """Writes what it is told to standard error, with the time since and, of a share that is done, what is to come at most at
-    this pace: FIRST after it began, then if the last line is a minute old. The pace is known a while after the first step;
+    this pace: BEGINNING after it began, then if the last line is a minute old. The pace is known a while after the first step;
     what was done before that one took its time otherwise."""
     begun = time.monotonic()
-    due, first = begun + FIRST, (math.nan, 0.0)
+    due, first = begun + BEGINNING, (math.nan, 0.0)
 
     def tell(text: str, share: float = 0.0) -> None:
         nonlocal due, first

@@ -55,7 +55,7 @@ def not_named(problem: Problem, setting: Setting, decision: Decision) -> str:
     i = int(np.argmax(np.abs(best.model.base)))
     moved = " and ".join(problem.tolerated[i].parameters)
     far = short(best.model.base[i])
-    return f"with it {moved} moves by {far} of its tolerances (if that may be, write a larger `tolerance`)"
+    return f"with it {moved} moves by {far} of its tolerances (if that may be, give it a larger `tolerance`)"
 
 
 def _parameters(problem: Problem, model: Model) -> Iterator[str]:

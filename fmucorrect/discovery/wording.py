@@ -21,7 +21,7 @@ TELLING = 2.5
 """Standard deviations of a sensor's gain or lag from which on the sentence tells it."""
 MUCH = 0.1
 """Share of the disagreement's amplitude that may stay without being told in the sentence."""
-TOLD = 2
+BY_NAME = 2
 """Of the parameters that moved, so many are told by name in the sentence; the page has them all."""
 
 
@@ -82,7 +82,7 @@ def _moved(report: Discovery) -> str:
     moved = sorted(report.adjusted, key=lambda name: -abs(report.adjusted_by.get(name, 0.0)))
     moved = [name for name in moved if abs(report.adjusted_by.get(name, 0.0)) >= 1.0]
     told = [f"{name} at {short(report.adjusted[name])} (from {short(report.adjusted_from[name])})" for name in moved]
-    if len(moved) > TOLD:
+    if len(moved) > BY_NAME:
         told = [f"{len(moved)} parameters that moved, {told[0]} the farthest,"]
     return "".join(f"and {one} " for one in told)
 

@@ -17,7 +17,7 @@ _SIDES = frozenset("front rear left right upper lower inner outer top bottom".sp
 """Words for a side of a machine."""
 WITHIN = 0.9
 """Likeness of `zr` and `road_zr`."""
-SHORTENED, LETTERS = 0.8, 3
+SHORTENED, LEAST_LETTERS = 0.8, 3
 """Likeness of `phi_mot` and `axis.motor.phi`; letters that tell a word."""
 SENSED = {"g": "gn", "mg": "mgn"}
 """What a sensor's unit means, which by itself is one of mass: no channel of a machine's motion is a mass."""
@@ -71,7 +71,7 @@ def likeness(one: str, other: str) -> float:
 
 def _stands_for(others: Collection[str], word: str) -> bool:
     """Whether a word is one of these, shortened: mot for motor."""
-    return len(word) >= LETTERS and any(other.startswith(word) for other in others)
+    return len(word) >= LEAST_LETTERS and any(other.startswith(word) for other in others)
 
 
 def _side(word: str) -> str:

@@ -34,7 +34,7 @@ ROWS = 200_000
 """Samples of it at most."""
 MOVES = 1e-3
 """Share of an input's swing from which it moves."""
-STILL, SURE, FEW = 0.02, 5.0, 20
+SCATTERS, LEAVES, SEVERAL = 0.02, 5.0, 20
 """Share of its swing up to which an input that was measured may scatter while it stands still; standard deviations of that from
 which it moves; samples by which that is not known yet."""
 EARLIER = 0.9
@@ -543,11 +543,11 @@ def quiet(log: Run, driving: Collection[str]) -> float:
     swing = np.ptp(record.values, axis=0)
     head = record.values[record.t_ns - record.t_ns[0] < SHORT * NANOSECONDS]
     begins, least, surely = record.values[0], MOVES * swing, 1.0
-    noise = np.diff(head, axis=0).std(axis=0) / np.sqrt(2.0) if len(head) > FEW else np.zeros(len(swing))
-    still = (noise > 0.0) & (noise < STILL * swing) & (head.std(axis=0) < 2.0 * noise)
+    noise = np.diff(head, axis=0).std(axis=0) / np.sqrt(2.0) if len(head) > SEVERAL else np.zeros(len(swing))
+    still = (noise > 0.0) & (noise < SCATTERS * swing) & (head.std(axis=0) < 2.0 * noise)
     if still.any():
         begins = np.where(still, head.mean(axis=0), begins)
-        least, surely = np.where(still, np.maximum(least, SURE * noise), least), EARLIER
+        least, surely = np.where(still, np.maximum(least, LEAVES * noise), least), EARLIER
     away = (np.abs(record.values - begins) > least).any(axis=1)
     length = float(record.t_ns[int(np.argmax(away))] - record.t_ns[0]) / NANOSECONDS if away.any() else 0.0
     return surely * length if length >= SHORT else 0.0

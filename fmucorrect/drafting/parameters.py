@@ -10,8 +10,8 @@ from fmucorrect.errors import SignalError
 from fmucorrect.fmu import FmuDescription, Variable
 from fmucorrect.units import parse
 
-DAMPING = ("N.s/m", "N.m.s/rad")
-UNCERTAIN = ("N/m", "N.m/rad", "kg", "kg.m2", *DAMPING)
+DAMPERS = ("N.s/m", "N.m.s/rad")
+UNCERTAIN = ("N/m", "N.m/rad", "kg", "kg.m2", *DAMPERS)
 """Units of stiffness, inertia and damping, along and about an axis."""
 _NAMED = re.compile(
     r"(?:^|[._])(?:k|c|m|d|j|ks|kt|cs|ms|mu|mb|mw|stiffness|damping|mass|inertia)[a-z]{0,2}\d*(?:_\w+)?$", re.I
@@ -47,7 +47,7 @@ def find_parameters(fmu: FmuDescription) -> tuple[ParameterGuess, ...]:
         low, high = sorted((0.5 * start, 2.0 * start))
         low, high = max(low, variable.minimum), min(high, variable.maximum)
         if start and low < high:
-            damping = _has_one_of(variable.unit, DAMPING) or (why and "damping" in variable.name.lower())
+            damping = _has_one_of(variable.unit, DAMPERS) or (why and "damping" in variable.name.lower())
             tolerance = OF_DAMPING if damping else TOLERANCE
             found.append(ParameterGuess(variable.name, start, low, high, why, tolerance))
     return tuple(found[:MOST])

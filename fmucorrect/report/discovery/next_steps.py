@@ -47,8 +47,8 @@ def next_section(page: Page, report: Discovery) -> None:
         page.text_block(_advice(report.verdict, bool(fmu), "effects.toml" in files))
         if report.not_named:
             page.text_block(
-                f"What came nearest leaves less than that, but {report.not_named}. Where it is right, it is in no file here: "
-                "discover again with what the study then says."
+                f"What came nearest leaves little, but {report.not_named}. No file has it: where that may be, say so in the "
+                "study and discover again."
             )
     if report.notes:
         page.heading("Notes")
