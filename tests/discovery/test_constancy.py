@@ -102,4 +102,4 @@ def test_and_the_sentence_says_so(share, said):
     report = {"verdict": "unexplained", "effects": [], "suspects": [other, close], "unexplained": 0.05}
     text = sentence(Discovery.read(report), [])
     assert said in text
-    assert ("nearest comes Coulomb friction at damper, whose" in text) == (share > TOO_MUCH)
+    assert ("nearest come 2 effects together; of Coulomb friction at damper the" in text) == (share > TOO_MUCH)

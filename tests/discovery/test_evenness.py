@@ -70,6 +70,6 @@ def test_and_the_sentence_says_so():
     other = {"effect": "added_mass", "joint": "frame", "varies": None, "uneven": None}
     report = {"verdict": "unexplained", "effects": [], "suspects": [other, close], "unexplained": 0.05}
     assert (
-        "Stribeck friction at slide, whose force would have to differ by 32 % with the displacement there"
+        "of Stribeck friction at slide the force would have to differ by 32 % with the displacement there"
         in sentence(Discovery.read(report), [])
     )

@@ -119,8 +119,8 @@ def test_where_records_begin_a_recurrent_network_says_the_same_for_as_long_as_no
         if layer is not None:
             torch.nn.init.normal_(layer.weight)
     with torch.no_grad():
-        still = network(begin.repeat(2000, 1), torch.zeros(0), see.bank.step)
-        moved = network(begin.repeat(2000, 1) + 1.0, torch.zeros(0), see.bank.step)
+        still = network(begin.repeat(2000, 1), see.bank.step)
+        moved = network(begin.repeat(2000, 1) + 1.0, see.bank.step)
     assert float(still.max() - still.min()) < 1e-6
     assert float(moved.max() - moved.min()) > 1e-2
 
