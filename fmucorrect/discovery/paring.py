@@ -173,15 +173,17 @@ def _with_less(terms: Sequence[Term]) -> Iterator[tuple[Term, ...]]:
     for t, term in enumerate(terms):
         yield (*terms[:t], *terms[t + 1 :])
         if isinstance(term, ForceTerm):
-            others = {other.key for other in terms}
+            others = {other.key for other in terms if other is not term}
             yield from ((*terms[:t], new, *terms[t + 1 :]) for new in _special(term) if new.key not in others)
 
 
 def _special(term: ForceTerm) -> Iterator[ForceTerm]:
-    """The simpler laws that a member's law contains, with the numbers that both have or that do about the same, and the
-    defaults of others."""
-    becomes = dict(term.law.becomes)
-    for law in (law for name in term.law.special for law in CATALOGUE[name] if may_act(law, term.joints)):
+    """The simpler laws that a member's law contains, or forms of its own with fewer numbers, with the numbers that both have or
+    that do about the same, and the defaults of others."""
+    becomes, extends, fewer = dict(term.law.becomes), dict(term.law.extends), len(term.law.estimated)
+    laws = [law for name in term.law.special for law in CATALOGUE[name]]
+    laws += [law for law in CATALOGUE[term.effect] if law.label in extends and len(law.estimated) < fewer]
+    for law in (law for law in laws if may_act(law, term.joints)):
         same = {p.name: term.values[p.name] for p in law.parameters if p.name in term.values}
         values = becomes[law.label](term.values) if law.label in becomes else same
         if {*law.required} <= {*values}:
