@@ -141,10 +141,8 @@ def sized(row: Effect) -> str:
     acted = f"peak {quantity(acts.peak, unit=acts.unit)}" if acts else ""
     if acted and abs(main.value) < main.std:
         return f"{row.at} ({acted})"
-    if main.meaning == OF_FACTOR:
-        size = f"{short(100.0 * main.value)} %"
-    else:
-        size = next(iter(row.moved.values()), quantity(main.value, unit=main.unit))
+    own = main.told(std=False)
+    size = own if main.meaning == OF_FACTOR else next(iter(row.moved.values()), own)
     size = size if len(row.parameters) == 1 else f"{plain(name)} {size}"
     return f"{row.at} ({size}, {acted})" if acted else f"{row.at} ({size})"
 

@@ -216,7 +216,8 @@ def test_parameters_that_are_scaled_together_are_told_in_per_cent() -> None:
     row = {"value": -0.294, "std": 0.012, "unit": "1", "symbol": "", "meaning": OF_FACTOR}
     effect = report["effects"][0] | {"effect": "parameter_offset", "equation": "", "parameters": {"value": row}}
     text = words(report | {"effects": [effect]}).replace("\u00a0", " ")
-    assert "−29.4 ± 1.2 %" in text
+    assert text.count("−29.4 ± 1.2 %") == 2  # tile and table
+    assert "value −29.4 ± 1.2 %" in words(report | {"effects": [effect, report["effects"][1]]}).replace("\u00a0", " ")
 
 
 def test_a_force_that_differs_from_place_to_place_is_said() -> None:

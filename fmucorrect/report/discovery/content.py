@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import nan
 from typing import Any
 
 from fmucorrect.report.base.json_table import Numbers, read
 from fmucorrect.report.base.words import quantity
-from fmucorrect.report.discovery.text import at
+from fmucorrect.report.discovery.text import OF_FACTOR, at
 
 FARTHER = 1.5
 """By how many times the augmented FMU's own error has to be larger than the one with the sensors' errors to be told."""
@@ -54,6 +55,11 @@ class Parameter:
     unit: str
     symbol: str
     meaning: str
+
+    def told(self, std: bool = True) -> str:
+        """Value, perhaps ± standard deviation, with its unit; of parameters that are scaled together in %."""
+        scale, unit = (100.0, "%") if self.meaning == OF_FACTOR else (1.0, self.unit)
+        return quantity(scale * self.value, scale * self.std if std else nan, unit)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from fmucorrect.report.base.words import MISSING, known, listed, moved_by, perce
 from fmucorrect.report.discovery.content import Discovery, Effect, Parameter, Uneven
 from fmucorrect.report.discovery.equation import equation, formula
 from fmucorrect.report.discovery.pictures import pictures
-from fmucorrect.report.discovery.text import OF_FACTOR, OWN, plain
+from fmucorrect.report.discovery.text import OWN, plain
 
 HEADINGS = {"named": "", "ambiguous": "", "none": "What would fit best, though nothing is needed: "}
 """What stands before an effect's name. Of one that was found nothing: title and facts say how sure it is."""
@@ -127,7 +127,7 @@ def _overview(page: Page, effects: Sequence[Effect]) -> None:
 
 
 def _sized(name: str, item: Parameter) -> str:
-    return f"{plain(name)} {quantity(item.value, item.std, item.unit)}"
+    return f"{plain(name)} {item.told()}"
 
 
 def _effect(page: Page, effect: Effect, verdict: str) -> None:
@@ -186,8 +186,7 @@ def _letters(equation: str) -> str:
 def _parameter(name: str, item: Parameter, symbols: bool) -> Row:
     value, std = item.value, item.std
     cells: list[str] = [formula(item.symbol)] if symbols else []
-    of_factor = item.meaning == OF_FACTOR
-    cells.append(quantity(100.0 * value, 100.0 * std, "%") if of_factor else quantity(value, std, item.unit))
+    cells.append(item.told())
     if not known(std) or std == 0.0:
         cells.append("not estimated")
     elif std > abs(value) > 0.0:

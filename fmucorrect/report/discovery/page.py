@@ -11,7 +11,7 @@ from typing import Any, cast
 
 from fmucorrect.report.base.figures import POINTS
 from fmucorrect.report.base.html import Page
-from fmucorrect.report.base.words import NARROW, error, known, listed, percent, quantity, titled
+from fmucorrect.report.base.words import NARROW, error, known, listed, percent, titled
 from fmucorrect.report.discovery import figures as drawn
 from fmucorrect.report.discovery.content import Discovery
 from fmucorrect.report.discovery.effects import (
@@ -151,9 +151,9 @@ def _tiles(page: Page, report: Discovery) -> None:
         tiles.append(("Probability", "", percent(least.probability), what))
     for effect in found[:1]:
         for name, item in list(effect.parameters.items())[:1]:
-            text, detail = quantity(item.value, item.std, item.unit), effect.at
+            text, detail = item.told(), effect.at
             if len(text) > TILE:
-                text, detail = quantity(item.value, unit=item.unit), f"{text}, {detail}"
+                text, detail = item.told(std=False), f"{text}, {detail}"
             tiles.append((titled(plain(name)), "", text, detail))
     if report.verdict == "unexplained":
         joints = {name: share for name, share in report.where.joints.items() if known(share)}
