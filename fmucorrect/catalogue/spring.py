@@ -13,7 +13,7 @@ _GAP = Parameter("gap", "g", "D", "free travel to each side; the whole play is t
 _SMOOTHING = Parameter(
     "smoothing", "w", "1", "width of the rounded corners, in gaps", default=0.01, minimum=0.0, above=True
 )
-
+_LOST = Parameter("stiffness", "k", "F/D", "of the model's own spring, lost in the gap", minimum=0.0, neutral=0.0)
 LITTLE_DAMPED = 1e-3
 """s, damping over stiffness from which a fit begins: a twentieth of critical at 16 Hz."""
 
@@ -193,7 +193,7 @@ LAWS = (
         equation="F = -k (d - deadzone(d, g))",
         parameters=(
             _GAP,
-            Parameter("stiffness", "k", "F/D", "of the model's own spring, lost in the gap", minimum=0.0, neutral=0.0),
+            _LOST,
             _SMOOTHING,
         ),
         inputs=("displacement",),
@@ -219,7 +219,7 @@ LAWS = (
         equation="F = -k (d - deadzone(d, g)) - c v (tanh((d + g) / (w g)) - tanh((d - g) / (w g))) / 2",
         parameters=(
             _GAP,
-            Parameter("stiffness", "k", "F/D", "of the model's own spring, lost in the gap", minimum=0.0, neutral=0.0),
+            _LOST,
             Parameter("damping", "c", "F.s/D", "of the model's own damper, lost in the gap", minimum=0.0, neutral=0.0),
             _SMOOTHING,
         ),

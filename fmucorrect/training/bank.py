@@ -205,7 +205,7 @@ def _features(q: Float64[np.ndarray, "T V"], poles: np.ndarray, begins: np.ndarr
 def _past(q: Float64[np.ndarray, "T V"], poles: np.ndarray, begins: np.ndarray) -> np.ndarray:
     """p of all rows but the first."""
     before = (begins * q[0]) * (poles ** np.arange(1, len(q))[:, None])[:, :, None]
-    return answers(0.5 * (q[1:] + q[:-1]), poles) * (1.0 - np.abs(poles))[:, None] + before
+    return answers(0.5 * (q[1:] + q[:-1])[:, None], poles) * (1.0 - np.abs(poles))[:, None] + before
 
 
 def _flat(past: np.ndarray) -> np.ndarray:
@@ -221,11 +221,9 @@ def answer(x: np.ndarray, pole: Any) -> np.ndarray:
 
 
 def answers(x: np.ndarray, poles: np.ndarray) -> np.ndarray:
-    """(T, P, M)"""
-    said = np.empty((len(x), len(poles), x.shape[1]), poles.dtype)
-    for i, pole in enumerate(poles):
-        said[:, i] = answer(x, pole)
-    return said
+    """(T, P, M). x: the same, or (T, 1, M) for all poles."""
+    each = np.broadcast_to(x, (len(x), len(poles), x.shape[2]))
+    return np.stack([answer(each[:, i], pole) for i, pole in enumerate(poles)], axis=1)
 
 
 def remembered(t: Mapping[str, Tensor], x: Float[Tensor, "N X"], state: Float[Tensor, "N S"]) -> tuple[Tensor, Tensor]:

@@ -10,13 +10,12 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional
 
-from fmucorrect.training.bank import answer
+from fmucorrect.training.bank import answers
 
 BLOCK = 32
 """Rows. Of 16, 32 and 64 the fastest at 2800 rows and at 20 000; the products grow with it, the recurrence shrinks."""
@@ -29,21 +28,17 @@ class _Between(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, x: Tensor, poles: Tensor) -> Tensor:  # type: ignore[override]
         ctx.poles = poles.numpy()
-        ctx.answer = _each(x.numpy(), ctx.poles)
+        ctx.answer = answers(x.numpy(), ctx.poles)
         return torch.from_numpy(ctx.answer)
 
     @staticmethod
     def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, Tensor]:  # type: ignore[override]
-        adjoint = _each(gradient.numpy()[::-1], ctx.poles.conj())[::-1]
+        adjoint = answers(gradient.numpy()[::-1], ctx.poles.conj())[::-1]
         on_poles = (ctx.answer[:-1].conj() * adjoint[1:]).sum((0, 2))
         return torch.from_numpy(adjoint.copy()), torch.from_numpy(on_poles)
 
 
-def _each(x: np.ndarray, poles: np.ndarray) -> np.ndarray:
-    return np.stack([answer(x[:, i], pole) for i, pole in enumerate(poles)], axis=1)
-
-
-def answers(
+def responses(
     u: Float[Tensor, "M T"], decay: Float[Tensor, " P"], angle: Float[Tensor, " P"]
 ) -> Float[Tensor, "2*P*M T"]:
     """Of every pole to every signal, from nothing on: the real parts of all poles, each of all signals, then the imaginary

@@ -43,7 +43,7 @@ from fmucorrect.training.deployed import Said, bias, spread, weight
 from fmucorrect.training.loop import Curve, Run, Terms, minimise, one_cycle
 from fmucorrect.training.mlp import parameters, tanh
 from fmucorrect.training.nearby import SHARE, nearby
-from fmucorrect.training.recurrence import answers
+from fmucorrect.training.recurrence import responses
 from fmucorrect.training.tasks import Context
 
 STEEPEST = 1.0
@@ -133,7 +133,7 @@ class Oscillators(nn.Module):
         def answered(u: Float[Tensor, "T U"]) -> Float[Tensor, "T Z"]:
             u = u.T
             before = functional.pad(u[:, :-1], (1, 0))
-            return torch.cat([answers(0.5 * (u + before), *poles), u]).T
+            return torch.cat([responses(0.5 * (u + before), *poles), u]).T
 
         answer = answered(self.lacking(first) - begun)
         if self.fed_back is not None:

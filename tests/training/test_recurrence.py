@@ -7,7 +7,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from fmucorrect.training.recurrence import BLOCK, answers
+from fmucorrect.training.recurrence import BLOCK, responses
 
 DECAY, ANGLE = (1e-4, 0.01, 0.3, 40.0), (0.001, 0.08, 1.2, 3.0)
 """Of a pole that remembers all rows, two between, and one that has forgotten by the next."""
@@ -29,7 +29,7 @@ def test_blocks_change_nothing(rows: int) -> None:
     known = [rng.normal(size=(3, rows)), np.array(DECAY), np.array(ANGLE)]
     weights = torch.from_numpy(rng.normal(size=(2 * len(DECAY) * 3, rows)))
     found: list[list[np.ndarray]] = []
-    for way in (answers, from_row_to_row):
+    for way in (responses, from_row_to_row):
         u, decay, angle = (torch.from_numpy(values).requires_grad_() for values in known)
         said = way(u, decay, angle)
         (said * weights).sum().backward()

@@ -45,11 +45,6 @@ def next_section(page: Page, report: Discovery) -> None:
         page.text_block("No test that would split the class was found among the conditions that could be simulated.")
     else:
         page.text_block(_advice(report.verdict, bool(fmu), "effects.toml" in files))
-        if report.not_named:
-            page.text_block(
-                f"What came nearest leaves little, but {report.not_named}. No file has it: where that may be, say so in the "
-                "study and discover again."
-            )
     if report.notes:
         page.heading("Notes")
         page.items(report.notes)
