@@ -21,9 +21,10 @@ from fmucorrect.discovery import output
 from fmucorrect.discovery.augmented import Found, found_of, write_model
 from fmucorrect.discovery.confirm import Gap, carries_over, gaps, sensors_told
 from fmucorrect.discovery.decide import Decision, decide
+from fmucorrect.discovery.discrepancy import form_errors
 from fmucorrect.discovery.doubt import cautions, far_moves, not_named, wrong_signs
 from fmucorrect.discovery.elsewhere import by, library, quietly
-from fmucorrect.discovery.errorbars import base_std, with_unlisted
+from fmucorrect.discovery.errorbars import base_std, doubtful, less_known, unlisted
 from fmucorrect.discovery.fitted import Fitted, Setting
 from fmucorrect.discovery.kept import Kept, digest
 from fmucorrect.discovery.lasting import Size, lasting
@@ -217,8 +218,11 @@ def _report(
     )
     verdict = confirmed(decision, checked, sizes)
     lap("confirm")
-    wider = with_unlisted(problem, naming.setting, best)
-    std = wider.std()
+    by_joints, by_form = (
+        doubtful(problem, naming.setting, best, errors)
+        for errors in (unlisted(problem, best), form_errors(problem, best))
+    )
+    std = less_known(best, by_joints + by_form).std()
     rows = [
         output.effect_row(problem, term, std[i], decision.probability[i], decision.classes[i], decision.classed[i])
         for i, term in enumerate(best.model.terms)
@@ -246,7 +250,9 @@ def _report(
         lap("learn")
     learned = None if row is None or not writable(row) else law
     if learned is None:
-        adjusted = output.adjusted(problem, best.model.base, std=base_std(problem, naming.setting, best).tolist())
+        adjusted = output.adjusted(
+            problem, best.model.base, std=base_std(problem, naming.setting, best, by_joints + by_form).tolist()
+        )
     else:
         adjusted = output.adjusted(problem, learned.model.base)
     sensed = output.sensor_rows(study.channels, sensors)
@@ -268,7 +274,7 @@ def _report(
         "cautions": [
             *wrong_signs(problem),
             *(
-                cautions(problem, best, wider, sensed)
+                cautions(problem, best, less_known(best, by_joints), sensed)
                 if learned is None
                 else (f"{moved}, with the learned force" for moved in far_moves(problem, learned.model))
             ),

@@ -142,22 +142,28 @@ def _pieces(
     return found
 
 
-def doubted(problem: Problem, setting: Setting, fitted: Fitted) -> float:
-    """The surprise of a set whose forces' form is not quite right: each nonlinear one may be off by FORM_ERROR in each of
-    its pieces, by place and by speed. Base parameters, sensors and the members' numbers give way to that, to first order
-    around the fit."""
+def form_errors(problem: Problem, fitted: Fitted) -> Float64[np.ndarray, "n m"]:
+    """What it does at the sensors where each nonlinear force of a set is off by FORM_ERROR in each of its pieces, by place and
+    by speed: one standard deviation a column. Without columns where the solver gives up."""
     forms = [
         FORM_ERROR * columns
         for term in fitted.model.terms
         if isinstance(term, ForceTerm) and not linear(term)
         for _, columns in _pieces(problem, fitted, term)
     ]
-    if not forms:
+    return np.concatenate([np.zeros((len(fitted.at), 0)), *forms], axis=1)
+
+
+def doubted(problem: Problem, setting: Setting, fitted: Fitted) -> float:
+    """The surprise of a set whose forces' form is not quite right (`form_errors`). Base parameters, sensors and the members'
+    numbers give way to that, to first order around the fit."""
+    forms = form_errors(problem, fitted)
+    if not forms.shape[1]:
         return fitted.surprise
     own = np.concatenate([fitted.slopes / np.sqrt(ANY), fitted.base, setting.sensors.columns], axis=1)
     as_it_is, doubtful = (
         Nuisances(columns).believe(fitted.linear, setting.share, setting.floor)
-        for columns in (own, np.concatenate([own, *forms], axis=1))
+        for columns in (own, np.concatenate([own, forms], axis=1))
     )
     return fitted.surprise + doubtful.surprise - as_it_is.surprise
 

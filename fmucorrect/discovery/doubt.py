@@ -35,8 +35,8 @@ WIDER = 2.0
 
 
 def cautions(problem: Problem, best: Fitted, wider: Fitted, sensors: Sequence[Mapping[str, Any]]) -> list[str]:
-    """What the verdict hangs on, a phrase each. wider: the same fit with its covariance as errorbars.with_unlisted has it.
-    sensors: of the report."""
+    """What the verdict hangs on, a phrase each. wider: the same fit as it is known where joints may be off that the study does
+    not list (errorbars.py). sensors: of the report."""
     return [*far_moves(problem, best.model), *_sensors(sensors), *_numbers(best, wider), *_nothing(best, wider)]
 
 

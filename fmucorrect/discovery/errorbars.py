@@ -28,13 +28,20 @@ def spread(problem: Problem, setting: Setting, fitted: Fitted) -> Float64[np.nda
     return _joint(problem, setting, fitted)[: fitted.slopes.shape[1], : fitted.slopes.shape[1]]
 
 
-def base_std(problem: Problem, setting: Setting, fitted: Fitted) -> Float64[np.ndarray, " A"]:
+def base_std(
+    problem: Problem, setting: Setting, fitted: Fitted, more: Float64[np.ndarray, "q q"]
+) -> Float64[np.ndarray, " A"]:
     """Standard deviation of each base parameter, in its tolerances: about 1 where the records say nothing of it. Those that do
-    the same as another are not known, though their sum may be. NaN of a set that was not fitted to its end, in a search that
-    was stopped."""
-    if len({len(fitted.at), len(fitted.slopes), len(fitted.base)}) > 1:
+    the same as another are not known, though their sum may be. more: of `doubtful`. NaN of a set that was not fitted to its
+    end, in a search that was stopped."""
+    if not _ended(fitted):
         return np.full(len(fitted.model.base), np.nan)
-    return np.sqrt(np.diag(_joint(problem, setting, fitted))[fitted.slopes.shape[1] :])
+    return np.sqrt(np.diag(_joint(problem, setting, fitted) + more)[fitted.slopes.shape[1] :])
+
+
+def _ended(fitted: Fitted) -> bool:
+    """Whether a set has sensitivities of all its numbers."""
+    return len({len(fitted.at), len(fitted.slopes), len(fitted.base)}) == 1
 
 
 def _joint(problem: Problem, setting: Setting, fitted: Fitted) -> Float64[np.ndarray, "q q"]:
@@ -68,9 +75,9 @@ def _beyond_white(problem: Problem, setting: Setting, fitted: Fitted) -> Float64
     return (vectors * np.maximum(values, 0.0)) @ vectors.T
 
 
-def with_unlisted(problem: Problem, setting: Setting, fitted: Fitted) -> Fitted:
-    """The same, its numbers' covariance with what it is more where every joint's own force may be off by JOINT_ERROR, in phase
-    with its displacement and with its velocity: how much less is known then, and how far the numbers would move for it.
+def unlisted(problem: Problem, fitted: Fitted) -> Float64[np.ndarray, "n m"]:
+    """What each joint's own force does at the sensors where it is off by JOINT_ERROR, in phase with its displacement and with
+    its velocity: one standard deviation a column.
 
     Not at a place where the set has a force: that is what is lacking there. Nor as far as parameters do the same that the study
     lists: their tolerances say it. Joints without a nominal force are left out.
@@ -79,7 +86,7 @@ def with_unlisted(problem: Problem, setting: Setting, fitted: Fitted) -> Fitted:
     named = {joint.name for term in fitted.model.terms if isinstance(term, ForceTerm) for joint in term.joints}
     given = [joint for joint in given if joint.name not in named]
     if not given or not fitted.slopes.shape[1]:
-        return fitted
+        return np.zeros((len(fitted.at), 0))
     moves = motions(problem.study, [trial.condition for trial in problem.trials], problem.budget)
     errors: list[Term] = []
     for joint in given:
@@ -95,15 +102,32 @@ def with_unlisted(problem: Problem, setting: Setting, fitted: Fitted) -> Fitted:
     found = problem.many([replace(model, terms=(*model.terms, term)) for term in errors])
     columns = [(y - fitted.at) / SMALL for y in found if y is not None]
     if not columns:
-        return fitted
+        return np.zeros((len(fitted.at), 0))
     offsets = np.repeat([isinstance(t, OffsetTerm) for t in model.terms], [len(t.estimated) for t in model.terms])
     listed, _ = np.linalg.qr(np.concatenate([fitted.base, fitted.slopes[:, offsets]], axis=1))
     more = np.stack(columns, axis=1)
-    base = np.concatenate([fitted.base, more - listed @ (listed.T @ more)], axis=1)
-    wider = replace(fitted, base=base, model=Model(model.terms, (*model.base, *(0.0 for _ in columns))))
-    steps = [
-        (joint_covariance(setting, f) @ normal(setting, f, f.slopes)[1])[: f.slopes.shape[1]] for f in (fitted, wider)
-    ]
+    return more - listed @ (listed.T @ more)
+
+
+def doubtful(
+    problem: Problem, setting: Setting, fitted: Fitted, errors: Float64[np.ndarray, "n m"]
+) -> Float64[np.ndarray, "q q"]:
+    """What the covariance of the members' coordinates and the base parameters is more where the response may have such errors:
+    how much less is known then, and how far the numbers would move for it. errors: one standard deviation a column, of the
+    joints that nobody lists (`unlisted`) or of the form of the laws (discrepancy.form_errors)."""
+    count = fitted.slopes.shape[1] + len(fitted.model.base)
+    if not errors.shape[1] or not _ended(fitted):
+        return np.zeros((count, count))
+    base = np.concatenate([fitted.base, errors], axis=1)
+    wider = replace(
+        fitted, base=base, model=Model(fitted.model.terms, (*fitted.model.base, *([0.0] * errors.shape[1])))
+    )
+    steps = [(joint_covariance(setting, f) @ normal(setting, f, f.slopes)[1])[:count] for f in (fitted, wider)]
     moved = steps[1] - steps[0]
-    less_known = spread(problem, setting, wider) - spread(problem, setting, fitted)
-    return replace(fitted, covariance=fitted.covariance + less_known + np.outer(moved, moved))
+    return _joint(problem, setting, wider)[:count, :count] - _joint(problem, setting, fitted) + np.outer(moved, moved)
+
+
+def less_known(fitted: Fitted, more: Float64[np.ndarray, "q q"]) -> Fitted:
+    """The same, its numbers' covariance with what it is more. more: of `doubtful`."""
+    count = fitted.slopes.shape[1]
+    return replace(fitted, covariance=fitted.covariance + more[:count, :count])

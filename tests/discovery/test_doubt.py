@@ -17,8 +17,9 @@ from test_exchange import K, M, adjustable, decided, force, integrated
 from fmucorrect.catalogue.signal import SIGNALS
 from fmucorrect.discovery.decide import Decision
 from fmucorrect.discovery.discover import _alone, _by_fmu
+from fmucorrect.discovery.discrepancy import FORM_ERROR, form_errors
 from fmucorrect.discovery.doubt import cautions, not_named
-from fmucorrect.discovery.errorbars import JOINT_ERROR, with_unlisted
+from fmucorrect.discovery.errorbars import JOINT_ERROR, doubtful, less_known, unlisted
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.fitted import Setting
@@ -87,7 +88,7 @@ def test_an_error_bar_holds_what_joints_that_nobody_listed_may_do_to_a_number(li
             setting, _ = begun(problem)
             spring = term_at(problem.study, "cubic_stiffness", "joint 2", cubic_stiffness=CUBIC)
             found = fit(problem, setting, replace(problem.nominal, terms=(spring,)), 20)
-            wider = with_unlisted(problem, setting, found)
+            wider = less_known(found, doubtful(problem, setting, found, unlisted(problem, found)))
             off = found.model.terms[0].values["cubic_stiffness"] - CUBIC
             return *(abs(off) / one.std()[0]["cubic_stiffness"] for one in (found, wider)), acting(
                 problem, found.model, spring
@@ -100,6 +101,27 @@ def test_an_error_bar_holds_what_joints_that_nobody_listed_may_do_to_a_number(li
     path.write_text(path.read_text().replace(f"c1 = {C[0]}", f"c1 = {C[0] * (1.0 + JOINT_ERROR)}"))
     own, told, _ = fitted()
     assert told < 1.5 < 2.0 < own
+
+
+def test_an_error_bar_holds_what_the_form_of_a_law_does_to_its_number(library, tmp_path):
+    """A spring that is not quite cubic: it is weaker one way."""
+
+    def measured(d, v):
+        return cubic(d, v) * (1.0 - 2.0 * FORM_ERROR * (d[1] > 0.0))
+
+    with load(load_study(write_study(tmp_path, measured)), library, 2) as problem:
+        setting, _ = begun(problem)
+        spring = term_at(problem.study, "cubic_stiffness", "joint 2", cubic_stiffness=CUBIC)
+        found = fit(problem, setting, replace(problem.nominal, terms=(spring,)), 20)
+        wider = less_known(found, doubtful(problem, setting, found, form_errors(problem, found)))
+        off = abs(found.model.terms[0].values["cubic_stiffness"] - CUBIC)
+        own, told = (off / one.std()[0]["cubic_stiffness"] for one in (found, wider))
+        assert told < 2.5 < 4.0 < own
+        straight = replace(
+            found,
+            model=replace(found.model, terms=(term_at(problem.study, "linear_stiffness", "joint 2", stiffness=1.0),)),
+        )
+        assert form_errors(problem, straight).shape[1] == 0  # its size is its number
 
 
 def test_forces_that_a_sensors_offset_makes_up_for_are_told(library, tmp_path):

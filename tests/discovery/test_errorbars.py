@@ -89,7 +89,7 @@ def test_parameters_that_move_are_known_as_well_as_records_and_tolerances_say(pr
             np.zeros((0, 0)),
         )
         wrong.append(z - truth)
-        said.append(base_std(problem, setting, fitted) ** 2)
+        said.append(base_std(problem, setting, fitted, np.zeros((3, 3))) ** 2)
     assert np.sqrt(np.mean(said, axis=0)) == pytest.approx(np.std(wrong, axis=0), rel=0.2)
     assert np.mean(said, axis=0)[2] == pytest.approx(1.0)
     assert np.std(wrong, axis=0)[0] > 2.0 * np.std(np.sum(np.array(wrong)[:, :2], axis=1))

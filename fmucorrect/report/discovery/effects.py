@@ -15,6 +15,7 @@ from fmucorrect.report.discovery.text import OWN, plain
 
 HEADINGS = {"named": "", "ambiguous": "", "none": "What would fit best, though nothing is needed: "}
 """What stands before an effect's name. Of one that was found nothing: title and facts say how sure it is."""
+ERRORS = "of the noise, and of joints and laws that are a few per cent off: no machine is a law of a textbook"
 LETTERS = {
     "d": "displacement",
     "v": "velocity",
@@ -150,6 +151,8 @@ def _effect(page: Page, effect: Effect, verdict: str) -> None:
         page.table(head, [_parameter(name, item, symbols) for name, item in effect.parameters.items()])
     facts = [(plain(name), item.meaning) for name, item in effect.parameters.items() if item.meaning]
     facts += effect.moved.items()
+    if any(item.std for item in effect.parameters.values()):
+        facts.append(("standard deviation", ERRORS))
     if known(effect.probability):
         facts.append(("probability", f"{percent(effect.probability)} that this effect at this place is right"))
     if known(share := effect.class_probability):
