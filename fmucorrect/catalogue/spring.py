@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from fmucorrect.catalogue import smooth
-from fmucorrect.catalogue.law import Formula, Law, Parameter, Symbols, load_sympy
+from fmucorrect.catalogue.law import Expr, Formula, Law, Parameter, Symbols, load_sympy
 from fmucorrect.catalogue.motion import REMAINS, SHARES, Guess, Motion
 
 _ANYWHERE = "any joint"
@@ -16,6 +16,19 @@ _SMOOTHING = Parameter(
 _LOST = Parameter("stiffness", "k", "F/D", "of the model's own spring, lost in the gap", minimum=0.0, neutral=0.0)
 LITTLE_DAMPED = 1e-3
 """s, damping over stiffness from which a fit begins: a twentieth of critical at 16 Hz."""
+_BEYOND = Parameter("stiffness", "k", "F/D", "beyond the gap", minimum=0.0, neutral=0.0)
+_AT_ONE_SIDE = (
+    Parameter("limit", "l", "D", "displacement at which the stop is met"),
+    Parameter("side", "s", "1", "1: it is met from below, -1: from above", minimum=-1.0, maximum=1.0),
+    Parameter("stiffness", "k", "F/D", "beyond the limit", minimum=0.0, neutral=0.0),
+    Parameter("corner", "w", "D", "width of its rounding", default=1e-5, minimum=0.0, above=True),
+)
+_DISSIPATION = Parameter(
+    "dissipation", "h", "s/D", "of a blow at velocity v it takes the share 2 h v / 3 of that velocity", minimum=0.0
+)
+LITTLE_TAKEN = 0.02
+"""s, dissipation times free travel from which a fit begins: at 2 Hz over that travel a blow takes a sixth of the velocity."""
+_CONTACT = "Of Hunt and Crossley (J. Appl. Mech. 42, 1975), with a linear spring: it is begun from the stop that takes nothing."
 
 
 def _linear(s: Symbols) -> Formula:
@@ -54,9 +67,33 @@ def _bump_stop(s: Symbols) -> Formula:
     return Formula(s["stiffness"] * (s.d - smooth.saturate(s.d, s["gap"], s["smoothing"])))
 
 
+def _pushes(factor: Expr) -> Expr:
+    """Nothing below 0: a stop does not pull, however fast the joint leaves it."""
+    return (factor + load_sympy().Abs(factor)) / 2
+
+
+def _damped_stop(s: Symbols) -> Formula:
+    inwards = s.v * smooth.sign(s.d, s["smoothing"] * s["gap"])
+    return Formula(_bump_stop(s).force * _pushes(1 + s["dissipation"] * inwards))
+
+
 def _one_stop(s: Symbols) -> Formula:
     beyond = s["side"] * (s.d - s["limit"])
     return Formula(s["side"] * s["stiffness"] * smooth.ramp(beyond, s["corner"]))
+
+
+def _damped_stop_at_one_side(s: Symbols) -> Formula:
+    return Formula(_one_stop(s).force * _pushes(1 + s["dissipation"] * s["side"] * s.v))
+
+
+def _damped(values: Mapping[str, float]) -> dict[str, float]:
+    """A stop at both sides that takes something of a blow: first little."""
+    return {**values, "dissipation": LITTLE_TAKEN / values["gap"]}
+
+
+def _damped_at_one_side(values: Mapping[str, float]) -> dict[str, float]:
+    """The same of a stop at one side; its corner is a hundredth of the travel as a rule (`_at_one_side`)."""
+    return {**values, "dissipation": LITTLE_TAKEN / max(abs(values["limit"]), 10.0 * values["corner"])}
 
 
 def _at_one_side(guess: Guess, side: float) -> Guess:
@@ -72,6 +109,10 @@ def _at_one_side(guess: Guess, side: float) -> Guess:
         }
 
     return one
+
+
+def _one_side(values: Mapping[str, float]) -> str | None:
+    return None if abs(values["side"]) == 1.0 else f"side must be 1 or -1, got {values['side']!r}"
 
 
 def _guess_ratio(motion: Motion, share: float) -> Mapping[str, float] | None:
@@ -240,11 +281,7 @@ LAWS = (
         description="Beyond a free travel the joint meets a stop, at both sides.",
         acts=_ANYWHERE,
         equation="F = k deadzone(d, g)",
-        parameters=(
-            _GAP,
-            Parameter("stiffness", "k", "F/D", "beyond the gap", minimum=0.0, neutral=0.0),
-            _SMOOTHING,
-        ),
+        parameters=(_GAP, _BEYOND, _SMOOTHING),
         inputs=("displacement",),
         write=_bump_stop,
         guesses=(_own_stop, _strong_stop),
@@ -262,12 +299,7 @@ LAWS = (
         description="Beyond a displacement the joint meets a stop, at one side.",
         acts=_ANYWHERE,
         equation="F = s k max(s (d - l), 0)",
-        parameters=(
-            Parameter("limit", "l", "D", "displacement at which the stop is met"),
-            Parameter("side", "s", "1", "1: it is met from below, -1: from above", minimum=-1.0, maximum=1.0),
-            Parameter("stiffness", "k", "F/D", "beyond the limit", minimum=0.0, neutral=0.0),
-            Parameter("corner", "w", "D", "width of its rounding", default=1e-5, minimum=0.0, above=True),
-        ),
+        parameters=_AT_ONE_SIDE,
         inputs=("displacement",),
         write=_one_stop,
         guesses=tuple(_at_one_side(guess, side) for guess in (_own_stop, _strong_stop) for side in (1.0, -1.0)),
@@ -275,7 +307,46 @@ LAWS = (
         estimated=("limit", "stiffness"),
         severities=REMAINS,
         relative=True,
-        check=lambda values: None if abs(values["side"]) == 1.0 else f"side must be 1 or -1, got {values['side']!r}",
+        check=_one_side,
         note="At one side alone: a support that lifts off, a cable that goes slack, a rubber buffer.",
+    ),
+    Law(
+        name="bump_stop",
+        form="damped",
+        special=("linear_stiffness",),
+        family="spring",
+        description="Beyond a free travel the joint meets a stop, at both sides, that gives back less than it takes.",
+        acts=_ANYWHERE,
+        equation="F = k deadzone(d, g) max(1 + h v d / |d|, 0)",
+        parameters=(_GAP, _BEYOND, _DISSIPATION, _SMOOTHING),
+        inputs=("displacement", "velocity"),
+        write=_damped_stop,
+        guesses=(),
+        main="gap",
+        estimated=("gap", "stiffness", "dissipation"),
+        severities=REMAINS,
+        relative=True,
+        extends=(("bump_stop", _damped),),
+        note=_CONTACT,
+    ),
+    Law(
+        name="bump_stop",
+        form="one_sided_damped",
+        special=("linear_stiffness",),
+        family="spring",
+        description="Beyond a displacement the joint meets a stop, at one side, that gives back less than it takes.",
+        acts=_ANYWHERE,
+        equation="F = s k max(s (d - l), 0) max(1 + h s v, 0)",
+        parameters=(*_AT_ONE_SIDE[:-1], _DISSIPATION, _AT_ONE_SIDE[-1]),
+        inputs=("displacement", "velocity"),
+        write=_damped_stop_at_one_side,
+        guesses=(),
+        main="limit",
+        estimated=("limit", "stiffness", "dissipation"),
+        severities=REMAINS,
+        relative=True,
+        extends=(("bump_stop_one_sided", _damped_at_one_side),),
+        check=_one_side,
+        note=_CONTACT,
     ),
 )

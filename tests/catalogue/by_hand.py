@@ -21,7 +21,10 @@ VALUES = {
     "bilinear_stiffness_difference": {"difference": 3e5},
     "bilinear_stiffness_ratio": {"ratio": 1.4},
     "backlash": {"gap": 1e-4, "stiffness": 8e6},
+    "backlash_undamped": {"gap": 1e-4, "stiffness": 8e6, "damping": 3e3},
     "bump_stop": {"gap": 4e-4, "stiffness": 8e6},
+    "bump_stop_damped": {"gap": 4e-4, "stiffness": 8e6, "dissipation": 80.0},
+    "bump_stop_one_sided_damped": {"limit": -4e-4, "side": -1.0, "stiffness": 8e6, "dissipation": 80.0, "corner": 1e-9},
     "bump_stop_one_sided": {"limit": -4e-4, "side": -1.0, "stiffness": 8e6, "corner": 1e-9},
     "viscous_damping": {"damping": 2e4},
     "quadratic_damping": {"quadratic_damping": 5e5},
@@ -45,6 +48,13 @@ VALUES = {
     "learned_force": LEARNED,
     "learned_force_memory": LEARNED | {"slip": 4e-4, "memory_1": -1.5, "memory_5": 0.4, "memory_7": 2.0},
 }
+
+
+def reached(d, flank):
+    """0 before a flank, 1 behind it, within a hundredth of its distance."""
+    return 1.0 / (1.0 + np.exp(-np.clip((d - flank) / (0.005 * abs(flank)), -500.0, 500.0)))
+
+
 # force (d, v, a, F0, t, V, z, p), and dz/dt
 BY_HAND = {
     "linear_stiffness": lambda d, v, a, f, t, s, z, p: p["stiffness"] * d,
@@ -56,6 +66,17 @@ BY_HAND = {
     ),
     "backlash": lambda d, v, a, f, t, s, z, p: -p["stiffness"] * (d - rounded_deadzone(d, p["gap"])),
     "bump_stop": lambda d, v, a, f, t, s, z, p: p["stiffness"] * rounded_deadzone(d, p["gap"]),
+    "backlash_undamped": lambda d, v, a, f, t, s, z, p: (
+        -p["stiffness"] * (d - rounded_deadzone(d, p["gap"]))
+        - p["damping"] * v * (reached(d, -p["gap"]) - reached(d, p["gap"]))
+    ),
+    # at a restitution of nothing the force ends while the joint is still deep
+    "bump_stop_damped": lambda d, v, a, f, t, s, z, p: (
+        p["stiffness"] * rounded_deadzone(d, p["gap"]) * np.maximum(1 + p["dissipation"] * v * np.sign(d), 0)
+    ),
+    "bump_stop_one_sided_damped": lambda d, v, a, f, t, s, z, p: (
+        p["stiffness"] * np.minimum(d - p["limit"], 0.0) * np.maximum(1 - p["dissipation"] * v, 0)
+    ),
     "bump_stop_one_sided": lambda d, v, a, f, t, s, z, p: p["stiffness"] * np.minimum(d - p["limit"], 0.0),
     "viscous_damping": lambda d, v, a, f, t, s, z, p: p["damping"] * v,
     "quadratic_damping": lambda d, v, a, f, t, s, z, p: p["quadratic_damping"] * np.sign(v) * v**2,
