@@ -67,7 +67,7 @@ def condensed(problem: Problem, setting: Setting, best: Fitted, curves: Sequence
     parts = [[int(ends[t]) for t in part] for n in range(least, len(own) + 1) for part in combinations(own, n)]
     if not (parts or is_far) or not (near or 2 <= len(own) <= MEMBERS):
         return []
-    best = _both_sided(problem, best, int(ends[-1])) if near else best
+    best = _both_sided(problem, setting, best, int(ends[-1])) if near else best
     x = np.zeros(int(ends[-1]))
     for t in own:
         x[ends[t]] = size_of(best.model.terms[t])
@@ -117,10 +117,10 @@ def _form(setting: Setting, state: Fitted) -> tuple[Float64[np.ndarray, "q q"], 
     return C, C @ g
 
 
-def _both_sided(problem: Problem, best: Fitted, count: int) -> Fitted:
+def _both_sided(problem: Problem, setting: Setting, best: Fitted, count: int) -> Fitted:
     """The set with sensitivities from both sides: in a direction in which many numbers stand in for each other, what is left of
     one-sided ones would be taken for a slope."""
-    slopes, base = both_sides(problem, best, np.full(count, PROBE))
+    slopes, base = both_sides(problem, setting, best, np.full(count, PROBE))
     return replace(best, slopes=slopes, base=base, around=best.model.base)
 
 

@@ -20,6 +20,12 @@ PROBE, FINEST = 0.02, 1e-3
 """By how much a coordinate is moved for its sensitivity, at most and at least: as far as it is uncertain in between."""
 STALE = 1.0
 """Tolerances that a base parameter may move before the sensitivities are taken anew."""
+ROUGH, FARTHER_BY, FARTHER = 0.05, 5.0, 0.15
+"""Share of a sensitivity from both sides that its sides may differ from it by (a half of the second difference), else it is
+taken anew over so many times as far; and how far at most, a base parameter by STALE."""
+SOFTEST = 4
+"""Directions along which rough sensitivities are made right: where a base is moved, all masses, springs and forces can be
+larger together; where a force is measured, too, all lengths."""
 HOPE, HOPELESS = 8.0, 60.0
 """A fit is given up when so many more gains like its last one would leave it so far behind its rival."""
 GAINED = 0.3
@@ -142,7 +148,7 @@ def sharpened(problem: Problem, setting: Setting, state: Fitted, rival: float = 
     hide in which direction it still goes down, and how far that is unknown. rival: a surprise to be beaten."""
     reach = np.clip(problem.reach, -FARTHEST, FARTHEST)
     for _ in range(most):
-        slopes, base = both_sides(problem, state, probes(setting, state, state.slopes))
+        slopes, base = both_sides(problem, setting, state, probes(setting, state, state.slopes))
         state = replace(state, slopes=slopes, base=base, around=state.model.base)
         promised = to_gain(setting, state)
         if promised == 0.0 or state.surprise - promised > rival + HOPELESS:
@@ -159,26 +165,74 @@ def sharpened(problem: Problem, setting: Setting, state: Fitted, rival: float = 
 
 
 def both_sides(
-    problem: Problem, state: Fitted, far: Float64[np.ndarray, " p"]
+    problem: Problem, setting: Setting, state: Fitted, far: Float64[np.ndarray, " p"]
 ) -> tuple[Float64[np.ndarray, "n p"], Float64[np.ndarray, "n A"]]:
-    """Sensitivities to the members' coordinates and to the base parameters; one-sided where there is but one side."""
-    model, z = state.model, np.asarray(state.model.base)
-    count = len(far)
-    models = [stepped(model, side * move) for move in np.diag(far) for side in (1.0, -1.0)]
-    models += [
-        replace(model, base=tuple(float(x) for x in z + side * move))
-        for move in np.eye(len(z)) * PROBE
-        for side in (1.0, -1.0)
-    ]
-    found = problem.many(models)
-    columns: list[np.ndarray] = []
-    for one in (*far, *np.full(len(z), PROBE)):
-        sides = [(side, y) for side, y in zip((1.0, -1.0), (next(found), next(found)), strict=True) if y is not None]
-        sides = [(side, y) for side, y in sides if (y != state.at).any()]  # not held by a bound
-        changes = [side * (y - state.at) / one for side, y in sides]
-        columns.append(np.mean(changes, axis=0) if changes else np.zeros_like(state.at))
-    jacobian = np.stack(columns, axis=1) if columns else np.zeros((len(state.at), 0))
-    return jacobian[:, :count], jacobian[:, count:]
+    """Sensitivities to the members' coordinates and to the base parameters; one-sided where there is but one side.
+
+    far: how far each coordinate is moved, farther where the response is rough: with friction that sticks, each move, however
+    small, lets some instants of sticking come a step sooner or later. A smooth response bends in proportion to the move (the
+    second difference over it), a rough one against it, and the move that bends least is taken (Gill, Murray, Saunders and
+    Wright, SIAM J. Sci. Stat. Comput. 4, 1983, have it for the rounding of numbers). What is rough still would pass for
+    knowledge where all numbers together can grow and nothing shows it: there it is taken along that direction, too.
+    """
+    count, moves = len(far), np.concatenate([far, np.full(len(state.model.base), PROBE)])
+    near = np.min(np.abs(problem.reach - np.array(state.model.base)[:, None]), axis=1)  # a parameter's own bounds
+    farthest = np.concatenate([np.full(count, FARTHER), np.clip(near, PROBE, STALE)])
+    columns = np.zeros((len(state.at), len(moves)))
+    least = np.full(len(moves), np.inf)
+    ahead, rough = list(range(len(moves))), False
+    while ahead:
+        each = np.diag(moves)
+        found = problem.many([_aside(state.model, count, side * each[k]) for k in ahead for side in (1.0, -1.0)])
+        again: list[int] = []
+        for k in ahead:
+            sides = [
+                (side, y) for side, y in zip((1.0, -1.0), (next(found), next(found)), strict=True) if y is not None
+            ]
+            changes = [
+                side * (y - state.at) / moves[k] for side, y in sides if (y != state.at).any()
+            ]  # none at a bound
+            if not changes:
+                continue
+            column = np.mean(changes, axis=0)
+            bend = float(np.linalg.norm(changes[0] - column)) if len(changes) > 1 else 0.0
+            if bend < least[k]:
+                columns[:, k], least[k] = column, bend
+                if bend > ROUGH * float(np.linalg.norm(column)):
+                    rough = True
+                    again += [k] if moves[k] * FARTHER_BY <= farthest[k] else []
+        ahead = again
+        moves[ahead] *= FARTHER_BY
+    if rough:
+        _along_the_softest(problem, setting, state, columns, farthest)
+    return columns[:, :count], columns[:, count:]
+
+
+def _along_the_softest(
+    problem: Problem,
+    setting: Setting,
+    state: Fitted,
+    columns: Float64[np.ndarray, "n q"],
+    farthest: Float64[np.ndarray, " q"],
+) -> None:
+    """Sensitivities made right along the directions that are the least known by them, from a move as far as any number may be
+    moved for its own: columns + (g - columns u) u', as Broyden has it (Math. Comp. 19, 1965)."""
+    count = len(state.model.base)
+    own = replace(state, base=columns[:, -count:] if count else columns[:, :0])
+    H, _ = normal(setting, own, columns[:, : columns.shape[1] - count])
+    seen = [u for u in np.linalg.eigh(H)[1].T if (columns @ u).any()]
+    for u in seen[:SOFTEST]:
+        far = float(np.min(farthest / np.maximum(np.abs(u), 1e-12)))
+        ahead, behind = (_aside(state.model, columns.shape[1] - count, side * far * u) for side in (1.0, -1.0))
+        more, less = problem.many([ahead, behind])
+        if more is not None and less is not None:
+            columns += np.outer((more - less) / (2.0 * far) - columns @ u, u)
+
+
+def _aside(model: Model, count: int, move: Float64[np.ndarray, " q"]) -> Model:
+    """The model with its members' coordinates (`count` of them) and, behind these, its base parameters moved."""
+    base = tuple(z + float(more) for z, more in zip(model.base, move[count:], strict=True))
+    return replace(stepped(model, move[:count]), base=base)
 
 
 def better(problem: Problem, setting: Setting, state: Fitted, following: Model) -> Fitted | None:

@@ -112,8 +112,8 @@ def test_two_springs_that_are_off_alike_are_one_stiffness_of_their_group(library
 
 
 def test_two_dampers_that_are_off_alike_are_one_where_sensitivities_are_rough(library, tmp_path, monkeypatch):
-    def rough(problem, state, far):
-        slopes, base = both_sides(problem, state, far)
+    def rough(problem, setting, state, far):
+        slopes, base = both_sides(problem, setting, state, far)
         noise = np.random.default_rng(1).normal(size=slopes.shape) / np.sqrt(len(slopes))
         return slopes + 0.02 * np.linalg.norm(slopes, axis=0) * noise, base
 

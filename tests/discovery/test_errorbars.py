@@ -4,15 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from one_mass import problem_of
+from one_mass import JOINT, MASS, STEP, SWEEP, T, begun, problem_of, term_at
 from scipy.signal import lfilter
+from test_exchange import C, K, M, adjustable, integrated, measured
 
 from fmucorrect.discovery.errorbars import base_std, spread
 from fmucorrect.discovery.evidence import Nuisances
-from fmucorrect.discovery.fitted import Fitted, begin
+from fmucorrect.discovery.fit import both_sides
+from fmucorrect.discovery.fitted import Fitted, begin, judge_at
 from fmucorrect.discovery.model import Model
 
 TIMES = 300
+FRICTION, TOLERANCE = 0.3, 0.02  # N, of the adjustables
 
 
 @pytest.fixture(scope="module")
@@ -93,3 +96,31 @@ def test_parameters_that_move_are_known_as_well_as_records_and_tolerances_say(pr
     assert np.sqrt(np.mean(said, axis=0)) == pytest.approx(np.std(wrong, axis=0), rel=0.2)
     assert np.mean(said, axis=0)[2] == pytest.approx(1.0)
     assert np.std(wrong, axis=0)[0] > 2.0 * np.std(np.sum(np.array(wrong)[:, :2], axis=1))
+
+
+def test_what_all_forces_share_is_known_no_better_than_the_study_says(library, tmp_path):
+    """Of a mass on a moving base, with friction, only ratios show: mass, spring, damper and friction may grow. The friction
+    sticks and slips, so that sensitivities are rough, and rough ones had passed for knowledge of how large."""
+
+    def base(t):
+        s, w = np.maximum(t - 0.3, 0.0), 2.0 * np.pi
+        return 2e-3 * np.sin(w * (1.0 + s) * s), 2e-3 * w * (1.0 + 2.0 * s) * np.cos(w * (1.0 + s) * s) * (t > 0.3)
+
+    def rate(t, y):
+        d, v = base(t)
+        return [y[1], -(K * (y[0] - d) + C * (y[1] - v) + FRICTION * np.tanh((y[1] - v) / 1e-4)) / M]
+
+    d, v = base(T + 0.5 * STEP)  # held over a step
+    text = MASS + JOINT + adjustable("m1") + adjustable("k1") + adjustable("c1") + SWEEP
+    x = integrated(rate, 2)[0]
+    with measured(tmp_path, library, text, x, **{"base.d [m]": d, "base.v [m/s]": v}) as problem:
+        setting, base_fit = begun(problem)
+        friction = {"friction_force": FRICTION, "stick_displacement": 4e-7}
+        term = term_at(problem.study, "coulomb_friction", "joint 1", **friction)
+        model = replace(problem.nominal, terms=(term,))
+        (at,) = problem.many([model])
+        state = judge_at(setting, base_fit, model, at)
+        columns = np.concatenate(both_sides(problem, setting, state, np.full(2, 1e-3)), axis=1)
+        larger = np.array([1.0, 0.0, *(1.0 / TOLERANCE for _ in model.base)])
+        shown = np.linalg.norm(columns @ larger) / np.linalg.norm(larger)
+        assert shown < 0.01 * np.linalg.norm(columns, axis=0)[[0, 2, 3]].min()
