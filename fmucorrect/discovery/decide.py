@@ -147,21 +147,21 @@ def _share(weight: Mapping[frozenset[tuple[str, str]], float], best: Fitted, t: 
 
 def held_out(problem: Problem, setting: Setting, fitted: Fitted) -> Float64[np.ndarray, " C"]:
     """NRMSE, % of the measured range, of each condition when everything is fitted to the others only, to first order around
-    the fit (no simulation); NaN with a single condition."""
+    the fit (no simulation); NaN with a single condition. A member's number that the others do not tell stays as it is."""
     if len(problem.trials) < 2:
         return np.full(1, np.nan)
     jacobian = np.concatenate([fitted.slopes, fitted.base, setting.sensors.columns], axis=1)
-    prior = np.ones(jacobian.shape[1])
-    prior[: fitted.slopes.shape[1]] = 1e-9
-    target = fitted.linear
-    level = fitted.s2 / setting.share
-    whole = jacobian.T @ jacobian / level + np.diag(prior)
-    right = jacobian.T @ target / level
+    prior = np.diag(np.arange(jacobian.shape[1]) >= fitted.slopes.shape[1]).astype(float)
+    target, level = fitted.linear, fitted.s2 / setting.share
+    told = [
+        (jacobian[rows].T @ jacobian[rows] / level, jacobian[rows].T @ target[rows] / level) for rows in problem.rows
+    ]
     found: list[float] = []
-    for trial, rows in zip(problem.trials, problem.rows, strict=True):
-        own = jacobian[rows]
-        solved = np.linalg.solve(whole - own.T @ own / level, right - own.T @ target[rows] / level)
-        left_over = (target[rows] - own @ solved).reshape(-1, len(problem.study.channels))
+    for k, (trial, rows) in enumerate(zip(problem.trials, problem.rows, strict=True)):
+        others = told[:k] + told[k + 1 :]
+        whole, right = prior + sum(square for square, _ in others), sum(pull for _, pull in others)
+        solved = np.linalg.pinv(whole, hermitian=True) @ right
+        left_over = (target[rows] - jacobian[rows] @ solved).reshape(-1, len(problem.study.channels))
         measured = trial.evidence(trial.measured)
         span = np.ptp(measured, axis=0)
         found.append(

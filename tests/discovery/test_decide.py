@@ -1,12 +1,13 @@
 """The verdict that fitted sets give, before the evaluation conditions are looked at."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from fmucorrect.catalogue import find
-from fmucorrect.discovery.decide import decide
+from fmucorrect.discovery.decide import decide, held_out
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fitted import Fitted, Setting
 from fmucorrect.discovery.model import Model
@@ -111,3 +112,21 @@ def test_exact_twins_are_equally_probable_however_many_sets_were_fitted_with_one
     assert found.verdict == "ambiguous"
     assert found.classed == pytest.approx([1.0])
     assert found.probability == pytest.approx([0.5])
+
+
+def test_a_number_that_one_condition_alone_tells_stays_where_that_is_left_out():
+    """There is nothing to fit it to: a stop that only one run met."""
+    rng = np.random.default_rng(1)
+    rows = [slice(0, 25), slice(25, ROWS)]
+    trials = [SimpleNamespace(evidence=lambda y: y, measured=10.0 * rng.normal(size=(25, 1))) for _ in rows]
+    problem = SimpleNamespace(trials=trials, rows=rows, study=SimpleNamespace(channels=[None]))
+    slopes, residual = np.zeros((ROWS, 2)), rng.normal(size=ROWS)
+    slopes[rows[0], 0], slopes[:, 1] = 5.0, rng.normal(size=ROWS)
+    setting = Setting(residual, Nuisances(np.zeros((ROWS, 0))), np.zeros((ROWS, 0)), np.zeros(0), 1.0)
+    model = Model((force(1), force(2)))
+    fitted = Fitted(model, residual, residual, 1.0, 0.0, np.zeros((ROWS, 0)), (), slopes, np.eye(2))
+    left = held_out(problem, setting, fitted)
+    other = slopes[rows[1], 1]
+    own = residual[rows[0]] - slopes[rows[0], 1] * (other @ residual[rows[1]]) / (other @ other)
+    assert left[0] == pytest.approx(100.0 * np.sqrt(np.mean(own**2)) / np.ptp(trials[0].measured))
+    assert np.isfinite(left).all()
