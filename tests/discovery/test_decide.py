@@ -1,10 +1,15 @@
 """The verdict that fitted sets give, before the evaluation conditions are looked at."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
+
+pytest.importorskip("ziglang")
+pytest.importorskip("sympy")
+
+from one_mass import begun
+from test_discover import cubic, write_study
 
 from fmucorrect.catalogue import find
 from fmucorrect.discovery.decide import decide, held_out
@@ -12,11 +17,12 @@ from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fitted import Fitted, Setting
 from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.naming import Naming
+from fmucorrect.discovery.problem import load
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm
 from fmucorrect.discovery.wording import sentence
 from fmucorrect.discovery.worth import left
 from fmucorrect.report.discovery.content import Discovery
-from fmucorrect.study import Adjustable
+from fmucorrect.study import Adjustable, load_study
 
 ROWS = 50
 LAW, VALUES = find("linear_stiffness", {"stiffness": 10.0}), {"stiffness": 10.0}
@@ -114,19 +120,15 @@ def test_exact_twins_are_equally_probable_however_many_sets_were_fitted_with_one
     assert found.probability == pytest.approx([0.5])
 
 
-def test_a_number_that_one_condition_alone_tells_stays_where_that_is_left_out():
+def test_a_number_that_one_condition_alone_tells_stays_where_that_is_left_out(library, tmp_path):
     """There is nothing to fit it to: a stop that only one run met."""
-    rng = np.random.default_rng(1)
-    rows = [slice(0, 25), slice(25, ROWS)]
-    trials = [SimpleNamespace(evidence=lambda y: y, measured=10.0 * rng.normal(size=(25, 1))) for _ in rows]
-    problem = SimpleNamespace(trials=trials, rows=rows, study=SimpleNamespace(channels=[None]))
-    slopes, residual = np.zeros((ROWS, 2)), rng.normal(size=ROWS)
-    slopes[rows[0], 0], slopes[:, 1] = 5.0, rng.normal(size=ROWS)
-    setting = Setting(residual, Nuisances(np.zeros((ROWS, 0))), np.zeros((ROWS, 0)), np.zeros(0), 1.0)
-    model = Model((force(1), force(2)))
-    fitted = Fitted(model, residual, residual, 1.0, 0.0, np.zeros((ROWS, 0)), (), slopes, np.eye(2))
-    left = held_out(problem, setting, fitted)
-    other = slopes[rows[1], 1]
-    own = residual[rows[0]] - slopes[rows[0], 1] * (other @ residual[rows[1]]) / (other @ other)
-    assert left[0] == pytest.approx(100.0 * np.sqrt(np.mean(own**2)) / np.ptp(trials[0].measured))
-    assert np.isfinite(left).all()
+    with load(load_study(write_study(tmp_path, cubic)), library, 2) as problem:
+        setting, base = begun(problem)
+        setting = replace(setting, sensors=Nuisances(setting.base[:, :0]))
+        slopes = np.zeros((len(base.at), 1))
+        slopes[problem.rows[0]] = 5.0
+        fitted = replace(base, base=base.base[:, :0], slopes=slopes, model=Model((force(1),)), s2=1.0)
+        spans = [np.ptp(trial.evidence(trial.measured), axis=0) for trial in problem.trials]
+        rest = [np.sqrt(np.mean(part.reshape(-1, 2) ** 2, axis=0)) for part in problem.split(base.residual)]
+        expected = [float(np.mean(100.0 * one / span)) for one, span in zip(rest, spans, strict=True)]
+        assert held_out(problem, setting, fitted) == pytest.approx(expected)
