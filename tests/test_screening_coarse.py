@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from fmucorrect.pairs import pair
-from fmucorrect.screening import coarse
-from fmucorrect.study import load_study
+from fmucorrect.errors import FmuError
+from fmucorrect.pairs import pair, simulate
+from fmucorrect.screening.coarse import coarse
+from fmucorrect.signals import Condition, Record
+from fmucorrect.study import Study, load_study
 
 FMU = Path(__file__).resolve().parents[1] / "fmus" / "oscillator" / "oscillator.fmu"
 STUDY = """format = 1
@@ -47,6 +50,29 @@ def test_a_step_is_told_where_it_is_later_than_sensors_are(
     tmp_path: Path, step: float, noise: float, told: str
 ) -> None:
     """An input that is held for a step acts half a step late."""
+    study = driven(tmp_path, step, noise)
+    found = list(coarse(study, [pair(study, study.development[0])]))
+    assert len(found) == bool(told)
+    for finding in found:
+        assert finding.level == "warning"
+        assert told in finding.text
+        assert "step_size" in finding.where
+
+
+def test_a_step_is_told_by_twice_of_it_where_the_solver_takes_no_half_one(tmp_path: Path, monkeypatch) -> None:
+    def fixed(study: Study, condition: Condition) -> Record:
+        if study.simulation.step_ns % 8_000_000:
+            raise FmuError("not a multiple of the fixed step")
+        return simulate(study, condition)
+
+    monkeypatch.setattr(import_module("fmucorrect.screening.coarse"), "simulate", fixed)
+    study = driven(tmp_path, 8e-3, 0.1)
+    (finding,) = coarse(study, [pair(study, study.development[0])])
+    assert "as twice the step tells" in finding.text
+    assert "shorter" not in finding.remedy
+
+
+def driven(tmp_path: Path, step: float, noise: float) -> Study:
     x = solve_ivp(
         lambda t, y: [y[1], push(t) - 1000.0 * y[0] - 10.0 * y[1]], (0.0, T[-1]), [0.0, 0.0], "LSODA", T, rtol=1e-8
     ).y[0]
@@ -54,11 +80,4 @@ def test_a_step_is_told_where_it_is_later_than_sensors_are(
     np.savetxt(tmp_path / "log.csv", columns, "%.9g", ",", header="time,mass1.f [N],x [mm]", comments="")
     path = tmp_path / "study.toml"
     path.write_text(STUDY.format(fmu=FMU.as_posix(), step=step, noise=noise), encoding="utf-8")
-    study = load_study(path)
-    item = pair(study, study.development[0])
-    found = list(coarse(study, [item]))
-    assert len(found) == bool(told)
-    for finding in found:
-        assert finding.level == "warning"
-        assert told in finding.text
-        assert "step_size" in finding.where
+    return load_study(path)

@@ -14,7 +14,7 @@ from fmucorrect import metrics, pairs
 from fmucorrect.discovery.budget import Budget
 from fmucorrect.discovery.fitted import Setting
 from fmucorrect.discovery.model import Model, runner, simulate, start_value
-from fmucorrect.discovery.nuisances import GAIN, LAG
+from fmucorrect.discovery.nuisances import GAIN, LAG, holds
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.starts import fitted
 from fmucorrect.discovery.trials import lead_in, sensor_noise
@@ -167,15 +167,15 @@ def sensors_told(problem: Problem, setting: Setting, residual: Float64[np.ndarra
     """`sensor_errors` as the residual of a model tells them. residual: (n,) of the development conditions."""
     told = setting.sensors.believe(residual, setting.share).fitted
     free = sum(len(trial.condition.free) for trial in problem.trials) if problem.fmu else 0
-    return sensor_errors(told, len(problem.study.channels), len(problem.trials), free)
+    return sensor_errors(told, len(problem.study.channels), len(problem.trials), free + holds(problem))
 
 
 def sensor_errors(
-    fitted: Float64[np.ndarray, " m"], channels: int, conditions: int, starts: int = 0
+    fitted: Float64[np.ndarray, " m"], channels: int, conditions: int, behind: int = 0
 ) -> Float64[np.ndarray, "J 2"]:
     """Gain error and lag of each channel from the sensors' nuisances, in the order of nuisances.sensors. What all conditions'
-    clocks have in common is a lag of every channel. starts: how many start values stand behind them."""
+    clocks have in common is a lag of every channel. behind: how many others stand behind them (fitted.with_sensors)."""
     rows = fitted[: 2 * channels].reshape(channels, 2)
-    own = fitted[2 * channels : len(fitted) - starts].reshape(conditions, -1)
+    own = fitted[2 * channels : len(fitted) - behind].reshape(conditions, -1)
     clock = float(own[:, 0].mean()) if own.shape[1] == 1 + 2 * channels else 0.0
     return (rows + np.array([0.0, clock])) * np.array([GAIN, LAG])

@@ -34,6 +34,7 @@ from fmucorrect.discovery.located import Located, located
 from fmucorrect.discovery.motion import acting
 from fmucorrect.discovery.naming import Naming, Stopped, name
 from fmucorrect.discovery.nexttest import next_test
+from fmucorrect.discovery.nuisances import holds
 from fmucorrect.discovery.outputmap import output_maps
 from fmucorrect.discovery.pictures import free_picture, picture, units_at
 from fmucorrect.discovery.problem import Problem, load
@@ -424,6 +425,13 @@ def _notes(study: Study, problem: Problem, setting: Setting, decision: Decision)
         )
     elif not study.joints:
         notes.append("The study names no joints: with force ports more than parameters and sensors could be named.")
+    if holds(problem):
+        step = 1e3 * study.simulation.step_size
+        early = setting.sensors.believe(decision.best.residual, setting.share).fitted[-1] * step / 2.0
+        notes.append(
+            f"Inputs are held for a step of {step:.3g} ms, so that the model answers half of it late: the search left room for "
+            f"inputs that act earlier, by {early:.2g} ms as these data ask for. No file has that."
+        )
     if any(isinstance(term, SignalTerm) for term in decision.best.model.terms):
         notes.append("What sits in a sensor or in the excitation is not put into augmented.fmu.")
     if not study.evaluation:

@@ -10,7 +10,7 @@ from jaxtyping import Float64
 
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.model import Model
-from fmucorrect.discovery.nuisances import GAIN, sensitivities
+from fmucorrect.discovery.nuisances import GAIN, held, sensitivities
 from fmucorrect.discovery.nuisances import sensors as sensors_of
 from fmucorrect.discovery.nuisances import starts as starts_of
 from fmucorrect.discovery.problem import Problem
@@ -108,9 +108,9 @@ def with_sensors(problem: Problem, setting: Setting, model: Model, gain: float =
 def _nuisances(
     problem: Problem, model: Model, responses: Sequence[Float64[np.ndarray, "_ J"]], gain: float = GAIN
 ) -> Nuisances:
-    """Sensors, and behind them start values that are not known, of a model with these responses."""
-    parts = sensors_of(problem, responses, gain), starts_of(problem, model, responses)
-    return Nuisances(np.concatenate(parts, axis=1))
+    """Sensors, and behind them start values that are not known and inputs that are held, of a model with these responses."""
+    behind = starts_of(problem, model, responses), held(problem, model, problem.stack(responses))
+    return Nuisances(np.concatenate([sensors_of(problem, responses, gain), *behind], axis=1))
 
 
 def price(setting: Setting, numbers: int) -> float:

@@ -9,9 +9,11 @@ from functools import partial
 import numpy as np
 from jaxtyping import Float64
 
+from fmucorrect.catalogue.signal import SIGNALS
 from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.starts import columns, spread
+from fmucorrect.discovery.terms import EXCITATION, SignalTerm
 
 GAIN = 0.005
 """Standard deviation of a sensor's gain."""
@@ -19,6 +21,8 @@ LAG = 0.5e-3
 """Standard deviation, s, of a sensor's lag, and of how well two clocks are known to each other."""
 OFFSET = 0.3
 """Standard deviation of a sensor's offset, and of its drift over a run, in units of its noise: it was zeroed."""
+ROOM = 2.0
+"""Such lags that half a step may be: a usual step, of 1 ms or 2, asks for nothing of its own."""
 PERTURBED = 0.3
 """By how many tolerances a base parameter is moved for its sensitivity."""
 
@@ -48,6 +52,23 @@ def sensors(
                 part = _only(OFFSET * shape * trial.sigma, j)
                 column([part if k == c else zero for k, zero in enumerate(zeros)])
     return np.stack(columns, axis=1)
+
+
+def holds(problem: Problem) -> bool:
+    """Whether the FMU's inputs are held for longer than a lag of its sensors has room for."""
+    half = problem.study.simulation.step_size / 2.0
+    return problem.study.fmu is not None and half > ROOM * LAG and any(t.condition.inputs for t in problem.trials)
+
+
+def held(problem: Problem, model: Model, at: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, "n m"]:
+    """One column where inputs are held for long (`holds`): what comes of their acting half a step earlier. An FMU that holds
+    its inputs for a step answers half of it late to what moves on meanwhile, and no machine does. at: the model's evidence."""
+    if not holds(problem):
+        return np.zeros((len(at), 0))
+    (law,) = (law for law in SIGNALS["excitation_lag"] if not law.form)
+    early = SignalTerm(law, EXCITATION, (), law.complete({"lag": -problem.study.simulation.step_size / 2.0}))
+    (y,) = problem.many([replace(model, terms=(*model.terms, early))])
+    return (np.zeros_like(at) if y is None else y - at)[:, None]
 
 
 def starts(

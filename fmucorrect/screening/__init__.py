@@ -5,7 +5,7 @@
 
 finding.py says what a finding is, recorded.py looks at files alone, lifeless.py at whether a channel lives, same.py finds
 one record inside another, floor.py the noise that a changed copy keeps, simulated.py holds simulation and measurement
-against each other, repeatable.py a run against the same run once more, coarse.py against one at half the step,
+against each other, repeatable.py a run against the same run once more, coarse.py against one at another step,
 load_cells.py pushes where a load cell should feel it. Of evaluation conditions only what no training could use is looked at,
 and nothing but a finding comes of it: whether they are held out at all, whether their channels live, their inputs cover the
 run, and their sensors, signs and units are those of the others.

@@ -1,4 +1,5 @@
-"""Whether the communication step is short enough: one development condition run once more, at half of it.
+"""Whether the communication step is short enough: one development condition run once more, at half of it, or at twice where
+the solver takes no half one.
 
 An FMU holds its inputs for a step. With a step as long as the sample interval it answers half a step late to what drives it,
 and what an acceleration passes on at once a whole one: more than sensors are late, and a search would call it a lag, a mass, a
@@ -8,6 +9,7 @@ gain.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -16,12 +18,15 @@ from fmucorrect.errors import FmucorrectError
 from fmucorrect.noise import EVIDENCE, of_sensors
 from fmucorrect.pairs import Pair, simulate
 from fmucorrect.screening.finding import Finding
+from fmucorrect.signals import Record
 from fmucorrect.study import Study
 from fmucorrect.study_places import place
 
 SHOWS = 0.5
 """Of the noise of what discovery looks at, beside a lag: adds a quarter to its variance, nearly what a set may leave that
 explains a measurement."""
+FACTORS = {0.5: "half a step", 2.0: "twice the step"}
+"""Of the step that is looked at, in this order."""
 LATE = 1e-3
 """s that a channel may be late by for the step alone: twice what discovery expects of sensors (nuisances.LAG), which has room
 for it."""
@@ -30,22 +35,22 @@ for it."""
 def coarse(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
     """Of the shortest run among the pairs, which costs two more: the channel that a step of half the length moves most, by more
     than LATE or, beside a lag, so that it shows in the noise. A step's error is about proportional to it, so that what half of
-    it does is counted twice. Nothing where the solver takes no other step."""
+    it does is counted twice, and what twice of it does once. Nothing where the solver takes no other step."""
     runs = [item for item in pairs if item.condition.simulated is None and item.condition.inputs is not None]
     if study.fmu is None or not runs:
         return
     item, step = min(runs, key=lambda item: len(item.simulated)), study.simulation.step_size
-    finer = replace(study, simulation=replace(study.simulation, step_ns=max(study.simulation.step_ns // 2, 1)))
-    try:
-        run = simulate(finer, item.condition)
-    except FmucorrectError:
+    other = _otherwise(study, item)
+    if other is None:
         return
+    run, factor = other
     begins = float(item.rows.start) * step
     noise = of_sensors(study.channels, item.condition, item.measured, item.response, step, begins).sigma
-    t, found = item.simulated.t_ns[item.rows], list[tuple[float, str]]()
+    both = np.isin(item.simulated.t_ns[item.rows], run.t_ns)
+    t, found = item.simulated.t_ns[item.rows][both], list[tuple[float, str]]()
     for j, channel in enumerate(study.channels):
-        moved = 2.0 * (np.interp(t, run.t_ns, run.values[:, j]) - item.response[:, j])
-        slope = np.gradient(item.response[:, j], step)
+        moved = (np.interp(t, run.t_ns, run.values[:, j]) - item.response[both, j]) / (1.0 - factor)
+        slope = np.gradient(item.response[:, j], step)[both]
         lag = float(moved @ slope) / max(float(slope @ slope), np.finfo(float).tiny)
         found.append((abs(lag) / LATE, f"channel {channel.name!r} is about {1e3 * lag:.2g} ms late"))
         if np.isfinite(noise[j]):
@@ -56,12 +61,27 @@ def coarse(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
             found.append((times / SHOWS, f"channel {channel.name!r} is {told}"))
     times, told = max(found)
     if times > 1.0:
+        shorter = f"{step / 2.0 ** min(np.ceil(np.log2(2.0 * times)), 5.0):.3g}"
+        remedy = (
+            f"Write a shorter step_size, {shorter} say" if factor < 1.0 else "The FMU takes no step of half of this"
+        )
         yield Finding(
             "step that shows",
             "warning",
             place(study.places, ("simulation", "step_size")),
-            f"at {step:g} s {told}, as half a step tells at condition {item.condition.name!r}",
+            f"at {step:g} s {told}, as {FACTORS[factor]} tells at condition {item.condition.name!r}",
             "Inputs are held for a whole step; discovery takes what comes of it for a sensor's lag, a mass or a gain",
-            f"Write a shorter step_size, {step / 2.0 ** min(np.ceil(np.log2(2.0 * times)), 5.0):.3g} say; not needed to "
-            "train a corrector.",
+            f"{remedy}; not needed to train a corrector.",
         )
+
+
+def _otherwise(study: Study, item: Pair) -> tuple[Record, float] | None:
+    """The same condition with half the step, or where the solver refuses that with twice of it, and which; None where it takes
+    neither."""
+    for factor in FACTORS:
+        step_ns = max(round(study.simulation.step_ns * factor), 1)
+        with suppress(FmucorrectError):
+            return simulate(
+                replace(study, simulation=replace(study.simulation, step_ns=step_ns)), item.condition
+            ), factor
+    return None
