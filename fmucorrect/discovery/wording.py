@@ -73,8 +73,12 @@ def _learned(report: Discovery) -> str:
     row = report.learned
     if row is None or not (share := row.closed if known(row.closed) else row.closed_in_development) > 0.0:
         return ""
+    held = [gap.condition for gap in row.gap if gap.role == "evaluation"]
     gap = "held-out gap" if known(row.closed) else "gap it was learned from (none was held out)"
-    return f" A force learned at {row.joint}, which is no name for it, closes {short(100 * share, 2)} % of the {gap}."
+    one = f" That is of {held[0]} alone: of another run it may not be so." if len(held) == 1 else ""
+    return (
+        f" A force learned at {row.joint}, which is no name for it, closes {short(100 * share, 2)} % of the {gap}.{one}"
+    )
 
 
 def _moved(report: Discovery) -> str:

@@ -23,6 +23,7 @@ from fmucorrect.discovery.learned import Learned, learn
 from fmucorrect.discovery.learned_report import file_row, learned_row, writable
 from fmucorrect.discovery.located import located
 from fmucorrect.discovery.problem import Problem, load
+from fmucorrect.discovery.wording import sentence
 from fmucorrect.pairs import pair
 from fmucorrect.report.discovery.content import Discovery
 from fmucorrect.report.discovery.page import build
@@ -116,6 +117,7 @@ def test_a_force_that_no_catalogue_holds(tmp_path, library):
     item = pair(study, study.condition("between"))
     np.testing.assert_allclose(item.response, judged, atol=1e-3 * np.ptp(judged))
     report = {"verdict": "unexplained", "learned": row, "files": written}
+    assert "That is of between alone" in sentence(Discovery.read(report | {"unexplained": 1.0}), [])
     text = build(Discovery.read(report)).text()
     assert "A force learned at joint 1" in text
     assert "effects.toml and augmented.fmu have it" in text
