@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 
 from fmucorrect.catalogue.law import Formula, Law, Parameter, Symbols, load_sympy
-from fmucorrect.catalogue.motion import Guess
+from fmucorrect.catalogue.motion import Guess, Motion
 
 _AMPLITUDE = Parameter("amplitude", "A", "F", "half the range", minimum=0.0, neutral=0.0)
 _PHASE = Parameter("phase", "phi", "rad", "at t = 0, of a sine", default=0.0)
@@ -27,6 +27,10 @@ def _at_order(s: Symbols) -> Formula:
     return Formula(s["amplitude"] * load_sympy().sin(s["order"] * s.V / s["radius"] * s.t + s["phase"]))
 
 
+def _at_place(s: Symbols) -> Formula:
+    return Formula(s["amplitude"] * load_sympy().sin(s["wave_number"] * s.d + s["phase"]))
+
+
 def _half_a_period_later(values: Mapping[str, float]) -> Mapping[str, float]:
     phase = values["phase"]
     return {"phase": phase - math.pi if phase > 0.0 else phase + math.pi}
@@ -38,6 +42,13 @@ def _of_frequency(phase: float) -> Guess:
 
 def _of_order(order: float, phase: float) -> Guess:
     return lambda motion, force: {"amplitude": force, "order": order, "radius": motion.radius, "phase": phase}
+
+
+def _of_place(phase: float) -> Guess:
+    def guess(motion: Motion, force: float) -> Mapping[str, float] | None:
+        return {"amplitude": force, "wave_number": motion.wave, "phase": phase} if motion.wave > 0.0 else None
+
+    return guess
 
 
 LAWS = (
@@ -96,5 +107,32 @@ LAWS = (
         signed=True,
         reverse=_half_a_period_later,
         note="V is constant in a run.",
+    ),
+    Law(
+        name="periodic_force",
+        form="place",
+        family="load",
+        description="A force that repeats along the way of the joint: cogging of a motor, the mesh of a gear, a bent shaft.",
+        acts="a joint that goes through several of its periods",
+        equation="F = A sin(n d + phi)",
+        parameters=(
+            _AMPLITUDE,
+            Parameter(
+                "wave_number",
+                "n",
+                "1/D",
+                "2 pi over the way of a period; of an angle, periods a turn",
+                minimum=0.0,
+                above=True,
+            ),
+            Parameter("phase", "phi", "rad", "at d = 0, of a sine", default=0.0),
+        ),
+        inputs=("displacement",),
+        write=_at_place,
+        guesses=tuple(map(_of_place, _SINE_AND_COSINE)),
+        main="amplitude",
+        estimated=("amplitude", "phase", "wave_number"),
+        signed=True,
+        reverse=_half_a_period_later,
     ),
 )

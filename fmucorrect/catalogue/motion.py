@@ -19,7 +19,8 @@ class Motion:
     does not show them. stiffness, damping: of the model's own element, f = stiffness d + damping v; 0 where unknown.
 
     What else is known, 0 for nothing. strength: N or N.m, the force whose signature is as large as the residual. frequency:
-    Hz, of a line in the residual that nothing explains. radius: m, of the rotation whose orders are asked for.
+    Hz, of a line in the residual that nothing explains. radius: m, of the rotation whose orders are asked for. wave: rad/m, or
+    1 of an angle, of a line that the force that the data ask for has along the displacement.
     """
 
     d: float
@@ -31,6 +32,7 @@ class Motion:
     strength: float = 0.0
     frequency: float = 0.0
     radius: float = 0.0
+    wave: float = 0.0
 
 
 Guess = Callable[[Motion, float], Mapping[str, float] | None]

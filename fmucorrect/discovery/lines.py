@@ -1,4 +1,5 @@
-"""A line in the residual's spectrum: what turns or hums on its own frequency, whatever the excitation does."""
+"""Lines: what turns or hums on its own frequency, whatever the excitation does, in the residual's spectrum; and what repeats
+along a joint's way, in that of a force over its displacement."""
 
 from __future__ import annotations
 
@@ -19,6 +20,13 @@ ABOUT = 12
 """Bins to each side that it is compared with."""
 POINTS = 4096
 """Frequencies that are looked at, up to half the rate of the blocks."""
+PERIODS, PART = 5.0, 0.03
+"""Of a force along a joint's way, that it has to go through at least, and the share of its energy that a line has to have: at
+the corners of friction, stops and play it has ripples of up to 0.02 there, too, and of fewer periods any spring has some."""
+FINE = 4.0
+"""Wave numbers that are looked at for each that a way can tell from the next."""
+MOST = 20_000
+"""Of them, at most."""
 
 
 def line(trials: Sequence[Trial], blocks: Sequence[Float64[np.ndarray, "_ J"]], step: float) -> float:
@@ -74,6 +82,27 @@ def stands(
         power = [float((np.abs(np.exp(-2j * np.pi * (frequency + f) * t) @ size) ** 2).sum()) for f in offsets]
         scores.append(power[0] / max(float(np.median(power[1:])), 1e-300))
     return bool(scores) and float(np.median(scores)) > ORDER
+
+
+def wave(parts: Sequence[tuple[Float64[np.ndarray, " _"], Float64[np.ndarray, " _"]]]) -> float:
+    """The wave number, rad/m or 1, of the line that stands out most in a force over a displacement; 0 where none does. parts:
+    of each condition (N,) displacement and force. One phase for all: what repeats along the way begins where the way does."""
+    d = np.concatenate([one for one, _ in parts])
+    force = np.concatenate([one - one.mean() for _, one in parts])
+    way = float(np.ptp(d))
+    between = float(np.median(np.concatenate([np.abs(np.diff(one)) for one, _ in parts])))
+    if not (way > 0.0 and between > 0.0 and force.any()):
+        return 0.0
+    apart, first = 2.0 * np.pi / way / FINE, round(PERIODS * FINE)
+    count = int(min(np.pi / between / apart, MOST))
+    power = np.zeros(max(count, first + 1))
+    turn, here = np.exp(-1j * apart * d), force.astype(complex)
+    for k in range(count):  # of the wave number k apart
+        power[k] = abs(here.sum()) ** 2
+        here *= turn
+    power[:first] = 0.0
+    best = int(np.argmax(power))
+    return apart * best if 2.0 * power[best] > PART * len(d) * float(np.sum(force**2)) else 0.0
 
 
 def _about(power: Float64[np.ndarray, " F"], width: int) -> Float64[np.ndarray, " F"]:

@@ -32,6 +32,7 @@ from fmucorrect.discovery.evidence import Nuisances, independent
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.fitted import Fitted, Setting, judge_at, tried
 from fmucorrect.discovery.ledger import move
+from fmucorrect.discovery.lines import wave
 from fmucorrect.discovery.located import Located, block, located
 from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.motion import Series, along, halfway, in_a_row, law_along, motion_of, peak
@@ -113,7 +114,8 @@ def _pushed(problem: Problem, model: Model, item: Located) -> Asked | None:
         settled.append({name: x[int(SETTLED * len(x)) :] for name, x in part.items()})
         parts.append({name: x[:: block(trial)] for name, x in part.items()})
     seen = in_a_row(settled)
-    motion = replace(motion_of(seen, problem.study.simulation.step_size), strength=peak(seen["force"]))
+    repeats = wave([(part["displacement"], part["force"]) for part in parts])
+    motion = replace(motion_of(seen, problem.study.simulation.step_size), strength=peak(seen["force"]), wave=repeats)
     return Asked(motion, tuple(parts))
 
 

@@ -45,6 +45,7 @@ VALUES = {
     "preload": {"force": -300.0},
     "periodic_force_frequency": {"amplitude": 200.0, "frequency": 2.5, "phase": 0.4},
     "periodic_force_order": {"amplitude": 200.0, "order": 3.0, "radius": 0.43, "phase": 0.4},
+    "periodic_force_place": {"amplitude": 200.0, "wave_number": 9e3, "phase": 0.4},
     "learned_force": LEARNED,
     "learned_force_memory": LEARNED | {"slip": 4e-4, "memory_1": -1.5, "memory_5": 0.4, "memory_7": 2.0},
 }
@@ -112,6 +113,7 @@ BY_HAND = {
     "periodic_force_frequency": lambda d, v, a, f, t, s, z, p: (
         p["amplitude"] * np.imag(np.exp(1j * (2 * np.pi * p["frequency"] * t + p["phase"])))
     ),
+    "periodic_force_place": lambda d, v, a, f, t, s, z, p: 200.0 * np.imag(np.exp(1j * (9e3 * d + 0.4))),
     "periodic_force_order": lambda d, v, a, f, t, s, z, p: (
         p["amplitude"] * np.imag(np.exp(1j * (p["order"] * s / p["radius"] * t + p["phase"])))
     ),

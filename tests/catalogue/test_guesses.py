@@ -30,7 +30,9 @@ def joint(law: Law) -> tuple[Motion, dict]:
     """A joint on a sine, its own element of the law's family."""
     own = OWN.get(law.family, OWN["damper"])
     k, c = (STIFFNESS, 0.0) if law.family == "spring" else (0.0, DAMPING)
-    motion = Motion(D, D * W, D * W**2, float(np.abs(own).max()), k, c, strength=500.0, frequency=3.0, radius=0.43)
+    motion = Motion(
+        D, D * W, D * W**2, float(np.abs(own).max()), k, c, strength=500.0, frequency=3.0, radius=0.43, wave=1e4
+    )
     return motion, INPUTS | {"nominal_force": own}
 
 
