@@ -36,6 +36,7 @@ from fmucorrect.drafting.pairing import (
 )
 from fmucorrect.drafting.parameters import find_parameters
 from fmucorrect.drafting.starts import find_starts, in_motion
+from fmucorrect.drafting.vocabulary import COMMAND
 from fmucorrect.drafting.written import Draft, DraftedRun
 from fmucorrect.errors import FmuError, RecordError, few
 from fmucorrect.fmu import Variable, open_fmu
@@ -172,6 +173,8 @@ def _described(log: Run, trial: Trial, defined: Mapping[str, Unit]) -> dict[str,
     told: dict[str, str] = {}
     for column, values in zip(trial.columns, trial.measured.T, strict=True):
         command = ", the same in two runs to the last digit: a command" if column in log.repeated else ""
+        if log.role(column) == COMMAND:
+            command = command or ", a command by its name"
         still = ", which never moves" * bool((values == values[:1]).all())
         told[column] = column + (command or still or _of_no_output(log.columns[column], column, trial.outputs, defined))
     return told

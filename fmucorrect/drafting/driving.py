@@ -10,12 +10,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fmucorrect import units
-from fmucorrect.drafting.guess import likeness, quantity, si
+from fmucorrect.drafting.guess import as_well, likeness, names, quantity, role, si
 from fmucorrect.drafting.joints import find_joints, kind, kind_by_name
 from fmucorrect.drafting.pairing import (
     NAMED,
     RARE,
     SHOWS,
+    TIED,
     ChannelGuess,
     Plant,
     Run,
@@ -27,6 +28,7 @@ from fmucorrect.drafting.pairing import (
     may_be,
     try_out,
 )
+from fmucorrect.drafting.vocabulary import COMMAND, MEASURED
 from fmucorrect.errors import FmuError, SignalError
 from fmucorrect.fmu import FmuDescription, Variable
 
@@ -66,18 +68,55 @@ class Driving:
 
 def named(fmu: FmuDescription, log: Run) -> tuple[InputGuess, ...]:
     """The inputs for which the log has a column by its name."""
-    found: dict[str, InputGuess] = {}
-    scores = [
-        (likeness(variable.name, column), variable.name, column)
+    found: dict[str, tuple[float, InputGuess]] = {}
+    scored = sorted(_scored(fmu, log), key=lambda item: -item[0])
+    for score, guess in scored:
+        if guess.variable not in found and guess.column not in {other.column for _, other in found.values()}:
+            found[guess.variable] = score, guess
+    columns = {guess.column for _, guess in found.values()}
+    free = [(by, g) for by, g in scored if g.variable not in found or g.column not in columns]
+    return tuple(
+        replace(guess, why=guess.why + as_well(_twins(guess, [other for by, other in free if by == score])))
+        for score, guess in found.values()
+    )
+
+
+def _scored(fmu: FmuDescription, log: Run) -> list[tuple[float, InputGuess]]:
+    """Inputs and columns that are named alike, with their likeness. A column that is named more like an output is a response;
+    one that is named as much like it drives no force at a joint, and neither does one that says neither that it is a command
+    nor all of that input's name: what was measured of the force there is no input."""
+    scored = [
+        (score, variable, column)
         for variable in fmu.of("input")
         if variable.number
         for column, unit in log.columns.items()
-        if may_be(variable.unit, unit, fmu.defined)
+        if may_be(variable.unit, unit, fmu.defined) and may_drive(log, column, variable)
+        if (score := likeness(variable.name, column)) >= NAMED and score >= _like_an_output(fmu, log, column)
     ]
-    for score, name, column in sorted(scores, key=lambda item: -item[0]):
-        if score >= NAMED and name not in found and column not in {guess.column for guess in found.values()}:
-            found[name] = InputGuess(name, column, f"alike names ({score:.2f})")
-    return tuple(found.values())
+    unclear = {
+        (variable.name, column)
+        for score, variable, column in scored
+        if kind(variable) == "force" and log.role(column) != COMMAND
+        if not names(column, variable.name) or score == _like_an_output(fmu, log, column)
+    }
+    ports = {joint.force for joint in find_joints(fmu, ())} if unclear else ()
+    return [
+        (score, InputGuess(variable.name, column, f"alike names ({score:.2f})"))
+        for score, variable, column in scored
+        if variable.name not in ports or (variable.name, column) not in unclear
+    ]
+
+
+def _like_an_output(fmu: FmuDescription, log: Run, column: str) -> float:
+    """Likeness of a column's name to the output that it could show by its unit and is named most like; 0 of a command."""
+    unit, outputs = log.columns[column], [v for v in fmu.of("output") if v.number]
+    alike = (likeness(column, v.name) for v in outputs if may_be(v.unit, unit, fmu.defined))
+    return 0.0 if log.role(column) == COMMAND else max(alike, default=0.0)
+
+
+def may_drive(log: Run, column: str, variable: Variable) -> bool:
+    """Whether a column may be this input by what their names say: what was measured is no command."""
+    return not (role(variable.name) == COMMAND and log.role(column) == MEASURED)
 
 
 def find_driving(fmu: FmuDescription, log: Run, step_ns: int) -> Driving:
@@ -102,7 +141,8 @@ def _further(plant: Plant, log: Run, known: Driving, step_ns: int) -> Driving | 
     fmu = plant.fmu
     pairs = sorted(_possible(fmu, log, known), key=lambda pair: -log.alike(pair[1], pair[0].name))
     shown = {guess.column: guess.shown for guess in find_channels(fmu, log, known.trial)}
-    best: tuple[float, Driving] | None = None
+    tried: list[tuple[float, InputGuess]] = []
+    best: tuple[float, Trial] | None = None
     for variable, column in sorted(pairs[:TRIED], key=lambda pair: pair[0].name):  # one process for each input
         inputs = {guess.variable: guess.column for guess in known.inputs} | {variable.name: column}
         try:
@@ -114,11 +154,21 @@ def _further(plant: Plant, log: Run, known: Driving, step_ns: int) -> Driving | 
             continue
         gain, response = found
         why = f"no name tells; with it, {response.output} shows {response.column} ({response.why})"
-        guess = InputGuess(variable.name, column, why)
         score = gain + log.alike(column, variable.name)
+        tried.append((score, InputGuess(variable.name, column, why)))
         if best is None or score > best[0]:
-            best = score, Driving((*known.inputs, guess), trial, max(len(pairs) - TRIED, 0))
-    return None if best is None else best[1]
+            best = score, trial
+    if best is None:
+        return None
+    guess = next(guess for score, guess in tried if score == best[0])
+    twins = as_well(_twins(guess, [other for score, other in tried if score > best[0] - TIED]))
+    return Driving((*known.inputs, replace(guess, why=guess.why + twins)), best[1], max(len(pairs) - TRIED, 0))
+
+
+def _twins(guess: InputGuess, others: Sequence[InputGuess]) -> list[str]:
+    """Columns of these for its input, and inputs for its column."""
+    columns = [other.column for other in others if other.variable == guess.variable and other.column != guess.column]
+    return columns + [g.variable for g in others if g.column == guess.column and g.variable != guess.variable]
 
 
 def _alone(fmu: FmuDescription, log: Run, known: Driving) -> tuple[InputGuess, ...]:
@@ -146,7 +196,8 @@ def _undriven(fmu: FmuDescription, driven: Sequence[str]) -> list[Variable]:
 
 def _possible(fmu: FmuDescription, log: Run, known: Driving) -> Iterator[tuple[Variable, str]]:
     """Inputs without a column, and columns that move and may be of the same quantity, but for those that are named as an
-    output. Once something drives the model, a force at a joint is left to what the model lacks."""
+    output; of an input that is named as a command none but commands, where there are any. Once something drives the model, a
+    force at a joint is left to what the model lacks."""
     driven = [guess.variable for guess in known.inputs]
     moving = dict(zip(known.trial.columns, np.ptp(known.trial.measured, axis=0) > 0.0, strict=True))
     outputs = {
@@ -154,15 +205,19 @@ def _possible(fmu: FmuDescription, log: Run, known: Driving) -> Iterator[tuple[V
         for column, unit in log.columns.items()
         for output in known.trial.outputs
         if may_be(output.unit, unit, fmu.defined) and likeness(column, output.name) >= NAMED
+        if log.role(column) != COMMAND
     }
     for variable in _undriven(fmu, driven):
+        found: list[str] = []
         for column, unit in log.columns.items():
             theirs = kind_by_name(column) if unit in units.UNSAID else quantity(unit)
             theirs = "displacement" if theirs == "angle" else theirs
             alike = not (kind(variable) and theirs) or theirs == kind(variable)
             fits = alike and may_be(variable.unit, unit, fmu.defined)
-            if fits and moving.get(column) and column not in outputs:
-                yield variable, column
+            if fits and moving.get(column) and column not in outputs and may_drive(log, column, variable):
+                found.append(column)
+        commands = [column for column in found if log.role(column) == COMMAND == role(variable.name)]
+        yield from ((variable, column) for column in commands or found)
 
 
 def _shown(

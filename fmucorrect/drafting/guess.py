@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence, Set
 from difflib import SequenceMatcher
-from functools import partial
+from functools import cache, partial
+from itertools import chain
 
 from fmucorrect import units
-from fmucorrect.errors import SignalError
+from fmucorrect.drafting.vocabulary import COMMAND, MEASURED, PLACES, meaning
+from fmucorrect.errors import SignalError, few
 from fmucorrect.signals import QUANTITIES
 
 _FILLING = frozenset("meas measured sensor signal raw ch channel act actual cmd in input out output".split())  # noqa: SIM905
 """Words of a name that say nothing of what it is."""
 _SIDES = frozenset("front rear left right upper lower inner outer top bottom".split())  # noqa: SIM905
 """Words for a side of a machine."""
+_UMLAUTS = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss"})
+DERIVATIVE = re.compile(r"^der\((.+)\)$")
+"""Modelica's name of a derivative."""
 WITHIN = 0.9
 """Likeness of `zr` and `road_zr`."""
 SHORTENED, LEAST_LETTERS = 0.8, 3
@@ -54,8 +59,51 @@ def si(unit: str) -> str:
 
 def likeness(one: str, other: str) -> float:
     """Of two names, 0 to 1: case, separators, the order of words, units in brackets and words as "meas" do not count; a name
-    all of whose words are in the other one is nearly the same."""
-    a, b = words(one), words(other)
+    all of whose words are in the other one is nearly the same, and so is one that means the same. 0 where they name opposite
+    places."""
+    means, also = meanings(one), meanings(other)
+    if any(PLACES[place] in also - means and place not in also for place in means & PLACES.keys()):
+        return 0.0
+    return max(_written_alike(words(one), words(other)), _meant_alike(means, also))
+
+
+def names(column: str, variable: str) -> bool:
+    """Whether a column's name has all that a variable's name says, a place by its first letter too."""
+    said, asked = words(column), words(variable)
+    return set(map(_side, asked)) <= set(map(_side, said)) or meanings(variable) <= meanings(column)
+
+
+@cache
+def role(name: str) -> str:
+    """COMMAND or MEASURED, where a name says one of them alone; else ""."""
+    told = {part for word in _parted(name) for part in meaning(word)} & {COMMAND, MEASURED}
+    return told.pop() if len(told) == 1 else ""
+
+
+@cache
+def meanings(name: str) -> frozenset[str]:
+    """What the words of a name mean; that something was measured says nothing of what."""
+    kept = words(name)
+    known = (meaning(word) for word in _parted(name) if word in kept or meaning(word) != (word,))
+    told = frozenset(chain(*known))
+    return told - {MEASURED} or told
+
+
+def _meant_alike(a: Set[str], b: Set[str]) -> float:
+    """Of what two names mean, at most WITHIN. What both only share as a command or a place says little of what it is."""
+    if COMMAND in a ^ b:
+        return min(_meant_alike(a - {COMMAND}, b - {COMMAND}), SHORTENED)
+    less, more = sorted((a, b), key=len)
+    both, rest = less & more, less - more
+    if not rest and both - {COMMAND, *PLACES}:
+        return WITHIN
+    if both and rest and all(map(partial(_stands_for, more), rest)):
+        return SHORTENED
+    return SHORTENED * 2.0 * len(both) / max(len(a) + len(b), 1)
+
+
+def _written_alike(a: Collection[str], b: Collection[str]) -> float:
+    """Of the words of two names as they are written."""
     if not a or not b:
         return 0.0
     whole = SequenceMatcher(None, "".join(a), "".join(b)).ratio()
@@ -80,8 +128,20 @@ def _side(word: str) -> str:
 
 
 def words(name: str) -> list[str]:
-    """The words of a name, small; those that say nothing are left out where others stay."""
-    bare = re.sub(r"\s*[\[(][^\])]*[\])]\s*$", "", name)
+    """The words of a name, small; those that say nothing are left out where others stay that are no place alone."""
+    found = _parted(name)
+    telling = [word for word in found if word not in _FILLING]
+    return telling if any(word not in _SIDES for word in telling) else found
+
+
+def _parted(name: str) -> list[str]:
+    """All its words, small, umlauts written out; a wheel set is no set point, and what der() stands around is no unit."""
+    one = re.sub(r"(?i)wheel[ _]set", "wheelset", DERIVATIVE.sub(r"\1 der", name)).translate(_UMLAUTS)
+    bare = re.sub(r"\s*[\[(][^\])]*[\])]\s*$", "", one)
     parted = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<![A-Za-z][A-Z])(?<=[A-Z])(?=[A-Z][a-z]{2})", "_", bare)  # FZusatz, too
-    found = re.findall(r"[a-z]+\d*|\d+", parted.lower())
-    return [word for word in found if word not in _FILLING] or found
+    return re.findall(r"[a-z]+\d*|\d+", parted.lower())
+
+
+def as_well(others: Sequence[str]) -> str:
+    """What else does as well as what was taken, to stand behind a reason; "" for nothing."""
+    return f"; {few(others)} fit{'s' * (len(others) == 1)} as well: look which is which" if others else ""

@@ -12,8 +12,9 @@ from jaxtyping import Float64
 
 from fmucorrect import records, units
 from fmucorrect.clocks import overlapping
-from fmucorrect.drafting.guess import SENSED, WITHIN, likeness, quantity, si
+from fmucorrect.drafting.guess import SENSED, WITHIN, likeness, quantity, role, si
 from fmucorrect.drafting.joints import kind, kind_by_name, unit_of, written_out
+from fmucorrect.drafting.vocabulary import COMMAND, MEASURED
 from fmucorrect.errors import RecordError, few
 from fmucorrect.fmu import FmuDescription, IsolatedStepper, Variable, input_record
 from fmucorrect.metrics import linear_share
@@ -92,6 +93,10 @@ class Run:
         with_topic = likeness(self.topics[column], variable) if column in self.topics else 0.0
         return max(likeness(column, variable), min(with_topic, WITHIN))
 
+    def role(self, column: str) -> str:
+        """Whether a column's name, or else that of its topic, says that it is a command or measured."""
+        return role(column) or role(self.topics.get(column, ""))
+
     @property
     def stamps(self) -> tuple[int, int]:
         """First and last, ns."""
@@ -119,7 +124,8 @@ class ChannelGuess:
     """A measured column and the output that it shows. unit: of the column, or of the output where it says none. sign: -1
     where the sensor's positive direction is the other way. shown: their correlation. variable_unit: of an output that the
     FMU leaves without, "" where it says one. column_unit: of a column that the file leaves without, "" where it says one.
-    rivals: columns that show it as well. heard: whether `shown` is what `Run.heard` looks at."""
+    rivals: columns that show it as well. twins: outputs that the column may as well show, as neither names nor numbers tell.
+    heard: whether `shown` is what `Run.heard` looks at. run: the run that tells, "" for the first that was looked at."""
 
     column: str
     output: str
@@ -131,14 +137,17 @@ class ChannelGuess:
     variable_unit: str = ""
     column_unit: str = ""
     rivals: tuple[str, ...] = ()
+    twins: tuple[str, ...] = ()
     heard: bool = False
+    run: str = ""
 
     @property
     def why(self) -> str:
         """What tells that the column shows the output."""
         if self.heard:
             return f"of its size and linear in it ({abs(self.shown):.2f} of 1), though no correlation tells"
-        return f"correlation {self.shown:+.2f}{', which says little' * self.by_name}"
+        where = f" in {self.run}" if self.run else ""
+        return f"correlation {self.shown:+.2f}{where}{', which says little' * self.by_name}"
 
     @property
     def by_name(self) -> bool:
@@ -402,14 +411,18 @@ def find_channels(fmu: FmuDescription, log: Run, trial: Trial) -> tuple[ChannelG
         shown = _heard(fmu, log, trial, shown)
     alike = np.array([[log.alike(c, o.name) for o in trial.outputs] for c in trial.columns]).reshape(shown.shape)
     fits = [
-        [c not in log.repeated and _may_show(log.columns[c], c, o, fmu) for o in trial.outputs] for c in trial.columns
+        [
+            c not in log.repeated and _may_show(log.columns[c], c, o, fmu) and not _other_role(log.role(c), o)
+            for o in trial.outputs
+        ]
+        for c in trial.columns
     ]
     score = np.where(np.reshape(fits, shown.shape), np.abs(shown) + alike, -1.0)
     # word for word its name is enough, of what moves, in a log without numbers that look like lost samples
     by_name = (alike == 1.0) & (correlation != 0.0) & (not log.stand_ins)
     said = by_name | ((alike >= NAMED) & (np.abs(shown) >= HINTS))
     sure = (score >= 0.0) & ((np.abs(shown) >= SHOWS) | said)
-    pairs = [(c, o) for c, o in zip(*linear_sum_assignment(-score), strict=True) if sure[c, o]]
+    pairs = [(int(c), int(o)) for c, o in zip(*linear_sum_assignment(-score), strict=True) if sure[c, o]]
     free = sorted(set(range(len(trial.columns))) - {c for c, _ in pairs})
     found: list[ChannelGuess] = []
     for c, o in pairs:
@@ -431,10 +444,24 @@ def find_channels(fmu: FmuDescription, log: Run, trial: Trial) -> tuple[ChannelG
                     variable_unit,
                     column_unit,
                     tuple(trial.columns[i] for i in free if score[i, o] > score[c, o] - TIED),
+                    tuple(trial.outputs[i].name for i in _twins(score, pairs, c, o)),
                     trial.heard,
                 )
             )
     return tuple(sorted(found, key=lambda guess: trial.columns.index(guess.column)))
+
+
+def _twins(score: Float64[np.ndarray, "C O"], pairs: Sequence[tuple[int, int]], c: int, o: int) -> list[int]:
+    """Outputs that a column shows as well as its own: those that no column shows, and those whose column may change places."""
+    column = {output: one for one, output in pairs}
+    found: list[int] = []
+    for other in range(score.shape[1]):
+        own, free = column.get(other, c), other not in column
+        least = min(score[c, other], score[own, o])
+        change = score[c, o] - score[c, other] + (0.0 if free else score[own, other] - score[own, o])
+        if other != o and least >= 0.0 and change < TIED:
+            found.append(other)
+    return found
 
 
 def _may_show(unit: str, column: str, output: Variable, fmu: FmuDescription) -> bool:
@@ -447,6 +474,12 @@ def _may_show(unit: str, column: str, output: Variable, fmu: FmuDescription) -> 
     else:
         told = own = ""
     return may_be(unit, output.unit, fmu.defined) and (not told or own in ("", told))
+
+
+def _other_role(told: str, output: Variable) -> bool:
+    """Whether one of them is named as a command and the other is not: what was asked for shows no response."""
+    own = role(output.name)
+    return (told == COMMAND) != (own == COMMAND) and told in (COMMAND, MEASURED)
 
 
 def _units(column: str, variable: Variable, ratio: float, defined: Mapping[str, units.Unit]) -> tuple[str, str, str]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fmucorrect.drafting.driving import Driving
+from fmucorrect.drafting.guess import as_well
 from fmucorrect.drafting.joints import JointGuess
 from fmucorrect.drafting.pairing import ChannelGuess
 from fmucorrect.drafting.parameters import MOST, ParameterGuess, other_parameters
@@ -130,7 +131,8 @@ class Draft:
         yield f"name = {toml(guess.output)}"
         yield f"simulation = {toml(guess.output)}"
         rivals = f"; as likely: {one_line(few(guess.rivals))}" if guess.rivals else ""
-        yield f"measurement = {toml(guess.column)}  # guess: {named}, {guess.why}{rivals}"
+        twins = one_line(as_well(guess.twins))
+        yield f"measurement = {toml(guess.column)}  # guess: {named}, {guess.why}{rivals}{twins}"
         yield f'quantity = "{guess.quantity}"'
         said = "  # guess: nobody says one" if guess.column_unit and guess.variable_unit else ""
         yield f"unit = {toml(guess.unit)}{said}"

@@ -1,0 +1,295 @@
+"""What words of English and German logs say: command or measured, which place, which quantity; and what no word tells."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+from exported import by_pythonfmu
+
+from fmucorrect.drafting import Draft, draft
+from fmucorrect.drafting.driving import NAMED
+from fmucorrect.drafting.guess import likeness, role
+from fmucorrect.drafting.vocabulary import COMMAND, MEASURED, meaning
+from fmucorrect.fmu import IsolatedStepper
+from fmucorrect.records import writer
+from fmucorrect.signals import Channel, Condition, Record
+from fmucorrect.stepper import run
+
+STEP, ROWS = 2_000_000, 2000
+HEAD = """
+from pythonfmu import Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
+
+
+class Plant(Fmi2Slave):
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        self.all = dict.fromkeys({names}, 0.0)
+        self.p = {parameters}
+        for name in {names}:
+            causality = Fmi2Causality.input if name in {inputs} else Fmi2Causality.output
+            get, put = lambda name=name: self.all[name], lambda value, name=name: self.all.update({{name: value}})
+            self.register_variable(Real(name, causality=causality, getter=get, setter=put))
+        for name, (value, text) in {described}.items():
+            get, put = lambda name=name: self.p[name], lambda value, name=name: self.p.update({{name: value}})
+            fixed = Fmi2Variability.fixed
+            self.register_variable(
+                Real(
+                    name, causality=Fmi2Causality.parameter, variability=fixed, getter=get, setter=put, description=text
+                )
+            )
+
+    def do_step(self, time, step):
+        for _ in range(10):
+            self.move(self.all, self.p, step / 10)
+        return True
+
+"""
+AXIS = """
+    def move(self, u, p, h):
+        u["shaft.twist"] = u["motor.angle"] - u["load.angle"]
+        w = u.setdefault("w", 0.0), u.setdefault("v", 0.0)
+        u["shaft.torque"] = p["k"] * u["shaft.twist"] + 0.4 * (w[0] - w[1])
+        drive = 60.0 * (u["ref.angle"] - u["motor.angle"]) - 1.6 * w[0]
+        u["w"] += h * (drive - u["shaft.torque"] - u["shaft.extraTorque"]) / 0.012
+        u["v"] += h * (u["shaft.torque"] + u["shaft.extraTorque"]) / 0.03
+        u["motor.angle"] += h * u["w"]
+        u["load.angle"] += h * u["v"]
+"""
+WAGON = """
+    def move(self, u, p, h):
+        for end in ("front", "rear"):
+            v = u.setdefault("v_" + end, 0.0)
+            z = u.setdefault("z_" + end, 0.0)
+            u["susp_" + end + ".d"] = z - u["act_" + end]
+            u["body_" + end + ".acc"] = -400.0 * u["susp_" + end + ".d"] - 2.0 * v
+            u["v_" + end] += h * u["body_" + end + ".acc"]
+            u["z_" + end] += h * u["v_" + end]
+"""
+
+
+def plant(
+    folder: Path,
+    move: str,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    parameters: Mapping[str, tuple[float, str]],
+) -> Path:
+    """An FMU without units. parameters: value and description by name."""
+    head = HEAD.format(
+        names=[*inputs, *outputs],
+        inputs=[*inputs],
+        parameters={name: value for name, (value, _) in parameters.items()},
+        described=dict(parameters),
+    )
+    return by_pythonfmu(folder, "Plant", head + move)
+
+
+def waves(seed: int) -> np.ndarray:
+    """What a run does, from rest."""
+    t = np.arange(ROWS) * STEP / 1e9
+    hertz = np.random.default_rng(seed).uniform(0.3, 4.0, 8)
+    return np.clip(t - 0.5, 0.0, 1.0) * np.sin(2.0 * np.pi * np.outer(t, hertz) + hertz).mean(axis=1)
+
+
+def measured(fmu: Path, given: Mapping[str, np.ndarray], outputs: Sequence[str]) -> dict[str, np.ndarray]:
+    """What the machine does, which is as the model here, by the outputs' names."""
+    record = Record(np.arange(ROWS) * STEP, np.column_stack([*given.values()]), tuple(map(Channel, given)))
+    with IsolatedStepper(fmu, tuple(Channel(name, "") for name in outputs), inputs=tuple(given)) as stepper:
+        result = run(stepper, Condition("a"), [record])
+    assert result is not None
+    return {name: result[name] for name in outputs}
+
+
+def logged(path: Path, columns: Mapping[str, tuple[str, np.ndarray]], scatter: float = 1e-4) -> Path:
+    """The log of a run, with a little noise on all but commands. columns: unit and values by name."""
+    rng = np.random.default_rng(len(columns))
+    values = [
+        x + (role(name) != COMMAND) * scatter * x.std() * rng.normal(size=ROWS) for name, (_, x) in columns.items()
+    ]
+    with writer(path) as file:
+        channels = tuple(Channel(name, unit) for name, (unit, _) in columns.items())
+        file.write("/log", Record(np.arange(ROWS) * STEP, np.stack(values, axis=1), channels))
+    return path
+
+
+def pairs(found: Draft) -> tuple[dict[str, str], dict[str, str]]:
+    """Columns by input and by output."""
+    inputs = {guess.variable: guess.column for guess in found.driving.inputs}
+    return inputs, {guess.output: guess.column for guess in found.channels}
+
+
+@pytest.fixture(scope="module")
+def axis(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    outputs = ("motor.angle", "load.angle", "shaft.twist", "shaft.torque")
+    inputs = ("ref.angle", "shaft.extraTorque")
+    return plant(tmp_path_factory.mktemp("axis"), AXIS, inputs, outputs, {"k": (1125.0, "")})
+
+
+@pytest.fixture(scope="module")
+def turned(axis: Path) -> dict[str, np.ndarray]:
+    given = {"ref.angle": 0.3 * waves(1), "shaft.extraTorque": 0.0 * waves(2)}
+    return given | measured(axis, given, ("motor.angle", "load.angle", "shaft.torque"))
+
+
+@pytest.mark.parametrize("name", ["torque", "Torque sensor", "shaft torque"])
+def test_what_was_measured_at_a_joint_is_no_force_that_acts_there(
+    axis: Path, turned: dict[str, np.ndarray], name: str, tmp_path: Path
+) -> None:
+    """An output of that name is there, and the input is where the model may lack something."""
+    columns = {
+        "ref.angle": ("deg", np.degrees(turned["ref.angle"])),
+        "load angle": ("deg", np.degrees(turned["load.angle"])),
+        name: ("N.m", turned["shaft.torque"]),
+    }
+    found = draft(axis, logged(tmp_path / "run.parquet", columns))
+    assert pairs(found) == ({"ref.angle": "ref.angle"}, {"load.angle": "load angle", "shaft.torque": name})
+    assert [joint.force for joint in found.joints] == ["shaft.extraTorque"]
+
+
+@pytest.mark.parametrize("name", ["shaft extraTorque", "extraTorque command"])
+def test_a_force_at_a_joint_that_is_named_as_one_drives(
+    axis: Path, turned: dict[str, np.ndarray], name: str, tmp_path: Path
+) -> None:
+    columns = {
+        "ref.angle": ("deg", np.degrees(turned["ref.angle"])),
+        "load angle": ("deg", np.degrees(turned["load.angle"])),
+        name: ("N.m", waves(4)),
+    }
+    inputs, _ = pairs(draft(axis, logged(tmp_path / "run.parquet", columns)))
+    assert inputs == {"ref.angle": "ref.angle", "shaft.extraTorque": name}
+
+
+def test_a_set_point_drives_and_an_encoder_shows(axis: Path, turned: dict[str, np.ndarray], tmp_path: Path) -> None:
+    """A German log of a servo that follows so well that each might be the other."""
+    columns = {
+        "Motorgeber": ("deg", np.degrees(turned["motor.angle"])),
+        "Sollwinkel": ("deg", np.degrees(turned["ref.angle"])),
+        "Lastgeber": ("deg", np.degrees(turned["load.angle"])),
+        "Messwelle": ("N.cm", 100.0 * turned["shaft.torque"]),
+    }
+    assert pairs(draft(axis, logged(tmp_path / "run.parquet", columns))) == (
+        {"ref.angle": "Sollwinkel"},
+        {"motor.angle": "Motorgeber", "load.angle": "Lastgeber", "shaft.torque": "Messwelle"},
+    )
+
+
+def test_a_set_point_alone_shows_nothing(axis: Path, turned: dict[str, np.ndarray], tmp_path: Path) -> None:
+    columns = {
+        "ref.angle": ("deg", np.degrees(turned["ref.angle"])),
+        "motor demand": ("deg", np.degrees(turned["ref.angle"]) + 0.1 * waves(5)),
+        "Lastgeber": ("deg", np.degrees(turned["load.angle"])),
+    }
+    found = draft(axis, logged(tmp_path / "run.parquet", columns))
+    assert pairs(found)[1] == {"load.angle": "Lastgeber"}
+    assert "# used for nothing: column motor demand, a command by its name" in found.text(tmp_path / "study.toml")
+
+
+ENDS = ("act_front", "act_rear", "susp_front.d", "susp_rear.d", "body_front.acc", "body_rear.acc")
+
+
+@pytest.fixture(scope="module")
+def wagon(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return plant(tmp_path_factory.mktemp("wagon"), WAGON, ENDS[:2], ENDS[2:], {})
+
+
+def shaken(wagon: Path, path: Path, names: Sequence[str], scatter: float = 1e-3) -> Path:
+    """The log of a wagon on two actuators, its columns named as `ENDS` are in order."""
+    given = {"act_front": 0.01 * waves(6), "act_rear": 0.01 * waves(7)}
+    values = given | measured(wagon, given, ENDS[2:])
+    units, rng = ("mm", "mm", "mm", "mm", "m/s2", "m/s2"), np.random.default_rng(8)
+    columns: dict[str, tuple[str, np.ndarray]] = {}
+    for name, end, unit in zip(names, ENDS, units, strict=True):
+        noise = scatter * values[end].std() * rng.normal(size=ROWS) if end not in given else 0.0
+        columns[name] = unit, (1e3 if unit == "mm" else 1.0) * (values[end] + noise)
+    return logged(path, columns)
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        (
+            "Zylinder vorn",
+            "Zylinder hinten",
+            "Federweg vorn",
+            "Federweg hinten",
+            "Beschl Kasten vorn",
+            "Beschl Kasten hinten",
+        ),
+        ("actuator front", "actuator rear", "travel front", "travel rear", "body acc front", "body acc rear"),
+    ],
+)
+def test_front_and_rear_of_a_symmetric_model(wagon: Path, names: Sequence[str], tmp_path: Path) -> None:
+    """Either way round the correlations are the same: the words tell."""
+    swapped = [names[i] for i in (1, 0, 3, 2, 5, 4)]
+    log = shaken(wagon, tmp_path / "run.parquet", names)
+    assert pairs(draft(wagon, log)) == (
+        dict(zip(ENDS[:2], names[:2], strict=True)),
+        dict(zip(ENDS[2:], names[2:], strict=True)),
+    )
+    log = shaken(wagon, tmp_path / "swapped.parquet", swapped)
+    assert pairs(draft(wagon, log))[0] == dict(zip(ENDS[:2], names[:2], strict=True))
+
+
+def test_two_pairings_that_do_equally_well_are_told(wagon: Path, tmp_path: Path) -> None:
+    """Without words for the places nothing tells the two ends of the wagon apart."""
+    log = shaken(wagon, tmp_path / "run.parquet", ("AI1", "AI2", "AI3", "AI4", "AI5", "AI6"))
+    text = draft(wagon, log).text(tmp_path / "study.toml")
+    assert re.search(
+        r'"act_(front|rear)" = "AI[12]"  # guess: .*act_(front|rear) fits? as well: look which is which', text
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("Sollwinkel", COMMAND),
+        ("Solldurchfluss", COMMAND),
+        ("crane.controlBus.sRef", COMMAND),
+        ("x_set", COMMAND),
+        ("Istwert Druck", MEASURED),
+        ("Motorgeber", MEASURED),
+        ("Katze_Laser", MEASURED),
+        ("ref sensor", ""),
+        ("shaft.twist", ""),
+        ("offset", ""),
+        ("wheel set lateral", ""),
+        ("Federweg vorn", ""),
+    ],
+)
+def test_whether_a_name_says_that_it_is_a_command(name: str, told: str) -> None:
+    assert role(name) == told
+
+
+@pytest.mark.parametrize(
+    ("word", "parts"),
+    [
+        ("solldrehzahl", ("command", "speed")),
+        ("vorderachse", ("front", "axle")),
+        ("motor2", ("motor2",)),
+        ("achse2", ("axle2",)),
+        ("twist", ("twist",)),
+        ("counter", ("counter",)),
+        ("elastic", ("elastic",)),
+    ],
+)
+def test_what_a_word_means(word: str, parts: tuple[str, ...]) -> None:
+    assert meaning(word) == parts
+
+
+@pytest.mark.parametrize(
+    ("column", "variable", "other"),
+    [
+        ("Zylinder hinten", "act_rear", "act_front"),
+        ("Lager außen", "bearing_outer.v", "bearing_inner.v"),
+        ("Solldrehzahl", "ref.speed", "ref.angle"),
+        ("Drehmoment Welle", "shaft.torque", "motor.torque"),
+        ("Drehgestell links", "bogie_left", "bogie_right"),
+    ],
+)
+def test_names_of_two_languages(column: str, variable: str, other: str) -> None:
+    assert likeness(column, variable) > likeness(column, other)
+    assert likeness(column, other) < NAMED
