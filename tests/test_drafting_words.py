@@ -243,6 +243,14 @@ def test_two_pairings_that_do_equally_well_are_told(wagon: Path, tmp_path: Path)
     )
 
 
+def test_a_run_that_tells_little_is_not_alone_looked_at(wagon: Path, tmp_path: Path) -> None:
+    """In the first one noise drowns the accelerations, in the second it does not."""
+    names = ("act_front", "act_rear", "AI3", "AI4", "AI5", "AI6")
+    logs = [shaken(wagon, tmp_path / f"run{i}.parquet", names, scatter) for i, scatter in ((1, 5.0), (2, 0.3))]
+    assert pairs(draft(wagon, logs))[1] == dict(zip(ENDS[2:], names[2:], strict=True))
+    assert "in run2" in draft(wagon, logs).text(tmp_path / "study.toml")
+
+
 @pytest.mark.parametrize(
     ("name", "told"),
     [

@@ -5,6 +5,7 @@
 
 Columns that are named as inputs of the FMU drive it, and where no name tells, those with which the model does what was
 measured (`driving`). Measured columns are paired with outputs by name, unit and what they show, sign included (`pairing`).
+Words of English and German logs are known by what they mean, which was asked for and which was measured too (`vocabulary`).
 Joints are inputs that push and outputs that give way; the sign is found by pushing (`joints`). `parameters` are those of
 stiffness, damping and inertia, `written` is the text.
 """
@@ -12,6 +13,7 @@ stiffness, damping and inertia, `written` is the text.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import closing
 from dataclasses import replace
 from itertools import chain
 from os import PathLike
@@ -19,11 +21,12 @@ from pathlib import Path
 
 from fmucorrect import records
 from fmucorrect.clocks import overlapping
-from fmucorrect.drafting.driving import find_driving
+from fmucorrect.drafting.driving import Driving, find_driving
 from fmucorrect.drafting.guess import likeness, quantity, words
 from fmucorrect.drafting.joints import find_joints, joint_units
 from fmucorrect.drafting.pairing import (
     ChannelGuess,
+    Plant,
     Run,
     Trial,
     beside,
@@ -33,13 +36,14 @@ from fmucorrect.drafting.pairing import (
     quiet,
     read_run,
     step_of,
+    try_out,
 )
 from fmucorrect.drafting.parameters import find_parameters
 from fmucorrect.drafting.starts import find_starts, in_motion
 from fmucorrect.drafting.vocabulary import COMMAND
 from fmucorrect.drafting.written import Draft, DraftedRun
-from fmucorrect.errors import FmuError, RecordError, few
-from fmucorrect.fmu import Variable, open_fmu
+from fmucorrect.errors import FmuError, RecordError, SignalError, few
+from fmucorrect.fmu import FmuDescription, Variable, open_fmu
 from fmucorrect.records import timebase
 from fmucorrect.signals import AS_IT_IS, Reading
 from fmucorrect.units import UNSAID, Unit
@@ -48,6 +52,8 @@ __all__ = ["STEPS", "Draft", "draft"]
 
 EVALUATION = frozenset("eval evaluation validation valid val check verification holdout heldout".split())  # noqa: SIM905
 """Words in the name of a run that is held out."""
+CLEAR = 0.9
+"""Correlation from which nothing is gained by looking at another run."""
 STEPS = ("reading", "simulating", "pushing")
 """What draft() does, as it tells `progress`."""
 
@@ -61,8 +67,8 @@ def draft(
 ) -> Draft:
     """What a study of these runs, or of this one, would say. references: simulated records, one a run, which replace running
     the FMU for it. reading: what is known of all logs beside what they say. The model runs over the first run, once for each
-    column that is tried as an input. Raises FmuError and RecordError for files that cannot be used, and where no column shows
-    any output.
+    column that is tried as an input, and over others while it is not clear what their columns show. Raises FmuError and
+    RecordError for files that cannot be used, and where no column shows any output.
     """
     runs, references = ([it] if isinstance(it, str | PathLike) else it for it in (runs, references))
     if not runs:
@@ -95,6 +101,7 @@ def draft(
         driving = find_driving(model, replace(first, heard=True), step_ns)
         channels = find_channels(model, first, driving.trial)
     inputs, trial = {guess.variable: guess.column for guess in driving.inputs}, driving.trial
+    channels = _by_what_tells_most(model, logs, first, driving, channels, step_ns)
     if not channels:
         free = [v.name for v in model.of("input") if v.number and v.name not in inputs]
         still = f", and none drives its inputs {few(free)}" if free and not inputs else ""
@@ -249,6 +256,44 @@ def _steady(log: Run, measured: Sequence[str], columns: Collection[str]) -> Run:
 def _shown(channels: Sequence[ChannelGuess]) -> float:
     """How well columns show outputs, together; a model that runs from the wrong instant shows them worse, or turned over."""
     return sum((abs(guess.shown) + (guess.shown > 0.0) for guess in channels), 0.0)
+
+
+def _by_what_tells_most(
+    model: FmuDescription,
+    logs: Sequence[Run],
+    first: Run,
+    driving: Driving,
+    channels: tuple[ChannelGuess, ...],
+    step_ns: int,
+) -> tuple[ChannelGuess, ...]:
+    """The channels by the first run, or by another one that shows more of them: a machine that hardly moved, or was held by
+    what the model lacks, tells little. Other runs are simulated while something is in doubt."""
+    inputs = {guess.variable: guess.column for guess in driving.inputs}
+    sized = {guess.column: guess.column_unit for guess in driving.inputs if guess.column_unit}
+    best = channels
+    with closing(Plant(model)) as plant:
+        for log in logs:
+            if log.path == first.path or not set(inputs.values()) <= log.columns.keys():
+                continue
+            if not _in_doubt(_described(first, driving.trial, model.defined), best):
+                break
+            said = {name: first.columns.get(name, "") if unit in UNSAID else unit for name, unit in log.columns.items()}
+            heard = any(guess.heard for guess in channels)
+            told = replace(log, columns=said | sized, repeated=first.repeated, heard=heard)
+            try:
+                trial = try_out(plant, told, inputs, step_ns).only([*first.columns])
+            except (FmuError, SignalError):  # what this run holds is none of the draft's business
+                continue
+            found = [replace(guess, run=log.path.stem) for guess in find_channels(model, told, trial)]
+            best = max(best, tuple(found), key=_shown)
+    return best
+
+
+def _in_doubt(described: Mapping[str, str], channels: Sequence[ChannelGuess]) -> bool:
+    """Whether a channel is not clear, or a column shows nothing though no reason is known."""
+    used = {guess.column for guess in channels}
+    unused = any(text == column for column, text in described.items() if column not in used)
+    return unused or any(abs(guess.shown) < CLEAR for guess in channels)
 
 
 def _clock(log: Run, reference: Path | None, driven: bool) -> str:
