@@ -264,6 +264,21 @@ _JOINT_UNITS = {
 _PARTNERS = {"velocity": "displacement", "nominal_force": "force"}
 
 
+def joint_ports(
+    joint: object, variables: Mapping[str, str], defined: Mapping[str, Unit]
+) -> dict[str, tuple[str, Sequence[str]]]:
+    """The variables that a joint names, by the key that names them, and units of which each must be like one: what belongs to
+    the displacement or the force has a unit that goes with theirs. variables: unit by name."""
+    found: dict[str, tuple[str, Sequence[str]]] = {}
+    for key, known in _JOINT_UNITS.items():
+        partner = _PARTNERS.get(key, key)
+        unit = variables.get(getattr(joint, partner), "")
+        same = [mine for mine, its in zip(known, _JOINT_UNITS[partner], strict=True) if like(unit, its, defined)]
+        if name := getattr(joint, key):
+            found[key] = name, same or known
+    return found
+
+
 def renamed_for_nothing(study: Study, condition: Condition, inputs: Sequence[str]) -> Iterator[tuple[Location, str]]:
     """Names that [records] gives to columns and that nothing of the study has, an input of the FMU (`inputs`) or what is
     measured or simulated: what they were meant for would go without its column, or take another one of its own name."""
@@ -309,12 +324,8 @@ def _check_model(
         key = "parameters" if ("adjustable", i, "parameters") in study.places else "parameter"
         wanted += [(("adjustable", i, key), name, ()) for name in row.parameters]
     for i, joint in enumerate(study.joints):
-        for key, known in _JOINT_UNITS.items():
-            partner = _PARTNERS.get(key, key)
-            unit = variables.get(getattr(joint, partner), "")
-            same = [mine for mine, its in zip(known, _JOINT_UNITS[partner], strict=True) if like(unit, its, defined)]
-            if name := getattr(joint, key):
-                wanted.append((("joints", i, key), name, same or known))
+        ports = joint_ports(joint, variables, defined)
+        wanted += [(("joints", i, key), name, known) for key, (name, known) in ports.items()]
     if any(condition.simulated is None for condition in study.conditions):
         wanted += _responses(study)
     for loc, name, known in wanted:

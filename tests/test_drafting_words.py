@@ -13,11 +13,16 @@ from exported import by_pythonfmu
 from fmucorrect.drafting import Draft, draft
 from fmucorrect.drafting.driving import NAMED
 from fmucorrect.drafting.guess import likeness, role
+from fmucorrect.drafting.joints import JointGuess, kind, loadable, turns
+from fmucorrect.drafting.parameters import find_parameters
 from fmucorrect.drafting.vocabulary import COMMAND, MEASURED, meaning
-from fmucorrect.fmu import IsolatedStepper
+from fmucorrect.fmu import IsolatedStepper, Variable, open_fmu
+from fmucorrect.inspection import study_problems
 from fmucorrect.records import writer
 from fmucorrect.signals import Channel, Condition, Record
 from fmucorrect.stepper import run
+from fmucorrect.study import load_study
+from fmucorrect.units import NONE
 
 STEP, ROWS = 2_000_000, 2000
 HEAD = """
@@ -68,6 +73,18 @@ WAGON = """
             u["body_" + end + ".acc"] = -400.0 * u["susp_" + end + ".d"] - 2.0 * v
             u["v_" + end] += h * u["body_" + end + ".acc"]
             u["z_" + end] += h * u["v_" + end]
+"""
+CRANE = """
+    def move(self, u, p, h):
+        vs, w = u.setdefault("vs", 0.0), u["der(crane.hoist.phi)"]
+        a = 36.0 * (u["crane.bus.sRef"] - u["crane.trolley.s"]) - 2.0 * p["crane.servo.D"] * 6.0 * vs
+        inertia = p["crane.load.m"] * 64.0
+        turning = u["crane.hoist.tau_ext"] - p["crane.hoist.b"] * w
+        u["der(crane.hoist.phi)"] += h * (turning / inertia - a / 8.0 - 9.81 / 8.0 * u["crane.hoist.phi"])
+        u["crane.hoist.phi"] += h * u["der(crane.hoist.phi)"]
+        u["vs"] += h * a
+        u["crane.trolley.s"] += h * u["vs"]
+        u["crane.hoist.f_rope"] = p["crane.load.m"] * (9.81 + 8.0 * w * w - 4.9 * u["crane.hoist.phi"] ** 2)
 """
 
 
@@ -249,6 +266,67 @@ def test_a_run_that_tells_little_is_not_alone_looked_at(wagon: Path, tmp_path: P
     logs = [shaken(wagon, tmp_path / f"run{i}.parquet", names, scatter) for i, scatter in ((1, 5.0), (2, 0.3))]
     assert pairs(draft(wagon, logs))[1] == dict(zip(ENDS[2:], names[2:], strict=True))
     assert "in run2" in draft(wagon, logs).text(tmp_path / "study.toml")
+
+
+def test_a_draft_of_a_model_without_units_loads(tmp_path: Path) -> None:
+    """Modelica's names: the rope's force is none of a hoist that turns, and der() is of what it stands around."""
+    inputs = ("crane.bus.sRef", "crane.hoist.tau_ext")
+    outputs = ("crane.hoist.phi", "der(crane.hoist.phi)", "crane.trolley.s", "crane.hoist.f_rope")
+    parameters = {
+        "crane.load.m": (2000.0, "Mass of load"),
+        "crane.hoist.b": (1500.0, "Damping of joint"),
+        "crane.servo.D": (0.8, "Damping ratio"),
+    }
+    fmu = plant(tmp_path, CRANE, inputs, outputs, parameters)
+    given = {"crane.bus.sRef": 2.0 * waves(9), "crane.hoist.tau_ext": 0.0 * waves(9)}
+    shown = measured(fmu, given, outputs)
+    columns = {
+        "Katze_Laser": ("mm", 1e3 * shown["crane.trolley.s"]),
+        "Katze_Soll": ("mm", 1e3 * given["crane.bus.sRef"]),
+        "Pendelwinkel": ("deg", np.degrees(shown["crane.hoist.phi"])),
+        "Lastmessdose": ("kN", 1e-3 * shown["crane.hoist.f_rope"]),
+    }
+    found = draft(fmu, logged(tmp_path / "run.parquet", columns))
+    assert pairs(found) == (
+        {"crane.bus.sRef": "Katze_Soll"},
+        {
+            "crane.trolley.s": "Katze_Laser",
+            "crane.hoist.phi": "Pendelwinkel",
+            "crane.hoist.f_rope": "Lastmessdose",
+        },
+    )
+    (path := tmp_path / "study.toml").write_text(found.text(path), encoding="utf-8")
+    study = load_study(path)
+    assert study_problems(study) == []
+    (joint,) = study.joints
+    assert (joint.displacement, joint.velocity, joint.nominal_force) == ("crane.hoist.phi", "der(crane.hoist.phi)", "")
+    assert 'velocity = "der(crane.hoist.phi)"  # guess: by its name\n' in path.read_text("utf-8")
+    tolerances = {guess.name: guess.tolerance for guess in find_parameters(open_fmu(fmu))}
+    assert tolerances.keys() == {"crane.load.m", "crane.hoist.b"}
+    assert tolerances["crane.hoist.b"] > tolerances["crane.load.m"]
+
+
+def test_a_joint_is_drafted_without_what_no_study_takes_there() -> None:
+    joint = JointGuess("hoist", "tau", "phi", "v", "f", "a", 1)
+    units = {"tau": "N.m", "phi": "rad", "v": "m/s", "f": "kN", "a": "rad/s2", "s": "m"}
+    (kept,) = loadable([joint], units, NONE)
+    assert (kept.velocity, kept.nominal_force, kept.acceleration) == ("", "", "a")
+    assert loadable([joint], units | {"phi": "N"}, NONE) == ()
+
+
+@pytest.mark.parametrize(
+    ("name", "what", "turning"),
+    [
+        ("der(crane.hoist.phi)", "velocity", True),
+        ("der(crane.trolley.s)", "velocity", False),
+        ("der(body.v)", "acceleration", False),
+        ("der(tank.T)", "", False),
+    ],
+)
+def test_what_a_derivative_is(name: str, what: str, turning: bool) -> None:
+    variable = Variable(name, "Real", "output")
+    assert kind(variable) == what
+    assert bool(turns(variable)) == turning
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,7 @@ from fmucorrect import records
 from fmucorrect.clocks import overlapping
 from fmucorrect.drafting.driving import Driving, find_driving
 from fmucorrect.drafting.guess import likeness, quantity, words
-from fmucorrect.drafting.joints import find_joints, joint_units
+from fmucorrect.drafting.joints import find_joints, joint_units, loadable
 from fmucorrect.drafting.pairing import (
     ChannelGuess,
     Plant,
@@ -118,6 +118,7 @@ def draft(
     joints = find_joints(model, tuple(inputs)) or find_joints(model, ())
     units = joint_units(model, joints) | input_units(model, first, inputs)
     units |= {guess.output: guess.variable_unit for guess in channels if guess.variable_unit}
+    joints = loadable(joints, {name: v.unit for name, v in model.variables.items()} | units, model.defined)
     used = {*(guess.column for guess in channels), *inputs.values()}
     measured = [guess.column for guess in channels]
     logs = [_steady(_needed(log, reading, used), measured, log.columns) for log in logs]

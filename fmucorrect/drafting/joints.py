@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from fmucorrect import units
-from fmucorrect.drafting.guess import quantity, si, words
+from fmucorrect.drafting.guess import DERIVATIVE, quantity, si, words
 from fmucorrect.fmu import FmuDescription, Variable
 from fmucorrect.fmu.feedthrough import feedthrough
+from fmucorrect.study import joint_ports
+from fmucorrect.study_places import like
 
 PUSH_NS = 20_000_000
 """For how long an input is pushed: long enough to be seen in a displacement, short against any period."""
@@ -30,6 +32,8 @@ _WORDS = {
 """Words of a name that tell what a variable without a unit is; `s`, `s_rel` and their kin as Modelica's library has them."""
 _TURNS = frozenset("torque trq moment mx my mz tau omega wrel angle phi theta twist phirel".split())  # noqa: SIM905
 """Of these words, those of what turns."""
+_RATE = {"displacement": "velocity", "velocity": "acceleration"}
+"""What the derivative of each is."""
 _ALL = frozenset().union(*_WORDS.values())
 
 
@@ -65,7 +69,8 @@ def find_joints(fmu: FmuDescription, driven: Sequence[str]) -> tuple[JointGuess,
             continue
         j = max(gives, key=lambda j: abs(answers[j, i]))
         alike = [force.name] if mine else [moved[j].name, force.name]
-        own = {what: next(filter(None, (_of(outputs, what, name) for name in alike)), "") for what in _WORDS}
+        shown = [v for v in outputs if kind(v) != "force" or _turn_alike(force, v)]
+        own = {what: next(filter(None, (_of(shown, what, name) for name in alike)), "") for what in _WORDS}
         found.append(
             JointGuess(
                 " ".join(words(stem(force.name))) or force.name,
@@ -92,20 +97,39 @@ def joint_units(fmu: FmuDescription, joints: Sequence[JointGuess]) -> dict[str, 
     return found
 
 
+def loadable(
+    joints: Sequence[JointGuess], variables: Mapping[str, str], defined: Mapping[str, units.Unit]
+) -> tuple[JointGuess, ...]:
+    """The joints as a study of these units takes them: without a velocity, a force or an acceleration in a unit that does not
+    belong to the others, and without those whose port itself has such a one. variables: unit by name."""
+    found: list[JointGuess] = []
+    for joint in joints:
+        taken = joint_ports(joint, variables, defined)
+        odd = [key for key, (name, known) in taken.items() if not any(like(variables[name], u, defined) for u in known)]
+        if not {"force", "displacement"} & set(odd):
+            found.append(replace(joint, **dict.fromkeys(odd, "")))
+    return tuple(found)
+
+
 def kind(variable: Variable) -> str:
     """What a variable is: by its unit, else by the last word of its name or the first; "" for neither."""
     if variable.unit not in units.UNSAID:
         found = quantity(variable.unit) or ""
         return "displacement" if found == "angle" else found
     told = _telling(variable)
-    return next((what for what, known in _WORDS.items() if told in known), "")
+    return _rated(variable.name, next((what for what, known in _WORDS.items() if told in known), ""))
 
 
 def kind_by_name(name: str) -> str:
     """What a column is, where one kind alone is written out in its name; single letters mean too much."""
     whole = {bare for word in words(name) if len(bare := word.rstrip("0123456789")) > 2}
     written = {what for what, known in _WORDS.items() if whole & known}
-    return written.pop() if len(written) == 1 else ""
+    return _rated(name, written.pop()) if len(written) == 1 else ""
+
+
+def _rated(name: str, what: str) -> str:
+    """What this is, of its derivative where the name is that of one."""
+    return _RATE.get(what, "") if DERIVATIVE.match(name) else what
 
 
 def turns(variable: Variable) -> bool | None:
@@ -121,7 +145,10 @@ def unit_of(variable: Variable) -> str:
 
 
 def written_out(variable: Variable) -> str:
-    """What a variable is by a word of its name alone; "" where only a letter tells it, which may be an axis or a place."""
+    """What a variable is by a word of its name alone; "" where only a letter tells it, which may be an axis or a place, but
+    not in a derivative."""
+    if DERIVATIVE.match(variable.name):
+        return kind(variable)
     told = _telling(variable)
     return next((what for what, known in _WORDS.items() if told in known and len(told) > 1), "")
 
@@ -129,7 +156,7 @@ def written_out(variable: Variable) -> str:
 def _telling(variable: Variable) -> str:
     """The word of its name that tells what it is: one of several letters, that of a rate before others (`strokeVel`), else the
     last or the first letter, the first where nothing but case parts the words (`vF`); "" where none does."""
-    name = re.split(r"[./]", variable.name)[-1]
+    name = re.split(r"[./]", DERIVATIVE.sub(r"\1", variable.name))[-1]
     parts = [word.rstrip("0123456789") for word in words(name)]
     if parts[-1:] == ["rel"] and len(parts) > 1:
         parts[-2:] = [f"{parts[-2]}rel"]
@@ -141,6 +168,7 @@ def _telling(variable: Variable) -> str:
 
 def stem(name: str) -> str:
     """A name without what tells its kind: `joint1.f` and `joint1.d` have one stem, so have `F_front` and `d_front`."""
+    name = DERIVATIVE.sub(r"\1", name)
     head = re.match(r"(.*)[./][^./]+$", name)
     if head:
         return head.group(1)
@@ -157,6 +185,12 @@ def _belong(force: Variable, moved: Variable) -> bool:
     """A force moves metres, a moment radians; where neither a unit nor a name says it, either may be."""
     both = turns(force), turns(moved)
     return None in both or both[0] == both[1]
+
+
+def _turn_alike(force: Variable, other: Variable) -> bool:
+    """Whether both push along an axis, or both turn. Of two names without units a torque's is no force's."""
+    both = turns(force), turns(other)
+    return both[0] == both[1] or (None in both and bool(force.unit or other.unit))
 
 
 def _of(outputs: Sequence[Variable], what: str, name: str) -> str:

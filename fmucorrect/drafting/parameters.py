@@ -17,6 +17,17 @@ _NAMED = re.compile(
     r"(?:^|[._])(?:k|c|m|d|j|ks|kt|cs|ms|mu|mb|mw|stiffness|damping|mass|inertia)[a-z]{0,2}\d*(?:_\w+)?$", re.I
 )
 """Names that say as much where the FMU says no unit."""
+_DESCRIBED = re.compile(
+    r"\b(?:mass|stiffness|damping|inertia|(?:spring|damper) (?:constant|rate|coefficient)|masse|steifigkeit|d(?:ä|ae)mpfung|"
+    r"tr(?:ä|ae)gheit)\b",
+    re.I,
+)
+"""Descriptions that say as much."""
+_NUMBER = re.compile(
+    r"ratio|dimension(?:less|slos)|factor|fraction|relative|normali[sz]ed|\bflow\b|(?:grad|maß)\b", re.I
+)
+"""Descriptions of what is a number or no such quantity: a damping ratio (Dämpfungsgrad, -maß), a mass flow."""
+_DAMPING = re.compile(r"damping|d(?:ä|ae)mpfung", re.I)
 TOLERANCE, OF_DAMPING = 0.05, 0.2
 """Relative standard deviation of a value from a drawing or a data sheet; and of damping, which is on no drawing: dampers
 scatter from one to the next and with their temperature, and that of rubber and of structures is estimated."""
@@ -37,7 +48,7 @@ class ParameterGuess:
 
 
 def find_parameters(fmu: FmuDescription) -> tuple[ParameterGuess, ...]:
-    """Those that can be set, are not 0, and have a unit, or else a name, of stiffness, damping or inertia."""
+    """Those that can be set, are not 0, and have a unit, or else a description or a name, of stiffness, damping or inertia."""
     found: list[ParameterGuess] = []
     for variable in _own(fmu):
         why = _why(variable)
@@ -47,7 +58,7 @@ def find_parameters(fmu: FmuDescription) -> tuple[ParameterGuess, ...]:
         low, high = sorted((0.5 * start, 2.0 * start))
         low, high = max(low, variable.minimum), min(high, variable.maximum)
         if start and low < high:
-            damping = _has_one_of(variable.unit, DAMPERS) or (why and "damping" in variable.name.lower())
+            damping = _has_one_of(variable.unit, DAMPERS) or _DAMPING.search(f"{variable.name} {variable.description}")
             tolerance = OF_DAMPING if damping else TOLERANCE
             found.append(ParameterGuess(variable.name, start, low, high, why, tolerance))
     return tuple(found[:MOST])
@@ -66,9 +77,14 @@ def _own(fmu: FmuDescription) -> list[Variable]:
 
 
 def _why(variable: Variable) -> str:
-    if variable.unit in ("", "1", "-"):
-        return "named as one of stiffness, damping or mass" if _NAMED.search(variable.name) else ""
-    return f"its unit is {variable.unit}" if _has_one_of(variable.unit, UNCERTAIN) else ""
+    """By its unit; where it has none by its description, and by its name unless that says it is a number."""
+    if variable.unit not in ("", "1", "-"):
+        return f"its unit is {variable.unit}" if _has_one_of(variable.unit, UNCERTAIN) else ""
+    if _NUMBER.search(variable.description):
+        return ""
+    if _DESCRIBED.search(variable.description):
+        return "described as one of stiffness, damping or mass"
+    return "named as one of stiffness, damping or mass" if _NAMED.search(variable.name) else ""
 
 
 def _has_one_of(unit: str, known: Sequence[str]) -> bool:

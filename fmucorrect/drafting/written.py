@@ -152,7 +152,8 @@ class Draft:
         for key in ("velocity", "nominal_force", "acceleration"):
             if name := getattr(joint, key):
                 own = ": the spring's and damper's own there, not a drive's" if key == "nominal_force" else ""
-                yield f"{key} = {toml(name)}  # guess: by its name and unit{own}"
+                unit = " and unit" if self.model.variables[name].unit else ""
+                yield f"{key} = {toml(name)}  # guess: by its name{unit}{own}"
         yield f"sign = {joint.sign}  # found by one push"
 
     def _conditions(self, folder: Path) -> Iterator[str]:
