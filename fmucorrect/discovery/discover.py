@@ -25,7 +25,7 @@ from fmucorrect.discovery.discrepancy import form_errors
 from fmucorrect.discovery.doubt import cautions, far_moves, not_named, wrong_signs
 from fmucorrect.discovery.elsewhere import by, library, quietly
 from fmucorrect.discovery.errorbars import base_std, doubtful, less_known, unlisted
-from fmucorrect.discovery.fitted import Fitted, Setting
+from fmucorrect.discovery.fitted import Fitted, Setting, with_sensors
 from fmucorrect.discovery.kept import Kept, digest
 from fmucorrect.discovery.lasting import Size, lasting
 from fmucorrect.discovery.learned import learn
@@ -205,7 +205,8 @@ def _report(
     """The report, and what an FMU can be given of what was found."""
     decision, sizes, left_out = lasting(problem, naming, decision)
     best = decision.best
-    sensors = sensors_told(problem, naming.setting, best.residual)
+    setting = with_sensors(problem, naming.setting, best.model)  # as what is told of sensors has to be of this response
+    sensors = sensors_told(problem, setting, best.residual)
     progress("confirm", 0, len(study.conditions))
     checked = gaps(
         study,
@@ -220,8 +221,7 @@ def _report(
     verdict = confirmed(decision, checked, sizes)
     lap("confirm")
     by_joints, by_form = (
-        doubtful(problem, naming.setting, best, errors)
-        for errors in (unlisted(problem, best), form_errors(problem, best))
+        doubtful(problem, setting, best, errors) for errors in (unlisted(problem, best), form_errors(problem, best))
     )
     std = less_known(best, by_joints + by_form).std()
     rows = [

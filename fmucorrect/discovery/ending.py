@@ -174,13 +174,16 @@ def _later(problem: Problem, setting: Setting, best: Fitted) -> Fitted | None:
 
 
 def _known(problem: Problem, setting: Setting, fitted: Fitted) -> Fitted:
-    """Its last steps, and what is then known of its numbers; an offset with all of its parameter's move in it. Sensors whose
-    gain is right are preferred where that is about as likely: what they would take on, the FMU shall give."""
+    """Its last steps, with sensors that take their part of its own response, and what is then known of its numbers; an offset
+    with all of its parameter's move in it. Sensors whose gain is right are preferred where that is about as likely: what they
+    would take on, the FMU shall give."""
     exact = with_sensors(problem, setting, fitted.model, gain=0.0)
-    right = judge(setting, sharpened(problem, exact, judge(exact, fitted)))
-    last = sharpened(problem, setting, right)
-    told = whole(problem, setting, last if last.surprise < right.surprise - ALIKE else right)
-    return replace(told, covariance=spread(problem, setting, told))
+    right = sharpened(problem, exact, judge(exact, fitted))
+    own = with_sensors(problem, setting, right.model)
+    right = judge(own, right)
+    last = sharpened(problem, own, right)
+    told = whole(problem, own, last if last.surprise < right.surprise - ALIKE else right)
+    return replace(told, covariance=spread(problem, own, told))
 
 
 def _freed(problem: Problem, setting: Setting, fitted: Fitted) -> Fitted:
