@@ -37,10 +37,15 @@ class Found:
 
 
 def found_of(
-    problem: Problem, terms: Sequence[Term], base: Sequence[float], rows: Sequence[Mapping[str, Any]]
+    problem: Problem,
+    terms: Sequence[Term],
+    base: Sequence[float],
+    rows: Sequence[Mapping[str, Any]],
+    std: Sequence[float] | None = None,
 ) -> Found:
-    """What the solver can be given of `terms`, each with its row of the report, and of the adjustables at `base`."""
-    return Found(_effects(problem, terms, base, rows), _starts(problem, terms, base))
+    """What the solver can be given of `terms`, each with its row of the report, and of the adjustables at `base`. std: of each
+    of `base`, in tolerances, where it is known."""
+    return Found(_effects(problem, terms, base, rows, std), _starts(problem, terms, base))
 
 
 def _starts(problem: Problem, terms: Sequence[Term], base: Sequence[float]) -> dict[str, dict[str, float]]:
@@ -57,15 +62,21 @@ def _starts(problem: Problem, terms: Sequence[Term], base: Sequence[float]) -> d
 
 
 def _effects(
-    problem: Problem, terms: Sequence[Term], base: Sequence[float], rows: Sequence[Mapping[str, Any]]
+    problem: Problem,
+    terms: Sequence[Term],
+    base: Sequence[float],
+    rows: Sequence[Mapping[str, Any]],
+    std: Sequence[float] | None,
 ) -> Effects:
     forces: list[ForceEffect] = []
     used: set[str] = set()
     study, fmu = problem.study, problem.fmu
     assert fmu is not None
     offsets = {name: value - float(fmu.variables[name].start or "nan") for name, value in study.parameters.items()}
-    for moved in adjusted(problem, base, 0.0):
+    known: dict[str, float] = {}
+    for moved in adjusted(problem, base, 0.0, std):
         offsets[moved.name] = offsets.get(moved.name, 0.0) + moved.now - moved.before
+        known[moved.name] = moved.std
     for term, row in zip(terms, rows, strict=True):
         if isinstance(term, ForceTerm):
             given = row["parameters"]
@@ -83,6 +94,8 @@ def _effects(
             for name in term.adjustable.parameters:
                 scale = 1.0 if term.single else start_value(study, fmu, None, name)
                 offsets[name] = offsets.get(name, 0.0) + term.values["value"] * scale
+                if told := row.get("parameters"):
+                    known[name] = abs(told["value"]["std"] * scale)
     places = {term.where for term in terms if isinstance(term, ForceTerm)}
     groups = tuple(group for group in study.groups if group.name in places)
     given, speeds = [c.parameters for c in study.conditions], [c.speed for c in study.conditions]
@@ -93,7 +106,11 @@ def _effects(
     )
     return Effects(
         tuple(forces),
-        tuple(ParameterOffset(name, value) for name, value in offsets.items() if value != 0.0),
+        tuple(
+            ParameterOffset(name, value, Remarks({"value": known[name]} if known.get(name, 0.0) > 0.0 else {}))
+            for name, value in offsets.items()
+            if value != 0.0
+        ),
         tuple(joint for joint in study.joints if joint.name in used),
         groups,
         rotations,

@@ -250,10 +250,9 @@ def _report(
         row = None if law is None else learned_row(problem, naming.setting, law, _largest(problem))
         lap("learn")
     learned = None if row is None or not writable(row) else law
+    known = base_std(problem, setting, best, by_joints + by_form).tolist()
     if learned is None:
-        adjusted = output.adjusted(
-            problem, best.model.base, std=base_std(problem, naming.setting, best, by_joints + by_form).tolist()
-        )
+        adjusted = output.adjusted(problem, best.model.base, std=known)
     else:
         adjusted = output.adjusted(problem, learned.model.base)
     sensed = output.sensor_rows(study.channels, sensors)
@@ -298,7 +297,7 @@ def _report(
     changed = bool(adjusted) or any(not isinstance(term, SignalTerm) for term in terms)
     found = None
     if study.fmu is not None and changed and verdict != "unexplained":
-        found = found_of(problem, terms, best.model.base, rows if named else ())
+        found = found_of(problem, terms, best.model.base, rows if named else (), known)
     elif learned is not None:
         found = found_of(problem, (learned.term,), learned.model.base, (file_row(learned),))
     report["sentence"] = sentence(Discovery.read(_plain(report)), checked)

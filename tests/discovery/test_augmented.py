@@ -130,7 +130,9 @@ def test_the_study_on_the_augmented_fmu_answers_as_the_model_that_was_found(stud
 def test_where_conditions_set_nothing_there_is_no_note(study, tmp_path):
     conditions = tuple(replace(condition, parameters={}) for condition in study.conditions)
     with load(replace(study, conditions=conditions), None, workers=1) as problem:
-        found = found_of(problem, (), (1.5,), ())
+        found = found_of(problem, (), (1.5,), (), (0.25,))
+        (offset,) = (row for row in found.effects.offsets if row.remarks.std)
+        assert offset.remarks.std == {"value": pytest.approx(0.25 * 0.02 * 800.0)}  # a quarter of its tolerance
     assert not any(found.starts.values())
     assert write_model(study, found, tmp_path)[1] == []
 
