@@ -151,8 +151,6 @@ def _effect(page: Page, effect: Effect, verdict: str) -> None:
         page.table(head, [_parameter(name, item, symbols) for name, item in effect.parameters.items()])
     facts = [(plain(name), item.meaning) for name, item in effect.parameters.items() if item.meaning]
     facts += effect.moved.items()
-    if any(item.std for item in effect.parameters.values()):
-        facts.append(("standard deviation", ERRORS))
     if known(effect.probability):
         facts.append(("probability", f"{percent(effect.probability)} that this effect at this place is right"))
     if known(share := effect.class_probability):
@@ -162,6 +160,8 @@ def _effect(page: Page, effect: Effect, verdict: str) -> None:
         facts.append(("acted", f"with {rms} rms, {most} at most, on the records that the search saw"))
     rivals = [item.at for item in effect.indistinguishable_from]
     facts += [("cannot be told from", listed(rivals, "or"))] if rivals else []
+    if any(item.std for item in effect.parameters.values()):
+        facts.append(("standard deviation", ERRORS))
     letters = "" if plain(effect.effect).startswith(OWN) else _letters(effect.equation)
     facts += [("letters", letters)] if letters else []
     page.facts(facts)
