@@ -46,8 +46,9 @@ def coarse(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
     run, factor = other
     begins = float(item.rows.start) * step
     noise = of_sensors(study.channels, item.condition, item.measured, item.response, step, begins).sigma
-    both = np.isin(item.simulated.t_ns[item.rows], run.t_ns)
-    t, found = item.simulated.t_ns[item.rows][both], list[tuple[float, str]]()
+    whole = item.simulated.t_ns[item.rows]
+    both = np.isin(whole, run.t_ns) if factor > 1.0 else np.ones(len(whole), dtype=bool)  # no instants in between
+    t, found = whole[both], list[tuple[float, str]]()
     for j, channel in enumerate(study.channels):
         moved = (np.interp(t, run.t_ns, run.values[:, j]) - item.response[both, j]) / (1.0 - factor)
         slope = np.gradient(item.response[:, j], step)[both]
