@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 
 from fmucorrect.catalogue.law import Formula, Law, Parameter, Symbols, load_sympy
-from fmucorrect.catalogue.motion import Guess, Motion
+from fmucorrect.catalogue.motion import Guess
 
 _AMPLITUDE = Parameter("amplitude", "A", "F", "half the range", minimum=0.0, neutral=0.0)
 _PHASE = Parameter("phase", "phi", "rad", "at t = 0, of a sine", default=0.0)
@@ -45,10 +45,7 @@ def _of_order(order: float, phase: float) -> Guess:
 
 
 def _of_place(phase: float) -> Guess:
-    def guess(motion: Motion, force: float) -> Mapping[str, float] | None:
-        return {"amplitude": force, "wave_number": motion.wave, "phase": phase} if motion.wave > 0.0 else None
-
-    return guess
+    return lambda motion, force: {"amplitude": force, "wave_number": motion.wave, "phase": phase}
 
 
 LAWS = (

@@ -223,7 +223,8 @@ def _report(
     by_joints, by_form = (
         doubtful(problem, setting, best, errors) for errors in (unlisted(problem, best), form_errors(problem, best))
     )
-    std = less_known(best, by_joints + by_form).std()
+    doubt = by_joints + by_form
+    std = less_known(best, doubt).std()
     rows = [
         output.effect_row(problem, term, std[i], decision.probability[i], decision.classes[i], decision.classed[i])
         for i, term in enumerate(best.model.terms)
@@ -250,7 +251,7 @@ def _report(
         row = None if law is None else learned_row(problem, naming.setting, law, _largest(problem))
         lap("learn")
     learned = None if row is None or not writable(row) else law
-    known = base_std(problem, setting, best, by_joints + by_form).tolist()
+    known = base_std(problem, setting, best, doubt).tolist()
     if learned is None:
         adjusted = output.adjusted(problem, best.model.base, std=known)
     else:

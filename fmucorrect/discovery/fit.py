@@ -204,7 +204,7 @@ def both_sides(
         ahead = again
         moves[ahead] *= FARTHER_BY
     if rough:
-        _along_the_softest(problem, setting, state, columns, farthest)
+        _along_the_softest(problem, setting, state, columns, count, farthest)
     return columns[:, :count], columns[:, count:]
 
 
@@ -213,18 +213,17 @@ def _along_the_softest(
     setting: Setting,
     state: Fitted,
     columns: Float64[np.ndarray, "n q"],
+    count: int,
     farthest: Float64[np.ndarray, " q"],
 ) -> None:
-    """Sensitivities made right along the directions that are the least known by them, from a move as far as any number may be
-    moved for its own: columns + (g - columns u) u', as Broyden has it (Math. Comp. 19, 1965)."""
-    count = len(state.model.base)
-    own = replace(state, base=columns[:, -count:] if count else columns[:, :0])
-    H, _ = normal(setting, own, columns[:, : columns.shape[1] - count])
+    """Sensitivities (the first `count` of them to members' coordinates) made right along the directions that are the least
+    known by them, from a move as far as any number may be moved for its own: columns + (g - columns u) u', as Broyden has it
+    (Math. Comp. 19, 1965)."""
+    H, _ = normal(setting, replace(state, base=columns[:, count:]), columns[:, :count])
     seen = [u for u in np.linalg.eigh(H)[1].T if (columns @ u).any()]
     for u in seen[:SOFTEST]:
         far = float(np.min(farthest / np.maximum(np.abs(u), 1e-12)))
-        ahead, behind = (_aside(state.model, columns.shape[1] - count, side * far * u) for side in (1.0, -1.0))
-        more, less = problem.many([ahead, behind])
+        more, less = problem.many([_aside(state.model, count, side * far * u) for side in (1.0, -1.0)])
         if more is not None and less is not None:
             columns += np.outer((more - less) / (2.0 * far) - columns @ u, u)
 
