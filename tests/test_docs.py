@@ -78,6 +78,25 @@ def test_blocks_of_a_page_run(text: str, error: str, tmp_path: Path):
     assert error in done.stderr
 
 
+@pytest.mark.parametrize(
+    ("shown", "line", "same"),
+    [
+        ("falls to 0.00964 %", "falls to 0.00963 %", True),
+        ("falls to 0.00964 %", "falls to 0.0106 %", False),
+        ("3.881e-07 +- 1.3e-07 m", "3.82e-07 +- 1.3e-07 m", True),
+        ("3.881e-07 +- 1.3e-07 m", "3.881e-06 +- 1.3e-07 m", False),
+        ("named: friction 2.00 N", "unexplained: friction 2.00 N", False),
+        ("6 runs, ... 4.36 %", "6 runs, 2 s each, 4.35 %", True),
+        ("6 runs, ... 4.36 %", "7 runs, 2 s each, 4.36 %", False),
+        ("channel x1", "channel x2", False),
+    ],
+)
+def test_numbers_of_a_page_are_alike_on_another_processor(
+    shown: str, line: str, same: bool, monkeypatch: pytest.MonkeyPatch
+):
+    assert tool("run_readme", monkeypatch).alike(shown, line) == same
+
+
 @pytest.mark.parametrize(("last", "error"), [("assert x == 1", ""), ("assert x == 2", "assert x == 2")])
 def test_the_cells_of_a_notebook_run_as_one_script(last: str, error: str, tmp_path: Path):
     cells = [{"cell_type": kind, "source": text} for kind, text in

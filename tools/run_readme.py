@@ -1,11 +1,11 @@
 """Runs what Markdown pages show: python tools/run_readme.py README.md docs/start/index.md ...
 
 Each page has a temporary folder of its own beside copies of FILES. There, in order: a ```python block runs in an interpreter
-of its own; of a ```console block every line that begins with "$ " runs, which must be a program of this environment; each line
-of a ```text block behind one of these must have come of it, "..." standing for anything; a ```toml block that begins with
-"# at the end of NAME" is written there. All other blocks are shown only, and the page says so. The code cells of a notebook
-run as one script. Without arguments: README.md, all pages and notebooks of docs, and the READMEs of packages whose blocks no
-test runs. Stops at the first that fails.
+of its own; of a ```console block every line that begins with "$ " runs, which must be a program of this environment; each
+line of a ```text block behind one of these must have come of it, "..." standing for anything and numbers alike to ALIKE; a
+```toml block that begins with "# at the end of NAME" is written there. All other blocks are shown only, and the page says so.
+The code cells of a notebook run as one script. Without arguments: README.md, all pages and notebooks of docs, and the READMEs
+of packages whose blocks no test runs. Stops at the first that fails.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from decimal import Decimal
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -38,6 +39,8 @@ FILES = {
 PACKAGES = (ROOT / "fmucorrect" / "README.md", ROOT / "fmucorrect" / "railway" / "README.md")
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.M | re.S)
 APPENDED = re.compile(r"# at the end of (\S+)\n")
+NUMBER = r"(\d+(?:\.\d+)?(?:e[-+]?\d+)?)"
+ALIKE = 0.02  # of a number, or one in its last decimal: another processor's vector units sum in another order
 
 
 def main(paths: list[Path]) -> None:
@@ -96,11 +99,25 @@ def cells(notebook: str) -> list[tuple[str, str]]:
 
 def compare(text: str, said: str) -> None:
     """Ends the run where a page shows a line that did not come of its commands."""
-    lines = [" ".join(line.split()) for line in said.splitlines()]
+    lines = said.splitlines()
     for shown in filter(str.strip, text.splitlines()):
-        wanted = ".*".join(map(re.escape, " ".join(shown.split()).split("...")))
-        if not any(re.fullmatch(wanted, line) for line in lines):
+        if not any(alike(shown, line) for line in lines):
             sys.exit(f"the page shows a line that the commands before it did not print:\n{shown}")
+
+
+def alike(shown: str, line: str) -> bool:
+    """Whether a line that a page shows may stand for one that was printed: the same words, and numbers that are ALIKE."""
+    shown, line = " ".join(shown.split()), " ".join(line.split())
+    words = re.split(rf"(?<![\w.]){NUMBER}", shown)  # words, number, words, ..., words
+    wanted = "".join(NUMBER if k % 2 else ".*".join(map(re.escape, part.split("..."))) for k, part in enumerate(words))
+    found = re.fullmatch(wanted, line)
+    return found is not None and all(map(near, words[1::2], found.groups()))
+
+
+def near(shown: str, printed: str) -> bool:
+    """Whether two numbers are ALIKE."""
+    last = Decimal(1).scaleb(int(Decimal(shown).as_tuple().exponent)) if "." in shown else 0
+    return abs(Decimal(printed) - Decimal(shown)) <= max(last, Decimal(ALIKE) * abs(Decimal(shown)))
 
 
 def command(line: str, folder: Path) -> str:
