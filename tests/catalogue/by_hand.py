@@ -41,6 +41,7 @@ VALUES = {
     "coulomb_friction_stick": {"friction_force": 500.0, "stick_displacement": 2e-4, "stick_time": 5e-3},
     "stribeck_friction_stick": {"friction_force": 500.0, "breakaway_force": 800.0, "stick_displacement": 2e-4},
     "bouc_wen_hysteresis": {"stiffness": 1e6, "alpha": 0.2, "beta": 900.0, "gamma": -300.0, "exponent": 1.5},
+    "bouc_wen_hysteresis_iwan": {"stiffness": 1e6, "alpha": 0.2, "slip_displacement": 2e-3, "spread": -0.3},
     "friction_with_backlash": {"friction_force": 500.0, "gap": 3e-4, "stiffness": 1e6, "exponent": 4.0},
     "preload": {"force": -300.0},
     "periodic_force_frequency": {"amplitude": 200.0, "frequency": 2.5, "phase": 0.4},
@@ -158,9 +159,9 @@ def rounded_deadzone(x, gap):
     return x - np.sqrt(1 + 0.01**2) * inside
 
 
-OPERATORS = {"fractional_damping", "learned_force", "learned_force_memory"}
+OPERATORS = {"fractional_damping", "bouc_wen_hysteresis_iwan", "learned_force", "learned_force_memory"}
 """Laws whose equation tells an operator on the motion, not the states that compute it (held against closed forms in
-test_fractional.py), or functions that lie in tables (BY_HAND has them)."""
+test_fractional.py, test_iwan.py), or functions that lie in tables (BY_HAND has them)."""
 
 JOINT = Motion(d=1e-3, v=2e-2, a=0.4, f=1e3, stiffness=8e5, damping=2e4, strength=500.0, frequency=2.5, radius=0.43)
 

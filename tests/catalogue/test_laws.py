@@ -23,7 +23,8 @@ bouc_wen_hysteresis preload periodic_force"""
 
 def test_the_contract_names_them():
     assert set(CATALOGUE) >= set(CONTRACT.split())
-    assert set(VALUES) == set(BY_HAND) <= set(LAWS)
+    assert set(BY_HAND) <= set(VALUES) <= set(LAWS)
+    assert set(VALUES) - set(BY_HAND) <= OPERATORS
 
 
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)

@@ -7,7 +7,14 @@ from collections.abc import Sequence
 
 from fmucorrect.report.base.words import MISSING, listed
 
-NAMES = {"bouc_wen": "Bouc-Wen", "coulomb": "Coulomb", "stribeck": "Stribeck", "dahl": "Dahl", "maxwell": "Maxwell"}
+NAMES = {
+    "bouc_wen_hysteresis": "hysteresis",
+    "coulomb": "Coulomb",
+    "stribeck": "Stribeck",
+    "dahl": "Dahl",
+    "maxwell": "Maxwell",
+}
+"""Proper names. Hysteresis is Bouc and Wen's in the files' name of it alone: its description and equation say whose it is."""
 OWN = ("sensor", "parameter", "excitation")
 """What an effect's name begins with where it is no force at a joint."""
 OF_FACTOR = "change of the start values' common factor"
