@@ -61,6 +61,12 @@ def _coulomb_stick(s: Symbols) -> Formula:
     return Formula(force, (s.v - pace * z / reach,), (reach,))
 
 
+def _coulomb_loaded(s: Symbols) -> Formula:
+    sticking = _coulomb_stick(s)
+    share = smooth.positive(s["friction_force"] + s["growth"] * s.d) / s["friction_force"]
+    return Formula(share * sticking.force, sticking.rates, sticking.bounds)
+
+
 def _stribeck(s: Symbols) -> Formula:
     return Formula(_falling_force(s) * smooth.sign(s.v, s["smoothing_velocity"]))
 
@@ -94,6 +100,15 @@ def _stick(motion: Motion) -> Mapping[str, float]:
 
 def _holding(motion: Motion, force: float) -> dict[str, float]:
     return {"friction_force": force, **_stick(motion)}
+
+
+def _half_more(side: float) -> Guess:
+    """Half as much again at one end of the travel, half as much less at the other."""
+
+    def guess(motion: Motion, force: float) -> Mapping[str, float]:
+        return _holding(motion, force) | {"growth": side * 0.5 * force / motion.d}
+
+    return guess
 
 
 def _never_sliding(displacement: float, force: float) -> Mapping[str, float]:
@@ -199,6 +214,31 @@ LAWS = (
         states=(_BRISTLE,),
         extends=(("coulomb_friction", _sticking),),
         note=f"Dahl's friction with a damping of its own. {_HOLD}",
+    ),
+    Law(
+        name="coulomb_friction",
+        form="loaded",
+        family="friction",
+        description="Dry friction that grows with the displacement, as what presses on it does, and can hold the joint still.",
+        acts=_ANYWHERE,
+        equation="F = max(F_c + q d, 0) (z + T_s v) / (d_s + T_s |v|), dz/dt = v - |v| z / d_s",
+        parameters=(
+            Parameter("friction_force", "F_c", "F", "while it slides, where d is 0", minimum=0.0, neutral=0.0),
+            Parameter("growth", "q", "F/D", "of it with the displacement", neutral=0.0),
+            _STICK,
+            _EASE,
+        ),
+        inputs=("displacement", "velocity"),
+        write=_coulomb_loaded,
+        guesses=tuple(map(_half_more, (1.0, -1.0))),
+        main="friction_force",
+        estimated=("friction_force", "growth", "stick_displacement"),
+        corners=("stick_displacement",),
+        states=(_BRISTLE,),
+        note=(
+            "A wedge or a link under a spring, leaves that press on each other: q is the coefficient of friction times the"
+            " stiffness of what presses."
+        ),
     ),
     Law(
         name="stribeck_friction",

@@ -29,6 +29,11 @@ def ramp(x: Expr, width: Expr) -> Expr:
     return x * (1 + sign(x, width)) / 2
 
 
+def positive(x: Expr) -> Expr:
+    """x above 0, nothing below: a corner that is not rounded."""
+    return (x + load_sympy().Abs(x)) / 2
+
+
 def sign(x: Expr, width: Expr) -> Expr:
     """-1 or 1 beyond a few widths, 0 at 0. tanh, whose tails leave no rest."""
     return load_sympy().tanh(x / width)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from fmucorrect.catalogue import smooth
-from fmucorrect.catalogue.law import Expr, Formula, Law, Parameter, Symbols, load_sympy
+from fmucorrect.catalogue.law import Formula, Law, Parameter, Symbols, load_sympy
 from fmucorrect.catalogue.motion import REMAINS, SHARES, Guess, Motion
 
 _ANYWHERE = "any joint"
@@ -67,14 +67,10 @@ def _bump_stop(s: Symbols) -> Formula:
     return Formula(s["stiffness"] * (s.d - smooth.saturate(s.d, s["gap"], s["smoothing"])))
 
 
-def _pushes(factor: Expr) -> Expr:
-    """Nothing below 0: a stop does not pull, however fast the joint leaves it."""
-    return (factor + load_sympy().Abs(factor)) / 2
-
-
 def _damped_stop(s: Symbols) -> Formula:
+    # a stop does not pull, however fast the joint leaves it
     inwards = s.v * smooth.sign(s.d, s["smoothing"] * s["gap"])
-    return Formula(_bump_stop(s).force * _pushes(1 + s["dissipation"] * inwards))
+    return Formula(_bump_stop(s).force * smooth.positive(1 + s["dissipation"] * inwards))
 
 
 def _one_stop(s: Symbols) -> Formula:
@@ -83,7 +79,7 @@ def _one_stop(s: Symbols) -> Formula:
 
 
 def _damped_stop_at_one_side(s: Symbols) -> Formula:
-    return Formula(_one_stop(s).force * _pushes(1 + s["dissipation"] * s["side"] * s.v))
+    return Formula(_one_stop(s).force * smooth.positive(1 + s["dissipation"] * s["side"] * s.v))
 
 
 def _damped(values: Mapping[str, float]) -> dict[str, float]:

@@ -39,6 +39,12 @@ VALUES = {
     "coulomb_friction": {"friction_force": 500.0},
     "stribeck_friction": {"friction_force": 500.0, "breakaway_force": 800.0},
     "coulomb_friction_stick": {"friction_force": 500.0, "stick_displacement": 2e-4, "stick_time": 5e-3},
+    "coulomb_friction_loaded": {
+        "friction_force": 500.0,
+        "growth": -9e5,
+        "stick_displacement": 2e-4,
+        "stick_time": 5e-3,
+    },
     "stribeck_friction_stick": {"friction_force": 500.0, "breakaway_force": 800.0, "stick_displacement": 2e-4},
     "bouc_wen_hysteresis": {"stiffness": 1e6, "alpha": 0.2, "beta": 900.0, "gamma": -300.0, "exponent": 1.5},
     "bouc_wen_hysteresis_iwan": {"stiffness": 1e6, "alpha": 0.2, "slip_displacement": 2e-3, "spread": -0.3},
@@ -101,6 +107,9 @@ BY_HAND = {
     "coulomb_friction_stick": lambda d, v, a, f, t, s, z, p: (
         500.0 * (z / 2e-4 + v * 5e-3 / 2e-4) / (1 + np.abs(v) * 5e-3 / 2e-4)
     ),
+    "coulomb_friction_loaded": lambda d, v, a, f, t, s, z, p: (
+        np.maximum(500.0 - 9e5 * d, 0.0) * (z / 2e-4 + v * 5e-3 / 2e-4) / (1 + np.abs(v) * 5e-3 / 2e-4)
+    ),
     "stribeck_friction_stick": lambda d, v, a, f, t, s, z, p: (
         (500 + 300 * np.exp(-((v / 0.01) ** 2)))
         * (800 * (z + v * 1e-3) / (2e-4 * (500 + 300 * np.exp(-((v / 0.01) ** 2)))))
@@ -129,6 +138,7 @@ RATES_BY_HAND = {
     "series_stiffness_branch": lambda v, f, z, p: 5e6 * v - z / 0.03,
     # in the variable z / d_s the elastic part of LuGre: dx/dt = (v - |v| x / share of the breakaway force) / d_s
     "coulomb_friction_stick": lambda v, f, z, p: v * (1 - np.sign(v) * z / 2e-4),
+    "coulomb_friction_loaded": lambda v, f, z, p: v * (1 - np.sign(v) * z / 2e-4),
     "stribeck_friction_stick": lambda v, f, z, p: (
         v * (1 - np.sign(v) * z / 2e-4 / (0.625 + 0.375 * np.exp(-((v / 0.01) ** 2))))
     ),

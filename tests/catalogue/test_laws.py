@@ -63,7 +63,7 @@ def test_odd_laws_are_odd_and_even_ones_even(law):
     sign = 1.0 if law.label in EVEN else -1.0
     if law.label == "bilinear_stiffness_ratio":  # the force of a spring is odd
         x["nominal_force"], mirrored["nominal_force"], sign = 1e6 * x["displacement"], -1e6 * x["displacement"], 1.0
-    q = p | {name: -p[name] for name in ("limit", "side") if name in p}  # a stop at the other side
+    q = p | {name: -p[name] for name in ("limit", "side", "growth") if name in p}  # at the other side
     np.testing.assert_allclose(force(law, mirrored, -z, q), sign * force(law, x, z, p), rtol=1e-12)
     np.testing.assert_allclose(rates(law, mirrored, -z, q), -rates(law, x, z, p), rtol=1e-12)
 
