@@ -27,6 +27,19 @@ def _quadratic(s: Symbols) -> Formula:
     return Formula(s["quadratic_damping"] * s.v * load_sympy().Abs(s.v))
 
 
+def _power(s: Symbols) -> Formula:
+    pace = s.v / s["reference_velocity"]
+    return Formula(s["damping"] * s.v * (pace**2 + s["smoothing"] ** 2) ** ((s["exponent"] - 1) / 2))
+
+
+def _half_power(motion: Motion, force: float) -> Mapping[str, float]:
+    return {"damping": force / motion.v, "exponent": 0.5, "reference_velocity": motion.v}
+
+
+def _of_exponent_one(values: Mapping[str, float]) -> Mapping[str, float]:
+    return {"damping": values["damping"]}
+
+
 def _by_difference(s: Symbols) -> Formula:
     return Formula(s["difference"] / 2 * load_sympy().Abs(s.v))
 
@@ -42,6 +55,17 @@ def _limited_force(s: Symbols) -> Formula:
 
 def _knee(s: Symbols) -> Formula:
     return Formula(s.F0 * (smooth.share(s.v, s["velocity"], s["smoothing"]) - 1))
+
+
+def _digressive(s: Symbols) -> Formula:
+    slow = smooth.saturate(s.v, s["velocity"], s["smoothing"])
+    return Formula(s["damping"] * (slow + s["ratio"] * (s.v - slow)))
+
+
+def _mostly_slow(motion: Motion, force: float) -> Mapping[str, float]:
+    """A knee at a third of the peak velocity, beyond it a fifth of the damping."""
+    knee, ratio = motion.v / 3.0, 0.2
+    return {"damping": force / (knee + ratio * (motion.v - knee)), "velocity": knee, "ratio": ratio}
 
 
 def _guess_ratio(motion: Motion, share: float) -> Mapping[str, float] | None:
@@ -84,6 +108,33 @@ LAWS = (
         main="quadratic_damping",
         estimated=("quadratic_damping",),
         signed=True,
+    ),
+    Law(
+        name="power_damping",
+        special=("viscous_damping", "quadratic_damping", "coulomb_friction"),
+        becomes=(("viscous_damping", _of_exponent_one),),
+        family="damper",
+        description="Damping that grows with a power of the velocity: below 1 less and less, as dampers of vehicles do.",
+        acts=_ANYWHERE,
+        equation="F = c v (|v| / v_r)^(alpha - 1)",
+        parameters=(
+            Parameter("damping", "c", "F.s/D", "at the velocity v_r", minimum=0.0, neutral=0.0),
+            Parameter("exponent", "alpha", "1", "1 is viscous, 2 an orifice, 0 friction", minimum=0.05, maximum=3.0),
+            Parameter("reference_velocity", "v_r", "D/s", "where c is told", minimum=0.0, above=True),
+            Parameter(
+                *("smoothing", "w", "1", "share of v_r below which it is viscous"),
+                default=3e-3,
+                minimum=0.0,
+                above=True,
+            ),
+        ),
+        inputs=("velocity",),
+        write=_power,
+        guesses=(_half_power,),
+        main="damping",
+        estimated=("damping", "exponent"),
+        corners=("smoothing",),
+        note="Fluid dampers of buildings: 0.3 to 1 (Constantinou and Symans, Structural Design of Tall Buildings 2, 1993).",
     ),
     Law(
         name="damper_asymmetry",
@@ -175,5 +226,30 @@ LAWS = (
         severities=REMAINS,
         relative=True,
         note="The joint's own element is the damper alone. The rounding raises the knee by the share w^2 / 2.",
+    ),
+    Law(
+        name="damper_saturation",
+        form="knee",
+        special=("viscous_damping",),
+        family="damper",
+        description="The joint is damped, but beyond a velocity less than in proportion to it, or more: a valve opens there.",
+        acts=_ANYWHERE,
+        equation="F = c (clip(v, -v_k, v_k) + r deadzone(v, v_k))",
+        parameters=(
+            Parameter("damping", "c", "F.s/D", "below the knee", neutral=0.0),
+            Parameter("velocity", "v_k", "D/s", "of the knee", minimum=0.0, above=True),
+            Parameter("ratio", "r", "1", "of the damping beyond the knee to that below"),
+            Parameter(
+                "smoothing", "w", "1", "width of the rounded knee, in knees", default=0.3, minimum=0.0, above=True
+            ),
+        ),
+        inputs=("velocity",),
+        write=_digressive,
+        guesses=(_mostly_slow,),
+        main="damping",
+        estimated=("damping", "velocity", "ratio", "smoothing"),
+        corners=("smoothing",),
+        signed=True,
+        note="A digressive damper, or the valve of one that shows no force of its own.",
     ),
 )

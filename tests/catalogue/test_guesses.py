@@ -90,6 +90,7 @@ DAMPERS = {
     "series_stiffness_damping": ("stiffness", 0.01),
     "series_stiffness_branch": ("relaxation_time", 0.01),
     "fractional_damping": ("fractional_order", 0.98),
+    "power_damping": ("exponent", 2.0),
 }
 """What is to be multiplied, and by how much, for a law to do what a damper does."""
 CONTAINED = [(law, label, new) for law in LAWS.values() for label, new in law.becomes]
