@@ -119,7 +119,9 @@ LAWS = (
         equation="F = c v (|v| / v_r)^(alpha - 1)",
         parameters=(
             Parameter("damping", "c", "F.s/D", "at the velocity v_r", minimum=0.0, neutral=0.0),
-            Parameter("exponent", "alpha", "1", "1 is viscous, 2 an orifice, 0 friction", minimum=0.05, maximum=3.0),
+            Parameter(
+                "exponent", "alpha", "1", "1 is viscous, 2 an orifice; below 0.3 friction", minimum=0.3, maximum=3.0
+            ),
             Parameter("reference_velocity", "v_r", "D/s", "where c is told", minimum=0.0, above=True),
             Parameter(
                 *("smoothing", "w", "1", "share of v_r below which it is viscous"),
@@ -133,6 +135,7 @@ LAWS = (
         guesses=(_half_power,),
         main="damping",
         estimated=("damping", "exponent"),
+        given=("reference_velocity",),
         corners=("smoothing",),
         note="Fluid dampers of buildings: 0.3 to 1 (Constantinou and Symans, Structural Design of Tall Buildings 2, 1993).",
     ),
@@ -203,7 +206,7 @@ LAWS = (
         estimated=("force",),
         severities=REMAINS,
         relative=True,
-        note="The joint's own element is the damper alone. The rounding raises the limit by the share w^2 / 2.",
+        note="The joint's own element is the damper alone.",
     ),
     Law(
         name="damper_saturation",
@@ -225,7 +228,7 @@ LAWS = (
         estimated=("velocity",),
         severities=REMAINS,
         relative=True,
-        note="The joint's own element is the damper alone. The rounding raises the knee by the share w^2 / 2.",
+        note="The joint's own element is the damper alone.",
     ),
     Law(
         name="damper_saturation",

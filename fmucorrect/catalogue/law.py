@@ -169,14 +169,14 @@ class Law:
 
     For those who look for it: guesses: its numbers at a size, one for each shape to start from. severities: sizes,
     weakest first; `relative` ones are shares of the element's own motion or force, others are multiplied by a force.
-    main: the parameter that says how strong it is. estimated: what data decide; the others stay as guessed, and are
-    fitted to the best set alone. signed: whether it may act the other way round. special: simpler effects that it becomes
-    with special numbers; it is named only where these do clearly worse. absorbs: of those, what beside it at the same place
-    only changes its numbers. becomes: of those, by label, numbers from its own, where the same names do not do. extends: laws
-    by label that it contains, or another form of its own, and its numbers from theirs. holds: its numbers with which it holds
-    a joint still that gives by a displacement (m or rad) under a force (N or N.m). corners: the parameters that would be 0 in
-    a loop of infinitely small steps, were it as sharp as the textbook has it. reverse: how, where not by the sign (or inverse)
-    of `main`.
+    main: the parameter that says how strong it is. estimated: what data decide; the others stay as guessed, and are fitted to
+    the best set alone, but `given` ones never: they say where others are told. signed: whether it may act the other way round.
+    special: simpler effects that it becomes with special numbers; it is named only where these do clearly worse. absorbs: of
+    those, what beside it at the same place only changes its numbers. becomes: of those, by label, numbers from its own, where
+    the same names do not do. extends: laws by label that it contains, or another form of its own, and its numbers from theirs.
+    holds: its numbers with which it holds a joint still that gives by a displacement (m or rad) under a force (N or N.m).
+    corners: the parameters that would be 0 in a loop of infinitely small steps, were it as sharp as the textbook has it.
+    reverse: how, where not by the sign (or inverse) of `main`.
     """
 
     name: str
@@ -190,6 +190,7 @@ class Law:
     guesses: tuple[Guess, ...]
     main: str
     estimated: tuple[str, ...]
+    given: tuple[str, ...] = ()
     severities: tuple[float, ...] = STRENGTHS
     relative: bool = False
     signed: bool = False
@@ -209,6 +210,7 @@ class Law:
         known = {parameter.name for parameter in self.parameters}
         wrong = [f"main names {self.main!r}"] if self.main not in known else []
         wrong += [f"estimated names {name!r}" for name in self.estimated if name not in known]
+        wrong += [f"given names {name!r}" for name in self.given if name not in known or name in self.estimated]
         wrong += [f"corners names {name!r}" for name in self.corners if name not in known]
         wrong += [f"inputs names {name!r}" for name in self.inputs if name not in INPUTS]
         wrong += ["states beside the acceleration"] if self.states and "acceleration" in self.inputs else []

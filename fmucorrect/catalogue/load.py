@@ -101,6 +101,7 @@ LAWS = (
         guesses=tuple(_of_order(order, phase) for order in (1.0, 2.0, 3.0) for phase in _SINE_AND_COSINE),
         main="amplitude",
         estimated=("amplitude", "phase"),
+        given=("radius",),
         signed=True,
         reverse=_half_a_period_later,
         note="V is constant in a run.",

@@ -215,6 +215,7 @@ LAWS = (
         guesses=tuple(map(_of_order, (0.5, 0.25, 0.75))),
         main="stiffness",
         estimated=("stiffness", "fractional_order"),
+        given=("reference_time",),
         states=(
             State("lasting", "z", "D"),
             *(State(f"relaxing_{i + 1}", f"z_{i + 1}", "D") for i in range(2 * _FINE * _REACH + 1)),

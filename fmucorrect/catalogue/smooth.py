@@ -11,12 +11,14 @@ from fmucorrect.catalogue.law import Expr, load_sympy
 def share(x: Expr, limit: Expr, smoothing: Expr) -> Expr:
     """min(1, limit / |x|): the share of x that stays within +-limit; rounded over smoothing * limit about the corners.
 
-    Exactly 1 at x = 0 and nowhere more, sqrt(1 + smoothing^2) limit / |x| far outside. Even, without a division by x,
-    for a limit above 0.
+    Exactly 1 at x = 0 and nowhere more, limit / |x| far outside, 1 / sqrt(1 + (x / limit)^2) where the rounding is wide. Even,
+    without a division by x, for a limit above 0.
     """
-    sqrt, width = load_sympy().sqrt, smoothing * limit
+    sqrt = load_sympy().sqrt
+    corner = limit / sqrt(1 + smoothing**2)
+    width = smoothing * corner
     # ((x + g)^2 - (x - g)^2) = 4 x g: no difference of large numbers
-    return 2 * limit * sqrt(1 + smoothing**2) / (sqrt((x + limit) ** 2 + width**2) + sqrt((x - limit) ** 2 + width**2))
+    return 2 * limit / (sqrt((x + corner) ** 2 + width**2) + sqrt((x - corner) ** 2 + width**2))
 
 
 def saturate(x: Expr, limit: Expr, smoothing: Expr) -> Expr:

@@ -242,8 +242,7 @@ LAWS = (
         relative=True,
         note=(
             "Added to a spring of stiffness k it makes the spring with play, k deadzone(d, g). Where the play is in"
-            " series with other elements, d is the deflection at the play: the mount is the joint. The rounding makes"
-            " the gap seem larger by the share w^2 / 2."
+            " series with other elements, d is the deflection at the play: the mount is the joint."
         ),
     ),
     Law(
@@ -285,7 +284,7 @@ LAWS = (
         estimated=("gap", "stiffness"),
         severities=REMAINS,
         relative=True,
-        note="Stops at both sides. The rounding makes the gap seem larger by the share w^2 / 2.",
+        note="Stops at both sides.",
     ),
     Law(
         name="bump_stop",

@@ -192,7 +192,8 @@ def _freed(problem: Problem, setting: Setting, fitted: Fitted) -> Fitted:
     def free(term: Term) -> Term:
         if not isinstance(term, ForceTerm):
             return term
-        return replace(term, free=tuple(p.name for p in term.law.parameters if p.name not in term.law.estimated))
+        fixed = {*term.law.estimated, *term.law.given}
+        return replace(term, free=tuple(p.name for p in term.law.parameters if p.name not in fixed))
 
     model = replace(fitted.model, terms=tuple(free(term) for term in fitted.model.terms))
     return fitted if model == fitted.model else _refitted(problem, setting, fitted, model, fitted.at)

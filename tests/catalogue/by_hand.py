@@ -168,9 +168,10 @@ def interpolated(d, v, p):
 
 
 def rounded_deadzone(x, gap):
-    width = 0.01 * gap
-    inside = (np.sqrt((x + gap) ** 2 + width**2) - np.sqrt((x - gap) ** 2 + width**2)) / 2
-    return x - np.sqrt(1 + 0.01**2) * inside
+    """Corners of hyperbolas whose far ends are the gap."""
+    corner = gap / np.sqrt(1 + 0.01**2)
+    ends = [np.sqrt((x + side * corner) ** 2 + (0.01 * corner) ** 2) for side in (1, -1)]
+    return x - gap / corner * (ends[0] - ends[1]) / 2
 
 
 OPERATORS = {"fractional_damping", "bouc_wen_hysteresis_iwan", "learned_force", "learned_force_memory"}

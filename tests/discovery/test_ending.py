@@ -98,7 +98,7 @@ def test_a_law_is_not_behind_another_for_a_corner_that_is_too_round_or_too_sharp
         (trial,) = problem.trials
         stop = term_at(problem.study, "bump_stop", "joint 1", gap=4e-4, stiffness=2000.0)
         cubic = term_at(problem.study, "cubic_stiffness", "joint 1", cubic_stiffness=1e8)
-        round_one = replace(stop, values={**stop.values, "smoothing": 2.0})
+        round_one = replace(stop, values={**stop.values, "gap": 9e-4, "smoothing": 2.0})
         y = shown(problem.study, trial.condition, library, Model((round_one,)), trial.rows.stop)[trial.rows]
         y = y + noise * np.random.default_rng(3).normal(size=y.shape)
         with problem.of((replace(trial, measured=y, sigma=np.array([noise])),)) as measured:
