@@ -77,6 +77,7 @@ def header(facts: Facts) -> str:
         "WIRED_LARGEST": max([1, *(row.size for row in facts.wired), *(size for _, size in _arrays(facts))]),
         "FORCES": len(_forces(facts)),
         "CHANNELS_FED": int(facts.channels_fed),
+        "INPUTS_SEEN": int(any(source.variable.causality == "input" for source in facts.wiring.seen)),
         "JOINTS_FED": int(facts.joints_fed),
         "ANSWERED": int(any(place.answers for place in facts.places)),
         "COUPLING": ctext.number(facts.coupling or facts.step_ns / 1e9, "the coupling step"),

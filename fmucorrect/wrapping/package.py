@@ -343,14 +343,18 @@ def _condition_notes(parts: _Parts) -> list[str]:
 
 
 def _input_notes(parts: _Parts) -> list[str]:
-    """What the order of a host's calls makes of inputs of the solver that the corrector sees."""
+    """What the order of a host's calls makes of inputs that the corrector sees."""
     seen = [source.variable.name for source in parts.wiring.seen if source.variable.causality == "input"]
-    if parts.inner is None or not seen:
+    if not seen:
         return []
+    late = "a host that reads the corrected channels before it sets the inputs of that time, as fmpy does, reads"
+    if parts.inner is None:
+        return [
+            f"the host sets what is corrected: {late} them a sample late; one that sets first and then reads does not"
+        ]
     return [
-        f"the corrector sees what the host sets: {few(seen)}. A host that reads the corrected channels before it sets the "
-        "inputs of that time, as fmpy does, reads them with the value of one step before as the newest; one that sets "
-        "first and then reads has them as in training"
+        f"the corrector sees what the host sets: {few(seen)}. {late[0].upper()}{late[1:]} the correction of the sample before: "
+        "what the input changes at once is not corrected then; one that sets first and then reads has it as in training"
     ]
 
 

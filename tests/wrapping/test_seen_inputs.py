@@ -64,25 +64,54 @@ def test_it_says_what_corrected_stepper_says(inner: int, outer: int, tmp_path: P
     assert np.abs(without - expected)[ROWS:].max() > 0.1  # what it sees of the input matters
 
 
-def test_a_host_that_reads_before_it_sets_has_the_input_of_a_step_before_and_wrap_says_so(tmp_path: Path) -> None:
-    """A window of one sample looks at the newest alone."""
+def by_fmpy(path: Path, names: list[str], inputs: dict[str, np.ndarray], output: str) -> np.ndarray:
+    """What a host reads that reads at a step's end and sets then: (T,)."""
+    columns = np.array([*zip(np.arange(COUNT) * 1e-3, *inputs.values(), strict=True)])
+    given = np.array([tuple(row) for row in columns], dtype=[(name, float) for name in ("time", *inputs)])
+    stop = (COUNT - 1) * 1e-3
+    return fmpy.simulate_fmu(
+        str(path), stop_time=stop, step_size=1e-3, output_interval=1e-3, input=given, output=names
+    )[output]
+
+
+def test_a_host_that_reads_before_it_sets_has_the_correction_of_the_sample_before(tmp_path: Path) -> None:
+    """And wrap says so. A window of one sample looks at the newest alone."""
     u = np.random.default_rng(2).normal(size=COUNT)
     path, at_once = live(2, u, rows=1)
-    _, late = live(2, np.r_[u[:1], u[:-1]], rows=1)
     made = wrap(solver(2), path, tmp_path / "wrapped.fmu", platforms=["linux64"])
     (said,) = (note for note in made.notes if "sees" in note)
     assert "sees what the host sets: u." in said
-    given = np.array([*zip(np.arange(COUNT) * 1e-3, u, strict=True)], dtype=[("time", float), ("u", float)])
-    stop = (COUNT - 1) * 1e-3
-    got = fmpy.simulate_fmu(
-        str(made.path), stop_time=stop, step_size=1e-3, output_interval=1e-3, input=given, output=NAMES[:1]
-    )
-    np.testing.assert_allclose(got[NAMES[0]], late[:, 0], rtol=0.0, atol=1e-5)
-    with plain(made.path, ANSWERS, inputs=["u"]) as stepper:
-        np.testing.assert_allclose(walk(stepper, range(0, COUNT * MS, MS), u[:, None].tolist()), at_once, atol=1e-5)
-    assert np.abs(late - at_once).max() > 0.1
+    with plain(made.path, (*ANSWERS, X), inputs=["u"]) as stepper:
+        told = np.array(walk(stepper, range(0, COUNT * MS, MS), u[:, None].tolist()))
+    np.testing.assert_allclose(told[:, :2], at_once, atol=1e-5)
+    added = told[:, 0] - told[:, 2]
+    got = by_fmpy(made.path, [NAMES[0]], {"u": u}, NAMES[0])
+    np.testing.assert_allclose(got[1:], told[1:, 2] + added[:-1], rtol=0.0, atol=1e-5)
+    assert np.abs(np.diff(added)).max() > 0.1
     outputs_alone = bundles.make_seeing(tmp_path / "z.onnx", WEIGHTS[1:], (X, Y), (Z,), 1, MS)
     assert not any("sees" in note for note in wrap(solver(2), outputs_alone, tmp_path / "z.fmu").notes)
+
+
+def test_inputs_that_nobody_sets_are_known_at_once(tmp_path: Path) -> None:
+    path, at_once = live(2, np.zeros(COUNT), rows=1)
+    out = wrap(solver(2), path, tmp_path / "wrapped.fmu", platforms=["linux64"]).path
+    stop = (COUNT - 1) * 1e-3
+    got = fmpy.simulate_fmu(str(out), stop_time=stop, step_size=1e-3, output_interval=1e-3, output=NAMES[:1])
+    np.testing.assert_allclose(got[NAMES[0]], at_once[:, 0], rtol=0.0, atol=1e-5)
+
+
+def test_a_network_alone_is_a_sample_late_there_and_no_more(tmp_path: Path) -> None:
+    model = bundle.load(bundles.make_seeing(tmp_path / "net.onnx", WEIGHTS[1:], (X, Y), (Z,), ROWS, MS))
+    made = wrap(None, model.path, tmp_path / "net.fmu", platforms=["linux64"])
+    assert any("a sample late" in note for note in made.notes)
+    channels = (X, Y, Z)
+    log = Record(np.arange(COUNT, dtype=np.int64) * MS, np.random.default_rng(6).normal(size=(COUNT, 3)), channels)
+    stepper = CorrectedStepper(ReplayStepper(channels), model)
+    stepper.reset(Condition("log", speed=300.0))
+    wanted = stepper.process(log).select([NAMES[0]]).values[:, 0]
+    inputs = {channel.name: column for channel, column in zip(channels, log.values.T, strict=True)}
+    got = by_fmpy(made.path, [NAMES[0]], inputs, NAMES[0])
+    np.testing.assert_allclose(got[1:], wanted[:-1], rtol=0.0, atol=1e-5)
 
 
 def test_as_c_it_is_the_same(tmp_path: Path) -> None:

@@ -13,6 +13,9 @@
  *
  * A sample is what the solver's outputs are with the inputs of its time: read when the step that leads to it has ended, and again
  * when the next one begins where an output may depend on an input at once (CHANNELS_FED) and inputs have been set in between.
+ * A corrector that sees the host's inputs (INPUTS_SEEN) has none of that time until the host has set them. A host that reads its
+ * outputs before gets the correction of the sample before, as between samples: the old inputs beside the new outputs would be a
+ * window that nothing was trained on. One that has not set any since the start has inputs that do not change.
  *
  * Two clocks: `host` is the host's, which may be coarse; `now` the solver's, to which each step begins where the last one ended.
  * They are one as long as the host's numbers follow each other but for the rounding of double precision. */
@@ -47,6 +50,7 @@ static void open_row(State *s)
     memmove(s->window, s->window + SEEN, (ROWS - 1) * SEEN * sizeof *s->window);
     s->seen_before = s->seen;
     s->on_grid = s->row_stale = s->stale = true;
+    s->awaited = INPUTS_SEEN && s->led;
 }
 #endif
 
@@ -117,7 +121,7 @@ Status sampling_correction(Wrapper *self)
 {
     State *s = &self->state;
     const Status status = sampling_row(self);
-    if (status > STATUS_WARNING || !s->stale)
+    if (status > STATUS_WARNING || !s->stale || (s->awaited && !s->ill))
         return status;
 #if CHANNELS
     s->status = s->ill ? INVALID : !s->enabled ? OFF : WARMUP;
@@ -254,6 +258,12 @@ static Status step_by_pieces(Wrapper *self, double start, double size, bool may_
     Status worst = STATUS_OK;
     double begin = start;
     for (bool whole = true, last = false; !last; whole = false, begin = s->now) {
+#if INPUTS_SEEN
+        s->awaited = false; /* the inputs of a step's begin are those that are set by then */
+        const Status known = sampling_correction(self); /* what its end may have to go on with */
+        if (known > STATUS_WARNING)
+            return known;
+#endif
         const int64_t next_ns = s->sample_ns + STEP_NS;
         last = idle(s) || end_ns <= next_ns + SNAP;
         s->divided = s->divided || !last;

@@ -46,6 +46,8 @@ void variables_touched(Wrapper *self)
 {
     State *s = &self->state;
     s->row_stale = s->stale = true;
+    s->led = s->started;
+    s->awaited = false;
     s->row_due = s->row_due || CHANNELS_FED;
     s->joints_due = s->joints_due || JOINTS_FED;
 }
@@ -54,6 +56,7 @@ void variables_jumped(Wrapper *self)
 {
     State *s = &self->state;
     s->row_stale = s->stale = s->row_due = s->joints_due = true;
+    s->awaited = false;
     s->readings = 0;
 }
 

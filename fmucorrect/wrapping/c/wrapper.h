@@ -117,6 +117,8 @@ typedef struct {
     bool row_stale;   /* the solver's outputs may have changed since they were read */
     bool row_due;     /* the sample of this time is to be read (again) before the solver goes on */
     bool joints_due;  /* the joints likewise */
+    bool led;         /* the host has set inputs or parameters since initialisation ended */
+    bool awaited;     /* the inputs of this time, which the corrector sees, have not been set yet */
     bool divided;     /* the solver has been given other steps than the host's */
     bool stale;       /* the correction does not follow yet from window and conditions */
     bool ill;         /* the last sample was not finite, and that was said */
