@@ -15,10 +15,9 @@ from fmucorrect.discovery.fitted import Fitted, Setting
 from fmucorrect.discovery.form import FARTHEST
 from fmucorrect.discovery.model import Model, start_value, tolerance_of
 from fmucorrect.discovery.motion import along
-from fmucorrect.discovery.paring import NOTHING, is_nothing
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.terms import OffsetTerm
-from fmucorrect.discovery.worth import LEFT
+from fmucorrect.discovery.worth import LEFT, NOTHING, is_nothing
 from fmucorrect.errors import FmuError
 from fmucorrect.report.base.words import short
 from fmucorrect.report.discovery.text import at, plain

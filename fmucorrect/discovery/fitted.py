@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -63,7 +64,9 @@ class Fitted:
         return self.residual + self.base @ np.asarray(self.model.base)
 
     def std(self) -> list[dict[str, float]]:
-        """Standard deviation of every estimated number, a member each."""
+        """Standard deviation of every estimated number, a member each; NaN where no covariance was formed."""
+        if not self.covariance.size:
+            return [dict.fromkeys(term.estimated, math.nan) for term in self.model.terms]
         found: list[dict[str, float]] = []
         k = 0
         for term in self.model.terms:

@@ -18,6 +18,9 @@ from fmucorrect.study import Adjustable
 
 LONGEST = 0.8
 """Longest step of a logarithm at once; of any other coordinate, and of a base parameter in tolerances, twice that."""
+UNTOLD = 1e-12
+"""Least information along any direction, as a share of what the data tell of each number by itself: what they do not tell is
+not known, rather than known without an error."""
 FARTHEST = 6.0
 """Tolerances that a base parameter may be away from its start value."""
 
@@ -97,7 +100,10 @@ def covariance(setting: Setting, state: Fitted) -> Float64[np.ndarray, "p p"]:
 def joint_covariance(setting: Setting, state: Fitted) -> Float64[np.ndarray, "q q"]:
     """Of the members' coordinates and the base parameters, sensors integrated out."""
     H, _ = normal(setting, state, state.slopes)
-    return np.linalg.pinv(H, hermitian=True)
+    own = np.sqrt(np.diag(H))
+    own = np.where(own > 0.0, own, 1.0)
+    told, along = np.linalg.eigh(H / np.outer(own, own))
+    return (along / np.maximum(told, UNTOLD)) @ along.T / np.outer(own, own)
 
 
 def to_gain(setting: Setting, state: Fitted) -> float:

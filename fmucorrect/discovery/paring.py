@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
@@ -18,15 +17,13 @@ from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.sets import LONG, REFITTED
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, Term, linear, moved
-from fmucorrect.discovery.worth import admissible, first_of, merged, names
+from fmucorrect.discovery.worth import admissible, first_of, is_nothing, merged, names
 from fmucorrect.study import Adjustable
 
 BEHIND = 4.0
 """By how much, in -2 log p, a larger set is less likely than it can be where it had been fitted badly."""
 CLOSE = 3
 """Sets close to the best one that are tried without what they can spare."""
-NOTHING = 2.0
-"""Standard deviations from nothing at which an effect is none: it explains less than any price of it."""
 
 
 def _forms(terms: Sequence[Term]) -> frozenset[tuple[str, str]]:
@@ -155,16 +152,6 @@ def _is_expected(problem: Problem, setting: Setting, term: Term) -> bool:
     if not isinstance(term, OffsetTerm) or term.adjustable not in problem.tolerated:
         return False
     return (term.values["value"] / term.scale) ** 2 < price(setting, len(term.estimated))
-
-
-def is_nothing(term: Term, std: Mapping[str, float]) -> bool:
-    """Whether the main number is within twice its standard deviation of where the effect is none; its inverse, where that is
-    an infinite one."""
-    neutral = term.parameter(term.main).neutral if term.main in std else None
-    if neutral is None:
-        return False
-    value = term.values[term.main]
-    return abs(value if math.isinf(neutral) else value - neutral) < NOTHING * std[term.main]
 
 
 def _with_less(terms: Sequence[Term]) -> Iterator[tuple[Term, ...]]:

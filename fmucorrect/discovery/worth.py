@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from types import UnionType
 
 import numpy as np
 
 from fmucorrect.discovery.fitted import Fitted, Setting, price
-from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, SignalTerm, linear
+from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, SignalTerm, Term, linear
 
 Doubted = Callable[[Fitted], float]
 """The surprise of a set whose laws' form is not quite right (discrepancy.doubted)."""
@@ -33,6 +34,8 @@ CLOSE = 12.0
 """Sets whose surprise is higher by less cannot be told from the best one."""
 AGREES = 1.3
 """Variance of the error, over its least, up to which simulation and measurement agree to the noise."""
+NOTHING = 2.0
+"""Standard deviations from nothing at which an effect is none: it explains less than any price of it."""
 LEFT = 0.2
 """Share of the residual's energy above the noise that a named effect may leave."""
 
@@ -61,8 +64,10 @@ def once(fits: Sequence[Fitted]) -> list[Fitted]:
 
 
 def admissible(setting: Setting, base: Fitted, found: Sequence[Fitted]) -> list[Fitted]:
-    """The base and all sets whose every effect is worth it: no smaller set in `found` leaves about as little."""
+    """The base and all sets whose every effect is worth it: no smaller set in `found` leaves about as little. None with a law
+    whose main number is nothing, while others of it do something: friction that is all breakaway is no friction."""
     kept, linear_ones = [base], [base]
+    found = [fitted for fitted in found if not any(map(_is_other, fitted.model.terms, fitted.std()))]
     for fitted in sorted(found, key=lambda f: sum(1 + len(term.estimated) for term in f.model.terms)):
         simpler = [less for less in kept if _simpler(less, fitted)]
         simpler = [less for less in simpler if not any(_simpler(less, other) for other in simpler)]
@@ -71,6 +76,20 @@ def admissible(setting: Setting, base: Fitted, found: Sequence[Fitted]) -> list[
             kept.append(fitted)
             linear_ones += [fitted] if exact else []
     return kept
+
+
+def _is_other(term: Term, std: Mapping[str, float]) -> bool:
+    return isinstance(term, ForceTerm) and len(term.estimated) > 1 and is_nothing(term, std)
+
+
+def is_nothing(term: Term, std: Mapping[str, float]) -> bool:
+    """Whether the main number is within twice its standard deviation of where the effect is none; its inverse, where that is
+    an infinite one."""
+    neutral = term.parameter(term.main).neutral if term.main in std else None
+    if neutral is None:
+        return False
+    value = term.values[term.main]
+    return abs(value if math.isinf(neutral) else value - neutral) < NOTHING * std[term.main]
 
 
 def _exact(fitted: Fitted) -> bool:

@@ -61,7 +61,7 @@ def read(path: Path) -> dict[str, Any]:
 
 def _bare(fitted: Fitted, keep: bool = False) -> Fitted:
     nothing = np.zeros((len(fitted.residual), 0))
-    bare = replace(fitted, at=fitted.residual, covariance=np.zeros((0, 0)))
+    bare = replace(fitted, at=fitted.residual)
     return bare if keep else replace(bare, base=nothing, slopes=nothing)
 
 
