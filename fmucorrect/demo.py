@@ -92,7 +92,7 @@ def find_data() -> Data:
 
 
 def run_demo(
-    folder: Path, data: Data | None = None, progress: Callable[[str], object] | None = None, *, overwrite: bool = True
+    folder: Path, data: Data | None = None, progress: Callable[[str], object] | None = None, *, overwrite: bool = False
 ) -> Result:
     """Run all of it and write demo.mcap with its layout for Foxglove, demo.html and a copy of corrector.onnx into `folder`.
 

@@ -56,7 +56,7 @@ def check_file(out: Path, inputs: Inputs, command: str, overwrite: bool, parents
         raise OutputError(
             f"this file is there already, and may hold more than what `fmucorrect {command}` writes",
             where=str(out),
-            remedy="Choose another name for -o, or give --overwrite.",
+            remedy="Choose another name for -o, or give --overwrite (overwrite=True in Python).",
         )
 
 

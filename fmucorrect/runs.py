@@ -104,7 +104,7 @@ def run_study(
     corrector: Corrector | None = None,
     *,
     duration: float | None = None,
-    overwrite: bool = True,
+    overwrite: bool = False,
     progress: Progress | None = None,
     live: Live | None = None,
 ) -> Summary:
@@ -152,7 +152,7 @@ def replay_log(
     unit: str | None = None,
     reading: Reading = AS_IT_IS,
     allow_damaged: bool = False,
-    overwrite: bool = True,
+    overwrite: bool = False,
     also_read: outputs.Inputs = (),
     progress: Progress | None = None,
     live: Live | None = None,

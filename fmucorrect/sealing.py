@@ -16,6 +16,7 @@ taken from it. V = J, or more where the study's [training.corrector] sees names 
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from importlib.metadata import version
@@ -41,23 +42,28 @@ from fmucorrect.withheld import admitted
 from fmucorrect.workfolder import WorkFolder
 
 _READ = {"window", "condition", "time", "state"}
+_SEALED = "NRMSE in development"
+"""What a sealed bundle says of its network."""
+_log = logging.getLogger("fmucorrect")
 _GOLDEN = 8
 """Rows of the golden pair."""
 Corners = dict[str, tuple[float, float, float, float]]
 
 
-def seal(model: str | Path | onnx.ModelProto, study: Study, path: str | Path) -> Bundle:
-    """Makes a bundle at `path` of `model`, with the channels, sample time, conditions and hash of `study`, and opens it.
+def seal(model: str | Path | onnx.ModelProto, study: Study, path: str | Path, *, overwrite: bool = False) -> Bundle:
+    """Makes a bundle at `path` of `model`, with the channels, sample time, conditions and hash of `study`, and opens it. Warns
+    (logging, "fmucorrect") where the network is worse than the simulation in a development condition. overwrite: whether a
+    file that is there and was not sealed is replaced.
 
-    Raises BundleError where the network does not fit the study or the contract; OutputError where `path` is the network, or
-    what the study reads; StudyError for a study of which nothing sensible can be learned, and what simulation and registration
-    raise.
+    Raises BundleError where the network does not fit the study or the contract; OutputError where `path` is the network, what
+    the study reads, or there already; StudyError for a study of which nothing sensible can be learned, and what simulation and
+    registration raise.
     """
     path = Path(path)
     where = str(model) if isinstance(model, str | Path) else str(path)
     outputs.check_ending(path, "a bundle is written", [".onnx"])
     own = Path(model) if isinstance(model, str | Path) else None
-    outputs.check_file(path, [("the network", own), *study.files()], "seal", overwrite=True)
+    outputs.check_file(path, [("the network", own), *study.files()], "seal", overwrite or _was_sealed(path))
     network = _Network.read(model, where, study)
     pairs = screen(study).pairs
     info = replace(about(study, pairs), rows=network.rows, state=network.state)
@@ -72,9 +78,20 @@ def seal(model: str | Path | onnx.ModelProto, study: Study, path: str | Path) ->
     left = np.concatenate([(item.measured - item.corrected)[item.scored] for item in judged])
     figures = {item.condition.name: round(item.after.mean_nrmse, 4) for item in judged}
     bare = {item.condition.name: round(item.before.mean_nrmse, 4) for item in judged}
-    info = replace(info, evaluation={"NRMSE in development": figures, "NRMSE in development, simulated": bare})
+    worse = [f"{name}: {bare[name]:g} -> {figure:g} %" for name, figure in figures.items() if not figure <= bare[name]]
+    if worse:
+        _log.warning("%s: worse than the simulation at %s", path, ", ".join(worse))
+    info = replace(info, evaluation={_SEALED: figures, f"{_SEALED}, simulated": bare})
     outputs.write(path, bundle.completed(network.filled(info, _rms(left)), info, inputs, where))
     return bundle.load(path)
+
+
+def _was_sealed(path: Path) -> bool:
+    """Whether a file is a bundle that `seal` made: the same again, and not what took hours to train."""
+    try:
+        return path.is_file() and _SEALED in bundle.load(path).info.evaluation
+    except BundleError:
+        return False
 
 
 def evaluate(item: Pair, model: Bundle) -> Comparison:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
@@ -81,3 +82,13 @@ def driven(tmp_path: Path, step: float, noise: float) -> Study:
     path = tmp_path / "study.toml"
     path.write_text(STUDY.format(fmu=FMU.as_posix(), step=step, noise=noise), encoding="utf-8")
     return load_study(path)
+
+
+def test_a_step_is_not_told_off_where_the_measurement_has_it(tmp_path: Path) -> None:
+    """What was measured, it seems, holds its inputs as long: the model is right to a tenth of what half a step moves."""
+    study = driven(tmp_path, 8e-3, 0.1)
+    one = pair(study, study.development[0])
+    (told,) = coarse(study, [one])
+    assert "late" in told.text
+    noise = 0.01 * np.std(one.response) * np.random.default_rng(2).normal(size=one.response.shape)
+    assert not list(coarse(study, [replace(one, measured=one.response + noise)]))

@@ -66,7 +66,7 @@ def discover(
     executor: Executor | None = None,
     step_timeout: float | None = None,
     allow_damaged: bool = False,
-    overwrite: bool = True,
+    overwrite: bool = False,
     time_limit: float | None = None,
     search: Search = stepwise,
 ) -> Report:

@@ -27,6 +27,9 @@ SHOWS = 0.5
 explains a measurement."""
 FACTORS = {0.5: "half a step", 2.0: "twice the step"}
 """Of the step that is looked at, in this order."""
+REFUTED = 2.0
+"""Times the rms of what measurement and simulation differ by, above which a step's error cannot be there: the measurement would
+show it. Half and twice the step tell it no better than so."""
 LATE = 1e-3
 """s that a channel may be late by for the step alone: twice what discovery expects of sensors (nuisances.LAG), which has room
 for it."""
@@ -34,8 +37,9 @@ for it."""
 
 def coarse(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
     """Of the shortest run among the pairs, which costs two more: the channel that a step of half the length moves most, by more
-    than LATE or, beside a lag, so that it shows in the noise. A step's error is about proportional to it, so that what half of
-    it does is counted twice, and what twice of it does once. Nothing where the solver takes no other step."""
+    than LATE or, beside a lag, so that it shows in the noise, and no more than the measurement can hide. A step's error is
+    about proportional to it, so that what half of it does is counted twice, and what twice of it does once. Nothing where the
+    solver takes no other step."""
     runs = [item for item in pairs if item.condition.simulated is None and item.condition.inputs is not None]
     if study.fmu is None or not runs:
         return
@@ -51,16 +55,21 @@ def coarse(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
     t, found = whole[both], list[tuple[float, str]]()
     for j, channel in enumerate(study.channels):
         moved = (np.interp(t, run.t_ns, run.values[:, j]) - item.response[both, j]) / (1.0 - factor)
+        if float(np.std(moved)) > REFUTED * float(np.std((item.measured - item.response)[both, j])):
+            continue
         slope = np.gradient(item.response[:, j], step)[both]
         lag = float(moved @ slope) / max(float(slope @ slope), np.finfo(float).tiny)
         found.append((abs(lag) / LATE, f"channel {channel.name!r} is about {1e3 * lag:.2g} ms late"))
         if np.isfinite(noise[j]):
             off = float(np.std(moved - lag * slope))
             level = float(noise[j]) / max(len(item.measured) / EVIDENCE, 1.0) ** 0.5
-            times = off / max(level, np.finfo(float).tiny)  # a study may say that there is none
-            told = f"off by about {off:.2g} {channel.unit} rms, {times:.2g} times the noise of what discovery looks at"
+            times = off / max(level, np.finfo(float).tiny)
+            of_noise = (
+                f", {times:.2g} times the noise of what discovery looks at" if level > 0.0 else ", and has no noise"
+            )
+            told = f"off by about {off:.2g} {channel.unit} rms{of_noise}"
             found.append((times / SHOWS, f"channel {channel.name!r} is {told}"))
-    times, told = max(found)
+    times, told = max(found, default=(0.0, ""))
     if times > 1.0:
         shorter = f"{step / 2.0 ** min(np.ceil(np.log2(2.0 * times)), 5.0):.3g}"
         remedy = (

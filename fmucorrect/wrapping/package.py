@@ -118,7 +118,7 @@ def wrap(
     mapping: str | Path | None = None,
     fmi: int | None = None,
     platforms: Sequence[str] = (),
-    overwrite: bool = True,
+    overwrite: bool = False,
     made_by: str = "wrap",
     progress: Callable[[str], object] = lambda step: None,
 ) -> Wrapped:

@@ -177,6 +177,25 @@ def test_nothing_that_is_read_is_written_over(study: Study, tmp_path: Path) -> N
         assert (path.read_bytes() if path.exists() else None) == before
 
 
+def test_what_somebody_else_wrote_stays_and_a_harmful_network_is_told(
+    study: Study, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    count, path = len(study.channels), tmp_path / "mine.onnx"
+    path.write_text("notes", encoding="utf-8")
+    with pytest.raises(OutputError, match="there already"):
+        fc.seal(regression(0.9, count), study, path)
+    trained = bundles.make(tmp_path / "trained.onnx", tuple(study.channels), rows=ROWS)
+    with pytest.raises(OutputError, match="there already"):
+        fc.seal(regression(0.9, count), study, trained)
+    assert path.read_text(encoding="utf-8") == "notes"
+    caplog.clear()
+    fc.seal(regression(9.0, count), study, path, overwrite=True)
+    assert "worse than the simulation at" in caplog.text
+    caplog.clear()
+    fc.seal(regression(1.0, count), study, path)  # what was sealed may be sealed again
+    assert "worse" not in caplog.text
+
+
 def test_what_is_no_corrector_is_refused(study: Study, tmp_path: Path) -> None:
     count = len(study.channels)
     (tmp_path / "x.onnx").write_text("no network")
