@@ -30,10 +30,11 @@ class Comparison:
 
     t_ns: simulation's time. simulated, corrected, measured, sigma (one standard deviation): (N, J), in the channels' units.
     status: (N,) a stepper.Status a row. excitation: (N,) the simulation's, None without one. offset: how the times were
-    registered, at `rate` (ppm); clock: the same in words, also where no excitation told it. steady: rows of the steady forced
-    segment, None without one. scales: (J,) displacement scales s_q by which the oracle weighs the channels, those of the
-    development conditions; None where these are not at hand: the measurement's own. Scores cover all rows but those of
-    warm-up, in which nothing can be corrected yet; where the condition says score = "steady", those of them that are steady.
+    registered, at `rate` (ppm); ratio: rows for one sample of the record; clock: the same in words, also where no excitation
+    told it. steady: rows of the steady forced segment, None without one. scales: (J,) displacement scales s_q by which the
+    oracle weighs the channels, those of the development conditions; None where these are not at hand: the measurement's own.
+    Scores cover all rows but those of warm-up, in which nothing can be corrected yet; where the condition says score =
+    "steady", those of them that are steady.
     """
 
     condition: Condition
@@ -49,6 +50,7 @@ class Comparison:
     clock: str = ""
     excitation: Float64[np.ndarray, " N"] | None = field(default=None, repr=False)
     steady: slice | None = None
+    ratio: float = 1.0
     scales: Float64[np.ndarray, " J"] | None = field(default=None, repr=False)
 
     __repr__ = brief
@@ -75,7 +77,7 @@ class Comparison:
     def noise(self) -> Float64[np.ndarray, " J"]:
         """NRMSE (J,), %, that the sensors' noise alone makes on the scored rows; NaN where it is not known."""
         step, begins = float(self.t_ns[1] - self.t_ns[0]) / NANOSECONDS, float(self.t_ns[0]) / NANOSECONDS
-        found = of_sensors(self.channels, self.condition, self.measured, self.simulated, step, begins)
+        found = of_sensors(self.channels, self.condition, self.measured, self.simulated, step, begins, self.ratio)
         return noise_floor(self.measured[self.scored], found.sigma)
 
     def _repr_html_(self) -> str:
@@ -143,4 +145,5 @@ def compare(pair: Pair, corrected: Record) -> Comparison:
         clock=pair.clock,
         excitation=rows[extra[0].name] if extra else None,
         steady=pair.steady,
+        ratio=pair.ratio,
     )

@@ -87,19 +87,26 @@ def estimate(
 
 
 def of_sensors(
-    channels: Sequence[Channel], condition: Condition, measured: Rows, response: Rows, step: float, begins: float
+    channels: Sequence[Channel],
+    condition: Condition,
+    measured: Rows,
+    response: Rows,
+    step: float,
+    begins: float,
+    ratio: float,
 ) -> Noise:
     """The noise of a condition's sensors: as their channels say it, else from the condition's quiet interval or from what lies
-    above the simulated response's band. measured, response: (T, J), from `begins` s of the run on, `step` s apart."""
+    above the simulated response's band. measured, response: (T, J), from `begins` s of the run on, `step` s apart. ratio: rows
+    for one sample of the record; between samples there is no noise of its own to be seen, and above their band none at all."""
     said = Noise(
         np.array([np.nan if channel.noise is None else channel.noise for channel in channels]), "as the study says"
     )
     if said.known:
         return said
-    quiet = None
+    quiet, each = None, max(round(ratio), 1)
     if condition.quiet is not None:
-        quiet = slice(*(max(round((t - begins) / step), 0) for t in condition.quiet))
-    found = estimate(measured, step, quiet, response)
+        quiet = slice(*(max(round((t - begins) / (each * step)), 0) for t in condition.quiet))
+    found = estimate(measured[::each], each * step, quiet, response[::each])
     whole = replace(found, sigma=np.where(np.isfinite(said.sigma), said.sigma, found.sigma))
     return replace(whole, doubt=()) if whole.known else whole
 

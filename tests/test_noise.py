@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 from fmucorrect.errors import SignalError
 from fmucorrect.metrics import score
-from fmucorrect.noise import estimate, independent_share, noise_floor
+from fmucorrect.noise import estimate, independent_share, noise_floor, of_sensors
 from fmucorrect.registration import resample
-from fmucorrect.signals import Channel, Record
+from fmucorrect.signals import Channel, Condition, Record
 
 STEP = 1e-3
 
@@ -116,3 +117,17 @@ def test_independent_samples():
     # held over ten samples: 1 + 2 sum of (1 - k/10)^2 = 6.7 samples count as one, some more by chance
     assert 0.1 < independent_share([np.repeat(rest[:2000], 10)]) < 0.16
     assert independent_share([sweep()[:, 0]]) < 0.1
+
+
+@pytest.mark.parametrize("ratio", [1.0, 4.0, 3.7])
+def test_the_noise_of_a_sensor_is_the_same_at_a_shorter_step(ratio: float):
+    """A record that was resampled to the rows of a simulation has no noise above its own band."""
+    count, step = 6000, 0.004
+    t = np.arange(count) * step
+    rng = np.random.default_rng(5)
+    sample = np.sin(2 * np.pi * 2.0 * t) + 0.01 * rng.normal(size=count)
+    fine = np.arange(round((count - 1) * ratio)) * step / ratio
+    measured = CubicSpline(t, sample)(fine)[:, None]
+    response = 0.98 * np.sin(2 * np.pi * 2.0 * fine)[:, None]
+    found = of_sensors((Channel("x", unit="mm"),), Condition("a"), measured, response, step / ratio, 0.0, ratio)
+    assert found.sigma[0] == pytest.approx(0.01, rel=0.2)

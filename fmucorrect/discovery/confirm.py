@@ -114,7 +114,7 @@ def _gap(
         budget.add(len(pair.simulated) * study.simulation.step_size)
     t, rows, measured, before = pair.t_ns * 1e-9, pair.rows, pair.measured, pair.response
     step = study.simulation.step_size
-    sigma, known, _ = sensor_noise(study, condition, measured, before, rows.start * step)
+    sigma, known, _ = sensor_noise(study, condition, measured, before, rows.start * step, pair.ratio)
     guess = {name: start_value(study, item.description, condition, name) for name in condition.free}
 
     def begun(model: Model) -> tuple[np.ndarray, Mapping[str, float]]:

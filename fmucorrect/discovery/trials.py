@@ -58,7 +58,7 @@ def read(study: Study, condition: Condition, settled: float = SETTLED, pair: pai
     pair = pairs.pair(study, condition) if pair is None else pair
     step = study.simulation.step_size
     measured, first = pair.measured, pair.rows.start
-    sigma, known, notes = sensor_noise(study, condition, measured, pair.response, first * step)
+    sigma, known, notes = sensor_noise(study, condition, measured, pair.response, first * step, pair.ratio)
     stop = len(measured)
     if condition.frequency > 0.0:
         seconds = condition.start + max(settled, PERIODS / condition.frequency)
@@ -89,8 +89,9 @@ def sensor_noise(
     measured: Float64[np.ndarray, "N J"],
     response: Float64[np.ndarray, "N J"],
     begins: float,
+    ratio: float,
 ) -> tuple[Float64[np.ndarray, " J"], bool, tuple[str, ...]]:
     """Noise a sample (J,), whether it is known, and why not. As the study says it, else from the measurement."""
-    found = of_sensors(study.channels, condition, measured, response, study.simulation.step_size, begins)
+    found = of_sensors(study.channels, condition, measured, response, study.simulation.step_size, begins, ratio)
     floor = FAINT * measured.std(0) + 1e-300
     return np.maximum(np.where(np.isfinite(found.sigma), found.sigma, floor), floor), found.known, found.doubt

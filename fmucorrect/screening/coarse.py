@@ -49,7 +49,7 @@ def coarse(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
         return
     run, factor = other
     begins = float(item.rows.start) * step
-    noise = of_sensors(study.channels, item.condition, item.measured, item.response, step, begins).sigma
+    noise = of_sensors(study.channels, item.condition, item.measured, item.response, step, begins, item.ratio).sigma
     whole = item.simulated.t_ns[item.rows]
     both = np.isin(whole, run.t_ns) if factor > 1.0 else np.ones(len(whole), dtype=bool)  # no instants in between
     t, found = whole[both], list[tuple[float, str]]()
@@ -62,7 +62,7 @@ def coarse(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
         found.append((abs(lag) / LATE, f"channel {channel.name!r} is about {1e3 * lag:.2g} ms late"))
         if np.isfinite(noise[j]):
             off = float(np.std(moved - lag * slope))
-            level = float(noise[j]) / max(len(item.measured) / EVIDENCE, 1.0) ** 0.5
+            level = float(noise[j]) / max(len(item.measured) / item.ratio / EVIDENCE, 1.0) ** 0.5
             times = off / max(level, np.finfo(float).tiny)
             of_noise = (
                 f", {times:.2g} times the noise of what discovery looks at" if level > 0.0 else ", and has no noise"

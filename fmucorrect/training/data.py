@@ -72,7 +72,7 @@ def samples(pair: Pair, rows: int, sees: Sequence[str] = ()) -> Samples:
     t_ns = pair.simulated.t_ns
     step = float(t_ns[1] - t_ns[0]) / NANOSECONDS
     sensors = pair.simulated.channels[:channels]
-    noise = of_sensors(sensors, pair.condition, pair.measured, pair.response, step, pair.rows.start * step)
+    noise = of_sensors(sensors, pair.condition, pair.measured, pair.response, step, pair.rows.start * step, pair.ratio)
     kept = slice(first - pair.rows.start, None)
     return Samples(
         name=pair.condition.name,
