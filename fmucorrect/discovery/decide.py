@@ -14,7 +14,7 @@ from fmucorrect.discovery.naming import Naming
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.sets import MOST, has_room
 from fmucorrect.discovery.terms import OffsetTerm, Term, coordinates
-from fmucorrect.discovery.worth import AGREES, CLEAR, CLOSE, LEFT, OPEN, WORTH, left, names
+from fmucorrect.discovery.worth import AGREES, CLEAR, CLOSE, LEFT, OPEN, WORTH, left, names, remaining
 
 TEMPER = 2.0
 """By what surprises are divided before they become probabilities: laws and sensors are never quite as assumed."""
@@ -85,7 +85,16 @@ def decide(naming: Naming) -> Decision:
         verdict = "unexplained"
     else:
         verdict = "ambiguous" if any(classes) else "named"
+    if verdict == "unexplained" and enough(naming.setting, base):
+        return Decision("none", base, (), (), rivals, remaining(base, base))
     return Decision(verdict, best, probability, classes, rivals, unexplained, classed)
+
+
+def enough(setting: Setting, base: Fitted) -> bool:
+    """Whether the FMU without any effect, its parameters moved by no more than is expected of them, leaves less than an effect
+    would have to explain to be worth a name: of all that simulation and measurement disagreed by before."""
+    expected = float(np.abs(base.model.base).max(initial=0.0)) <= EXPECTED
+    return expected and base.s2 - AGREES * setting.floor <= WORTH**2 * float(np.mean(base.linear**2))
 
 
 def _full(fitted: Fitted, open_still: bool) -> bool:

@@ -11,7 +11,7 @@ from jaxtyping import Float64
 
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.model import Model
-from fmucorrect.discovery.nuisances import GAIN, held, sensitivities
+from fmucorrect.discovery.nuisances import GAIN, drives, held, sensitivities
 from fmucorrect.discovery.nuisances import sensors as sensors_of
 from fmucorrect.discovery.nuisances import starts as starts_of
 from fmucorrect.discovery.problem import Problem
@@ -25,11 +25,11 @@ EXPLAINED = 1.3
 
 @dataclass(frozen=True)
 class Setting:
-    """What all fits of a problem share. measured: (n,). sensors: what may be off at them, and behind it
-    start values that are not known. share: of independent rows.
-    floor: least variance of the error, in units of the noise. base: (n, A) one tolerance of each base parameter.
-    volume: eigenvalues of N'N, of all that is not known exactly, the same for all fits, so that they can be compared.
-    candidates: how many effects at places are tried."""
+    """What all fits of a problem share. measured: (n,). sensors: what may be off at them, and behind it start values that
+    are not known. share: of independent rows. floor: least variance of the error, in units of the noise. drives: (n, _) of
+    the sensors' columns those of the inputs' noise. base: (n, A) one tolerance of each base parameter. volume: eigenvalues
+    of N'N, of all that is not known exactly, the same for all fits, so that they can be compared. candidates: how many
+    effects at places are tried."""
 
     measured: Float64[np.ndarray, " n"]
     sensors: Nuisances
@@ -38,6 +38,7 @@ class Setting:
     share: float
     floor: float = 1.0
     candidates: int = 1
+    drives: Float64[np.ndarray, "_ _"] = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 @dataclass(frozen=True)
@@ -89,10 +90,11 @@ def begin(problem: Problem) -> tuple[Setting, np.ndarray, list[np.ndarray]]:
     """What all fits share, around the FMU as it is; its evidence and responses."""
     start = problem.responses(problem.nominal)
     at = problem.stack(start)
-    sensors = _nuisances(problem, problem.nominal, start)
+    noisy = drives(problem, problem.nominal, start)
+    sensors = _nuisances(problem, problem.nominal, start, noisy)
     own = sensitivities(problem, problem.nominal, at)
     volume = Nuisances(np.concatenate([own, sensors.columns], axis=1)).values
-    setting = Setting(problem.measured, sensors, own, volume, 1.0)
+    setting = Setting(problem.measured, sensors, own, volume, 1.0, drives=noisy)
     return setting, at, start
 
 
@@ -105,14 +107,20 @@ def begin_as(problem: Problem, before: Setting, model: Model) -> Setting:
 
 def with_sensors(problem: Problem, setting: Setting, model: Model, gain: float = GAIN) -> Setting:
     """The setting with sensors that take their part of a model's response. gain: standard deviation of theirs."""
-    return replace(setting, sensors=_nuisances(problem, model, problem.responses(model), gain))
+    return replace(setting, sensors=_nuisances(problem, model, problem.responses(model), setting.drives, gain))
 
 
 def _nuisances(
-    problem: Problem, model: Model, responses: Sequence[Float64[np.ndarray, "_ J"]], gain: float = GAIN
+    problem: Problem,
+    model: Model,
+    responses: Sequence[Float64[np.ndarray, "_ J"]],
+    noisy: Float64[np.ndarray, "_ _"],
+    gain: float = GAIN,
 ) -> Nuisances:
-    """Sensors, and behind them start values that are not known and inputs that are held, of a model with these responses."""
-    behind = starts_of(problem, model, responses), held(problem, model, problem.stack(responses))
+    """Sensors, and behind them start values that are not known, inputs that are held and their noise, of a model with these
+    responses. noisy: of the inputs' noise, which hardly hang on the model."""
+    behind = [starts_of(problem, model, responses), held(problem, model, problem.stack(responses))]
+    behind += [noisy] if noisy.size else []
     return Nuisances(np.concatenate([sensors_of(problem, responses, gain), *behind], axis=1))
 
 

@@ -56,12 +56,15 @@ def simulate(
     model: Model,
     tolerated: Sequence[Adjustable],
     starts: Mapping[str, float] = AS_BEGUN,
+    more: Float64[np.ndarray, "T I"] | None = None,
 ) -> Float64[np.ndarray, "T J"]:
     """One condition with a model's terms in it, in the channels' units. starts: start values in place of the condition's own.
-    Raises FmuError where the solver gives up."""
+    more: added to what drives the FMU. Raises FmuError where the solver gives up."""
     changed = {**overrides(study, item.description, condition, model, tolerated), **starts}
     laws = [law for term in model.terms if isinstance(term, ForceTerm) for law in term.laws]
     given, signals = _excited(study, item, model)
+    if more is not None:
+        given = (item.inputs[1] if given is None else given) + more
     y = item.run(laws, changed, given)
     for term in signals:
         y = y.copy() if y is item.nominal else y

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 
@@ -14,6 +15,8 @@ from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.starts import columns, spread
 from fmucorrect.discovery.terms import EXCITATION, SignalTerm
+from fmucorrect.errors import FmuError
+from fmucorrect.noise import above_band
 
 GAIN = 0.005
 """Standard deviation of a sensor's gain."""
@@ -23,6 +26,11 @@ OFFSET = 0.3
 """Standard deviation of a sensor's offset, and of its drift over a run, in units of its noise: it was zeroed."""
 ROOM = 2.0
 """Such lags that half a step may be: a usual step, of 1 ms or 2, asks for nothing of its own."""
+SLOW, SHOWS = 8, 0.3
+"""Slowest waves of an input's noise that are looked at: of a sum of it (a random walk) they have 92 %; and the size, in
+units of the noise over a whole record, from which on one does."""
+LEVEL = 0.1
+"""Share of an input, rms, from which on what is level in its spectrum is no noise of it: a random excitation, jumps."""
 PERTURBED = 0.3
 """By how many tolerances a base parameter is moved for its sensitivity."""
 
@@ -69,6 +77,34 @@ def held(problem: Problem, model: Model, at: Float64[np.ndarray, " n"]) -> Float
     early = SignalTerm(law, EXCITATION, (), law.complete({"lag": -problem.study.simulation.step_size / 2.0}))
     (y,) = problem.many([replace(model, terms=(*model.terms, early))])
     return (np.zeros_like(at) if y is None else y - at)[:, None]
+
+
+def drives(
+    problem: Problem, model: Model, responses: Sequence[Float64[np.ndarray, "_ J"]]
+) -> Float64[np.ndarray, "n m"]:
+    """Columns for the noise of what was recorded of the inputs, which the machine did not feel: its SLOW waves, each as large
+    as white noise of that size has it, where they show at the sensors. A shaft that nothing holds sums up the noise of the
+    torque that drives it, and what comes of that looks like a weak spring. Inputs whose noise cannot be told have none."""
+    parts: list[np.ndarray] = []
+    for k, (trial, rows) in enumerate(zip(problem.trials, problem.rows, strict=True)):
+        if trial.condition.inputs is None or problem.study.fmu is None or trial.condition.simulated is not None:
+            continue
+        given, at = problem.inputs(k), trial.evidence(responses[k]).ravel()
+        each = max(round(trial.ratio), 1)  # rows for one sample of the record
+        turn = np.pi * np.arange(len(given)) / len(given)
+        for i in range(given.shape[1]):
+            own = given[::each, i]
+            sigma, _ = above_band(own, np.zeros_like(own), each * problem.study.simulation.step_size)
+            for wave in range(SLOW) if 0.0 < sigma < LEVEL * own.std() else ():
+                size = sigma * np.sqrt((2.0 if wave else 1.0) / len(own))
+                more = np.zeros_like(given)
+                more[:, i] = size * np.cos(wave * turn)
+                with suppress(FmuError):
+                    column = problem.driven(k, model, more) - at
+                    if np.linalg.norm(column) > SHOWS:
+                        parts.append(np.zeros(problem.rows[-1].stop))
+                        parts[-1][rows] = column
+    return np.stack(parts, axis=1) if parts else np.zeros((problem.rows[-1].stop, 0))
 
 
 def starts(

@@ -167,12 +167,17 @@ class Problem:
         return [self._response(queue, k, model) for k, queue in enumerate(queues)]
 
     def _response(
-        self, queue: SimpleQueue[Runner], k: int, model: Model, starts: Mapping[str, float] = AS_BEGUN
+        self,
+        queue: SimpleQueue[Runner],
+        k: int,
+        model: Model,
+        starts: Mapping[str, float] = AS_BEGUN,
+        more: Float64[np.ndarray, "T I"] | None = None,
     ) -> Float64[np.ndarray, "N J"]:
         trial = self.trials[k]
         item = queue.get()
         try:
-            return simulate(self.study, item, trial.condition, model, self.tolerated, starts)[trial.rows]
+            return simulate(self.study, item, trial.condition, model, self.tolerated, starts, more)[trial.rows]
         finally:
             queue.put(item)
 
@@ -184,6 +189,17 @@ class Problem:
     def begun(self, k: int, model: Model, starts: Mapping[str, float]) -> Float64[np.ndarray, " n"]:
         """The evidence of one condition begun from other start values. Raises FmuError."""
         return self.trials[k].evidence(self._response(self._ready()[k], k, model, starts)).ravel()
+
+    def inputs(self, k: int) -> Float64[np.ndarray, "T I"]:
+        """What drives the FMU in a condition, a row a step of its simulation, in the FMU's units."""
+        queue = self._ready()[k]
+        item = queue.get()
+        queue.put(item)
+        return item.inputs[1]
+
+    def driven(self, k: int, model: Model, more: Float64[np.ndarray, "T I"]) -> Float64[np.ndarray, " n"]:
+        """The evidence of one condition with `more` in its inputs. Raises FmuError."""
+        return self.trials[k].evidence(self._response(self._ready()[k], k, model, more=more)).ravel()
 
     def with_starts(self) -> Problem:
         """The same with every condition's unknown start values as they suit its record best, in the FMU as it is."""

@@ -12,7 +12,7 @@ from fmucorrect.discovery.discrepancy import TOO_MUCH, TOO_UNEVEN
 from fmucorrect.discovery.fitted import Setting, explains, stands_out
 from fmucorrect.discovery.sets import MOST
 from fmucorrect.discovery.terms import OFFSET
-from fmucorrect.discovery.worth import OPEN, SMALL, WORTH
+from fmucorrect.discovery.worth import AGREES, OPEN, SMALL, WORTH
 from fmucorrect.report.base.words import duration, known, quantity, short
 from fmucorrect.report.discovery.content import Discovery, Effect
 from fmucorrect.report.discovery.text import OF_FACTOR, WITH_THEM, hangs_on, plain
@@ -41,6 +41,16 @@ def _verdict(report: Discovery, checked: Sequence[Gap]) -> str:
         far, which = max(_sensed(report), default=(0.0, ""))
         if far >= TELLING:
             moved += f"{' and' if by else ' after'} the {which} by {far:.2g} standard deviations"
+        if any(gap.nrmse_after > np.sqrt(AGREES) * gap.noise_floor for gap in checked):  # not where it is unknown, NaN
+            after, before = (
+                sum(max(error**2 - gap.least**2, 0.0) for gap in checked for error in [getattr(gap, side)])
+                for side in ("nrmse_after", "nrmse_before")
+            )
+            rest = f"{100.0 * np.sqrt(after / before):.2g} % of the disagreement's amplitude"
+            return (
+                f"Simulation and measurement agree{moved}, but for {rest}, which noise of the recorded inputs can do, or which "
+                "is too little for a name: nothing is missing that these data can show."
+            )
         return f"Simulation and measurement agree to the sensors' noise{moved}: nothing is missing that these data can show."
     if report.verdict == "unexplained":
         stays = f"{100 * report.unexplained:.3g} % of the residual's energy"

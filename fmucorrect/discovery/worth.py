@@ -151,9 +151,14 @@ def left(fitted: Fitted, base: Fitted, floor: float) -> float:
     cannot take on, and of that with what they take on. An effect takes away the one or the other; a lag that all sensors have
     before and after it is no effect's."""
     if base.s2 <= AGREES * floor:
-        return _share(float(np.mean(base.linear**2)), fitted.s2)
+        return remaining(base, fitted)
     with_sensors = (max(float(np.mean(one.residual**2)), one.s2) for one in (base, fitted))
     return min(_share(base.s2, fitted.s2), _share(*with_sensors))
+
+
+def remaining(base: Fitted, fitted: Fitted) -> float:
+    """The same share of what there is before any parameter has moved."""
+    return _share(float(np.mean(base.linear**2)), fitted.s2)
 
 
 def _share(before: float, after: float) -> float:

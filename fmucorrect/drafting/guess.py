@@ -24,8 +24,9 @@ WITHIN = 0.9
 """Likeness of `zr` and `road_zr`."""
 SHORTENED, LEAST_LETTERS = 0.8, 3
 """Likeness of `phi_mot` and `axis.motor.phi`; letters that tell a word."""
-SENSED = {"g": "gn", "mg": "mgn"}
-"""What a sensor's unit means, which by itself is one of mass: no channel of a machine's motion is a mass."""
+SENSED = {"g": "gn", "mg": "mgn", **dict.fromkeys(("1/min", "min-1", "min^-1", "/min"), "rpm")}
+"""What a sensor's unit means, which by itself is one of mass, or counts radians by the minute: no machine's motion is
+a mass, and loggers write turns so."""
 
 
 def quantity(unit: str, defined: Mapping[str, units.Unit] = units.NONE) -> str | None:

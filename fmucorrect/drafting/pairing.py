@@ -525,6 +525,8 @@ _FAMILIES = {
     "pressure": ("Pa", "bar", "MPa"),
     "current": ("A", "mA"),
 }
+QUARTZ = 2e-4
+"""Share by which clocks of loggers are off, at most: quartz ones by a fifth of that."""
 RARE = 0.15
 """Powers of ten by which numbers have to speak more for another unit than for SI: a model in m/s is taken for one in km/h if it
 is 2.3 times too slow, one in rad/s for one in rpm if it is 3.6 times too slow."""
@@ -567,7 +569,13 @@ def step_of(fmu: FmuDescription, log: Run) -> tuple[int, str]:
     own = round((fmu.step_size or 0.0) * NANOSECONDS)
     if 0 < own <= log.interval_ns:
         return own, "the step of the FMU's default experiment"
-    return log.interval_ns, f"the sample interval of {log.path.name}"
+    return _meant(log.interval_ns), f"the sample interval of {log.path.name}"
+
+
+def _meant(interval_ns: int) -> int:
+    """A sample interval without what the logger's clock is off by: another logger's record shall have the same."""
+    short = int(float(f"{interval_ns:.3g}"))
+    return short if abs(short - interval_ns) <= QUARTZ * interval_ns else interval_ns
 
 
 def quiet(log: Run, driving: Collection[str]) -> float:

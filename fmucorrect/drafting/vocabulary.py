@@ -57,7 +57,7 @@ _MEANINGS = {
     "spring": "feder",
     "suspension travel": "federweg",
     "temperature": "temp temperatur",
-    "torque": "trq moment drehmoment",
+    "torque": "trq moment drehmoment tau",
     "travel": "weg hub",
     "trolley": "crab katze laufkatze",
     "wheelset": "radsatz",

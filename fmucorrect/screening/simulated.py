@@ -250,6 +250,8 @@ def _late(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
         found = [_shifted(item, j) for item in pairs]
         late = np.array([shift for shift, _, _ in found])
         for c, item in enumerate(pairs):
+            if item.condition.inputs == item.condition.measurement:  # of one file, and one clock: the machine is late
+                continue
             others, step = np.delete(late, c), float(item.t_ns[1] - item.t_ns[0]) / NANOSECONDS
             usual = float(np.median(others))
             apart, spread = late[c] - usual, float(np.abs(others - usual).max())

@@ -35,7 +35,7 @@ def broken_off(study, out, stage, number):
             raise BrokenOff
 
     with pytest.raises(BrokenOff):
-        discover(study, out, progress=progress)
+        discover(study, out, progress=progress, overwrite=True)
     assert any((out / ".progress").iterdir())
     assert not (out / "report.json").exists()
 
