@@ -10,7 +10,7 @@ from jaxtyping import Float64
 
 from fmucorrect.catalogue import CATALOGUE
 from fmucorrect.discovery.fitted import Fitted, Setting
-from fmucorrect.discovery.form import joint_covariance, normal
+from fmucorrect.discovery.form import covariance, joint_covariance, normal
 from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.motion import motions
 from fmucorrect.discovery.problem import Problem
@@ -24,8 +24,12 @@ SMALL = 0.1
 
 
 def spread(problem: Problem, setting: Setting, fitted: Fitted) -> Float64[np.ndarray, "p p"]:
-    """Covariance of the members' coordinates, base parameters and sensors integrated out."""
-    return _joint(problem, setting, fitted)[: fitted.slopes.shape[1], : fitted.slopes.shape[1]]
+    """Covariance of the members' coordinates, base parameters and sensors integrated out; a number that the data do not tell is
+    not known, and makes none of the others less known."""
+    own = fitted.slopes.shape[1]
+    found = _joint(problem, setting, fitted)[:own, :own]
+    least = np.diag(covariance(setting, fitted))
+    return found + np.diag(np.maximum(least - np.diag(found), 0.0))
 
 
 def base_std(

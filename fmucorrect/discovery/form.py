@@ -92,18 +92,25 @@ def within_bounds(
 
 
 def covariance(setting: Setting, state: Fitted) -> Float64[np.ndarray, "p p"]:
-    """Of the members' coordinates, base parameters and sensors integrated out."""
+    """Of the members' coordinates, base parameters and sensors integrated out; what the data do not tell is not known."""
     count = state.slopes.shape[1]
-    return joint_covariance(setting, state)[:count, :count]
-
-
-def joint_covariance(setting: Setting, state: Fitted) -> Float64[np.ndarray, "q q"]:
-    """Of the members' coordinates and the base parameters, sensors integrated out."""
     H, _ = normal(setting, state, state.slopes)
+    return untold(H)[:count, :count]
+
+
+def untold(H: Float64[np.ndarray, "q q"]) -> Float64[np.ndarray, "q q"]:
+    """H^-1, at least UNTOLD of what each number by itself is told by along every direction."""
     own = np.sqrt(np.diag(H))
     own = np.where(own > 0.0, own, 1.0)
     told, along = np.linalg.eigh(H / np.outer(own, own))
     return (along / np.maximum(told, UNTOLD)) @ along.T / np.outer(own, own)
+
+
+def joint_covariance(setting: Setting, state: Fitted) -> Float64[np.ndarray, "q q"]:
+    """Of the members' coordinates and the base parameters, sensors integrated out; along directions that the data do not tell
+    nothing moves."""
+    H, _ = normal(setting, state, state.slopes)
+    return np.linalg.pinv(H, hermitian=True)
 
 
 def to_gain(setting: Setting, state: Fitted) -> float:
