@@ -147,7 +147,11 @@ class Info:
             return None
         low, high = min(values), max(values)
         margin = high - low + SAME * max(abs(low), abs(high))
-        return Trained(low - margin, high + margin, f"{low:g}" if low == high else f"{low:g} to {high:g}")
+        least = 0.0 if low > 0.0 and low - margin < 0.0 else low - margin  # a mass, say, is never less than nothing
+        most = 0.0 if high < 0.0 and high + margin > 0.0 else high + margin
+        if low == high:
+            return Trained(least, most, f"{low:g}")
+        return Trained(least, most, f"{low:g} to {high:g}, used from {least:.4g} to {most:.4g}")
 
     def to_json(self) -> dict[str, Any]:
         data = {"format": 2 if self.state or self.sees else 1, **asdict(self)}

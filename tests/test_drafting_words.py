@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from exported import by_pythonfmu
 
-from fmucorrect.drafting import Draft, draft
+from fmucorrect.drafting import Draft, draft, pairing
 from fmucorrect.drafting.driving import NAMED
-from fmucorrect.drafting.guess import likeness, role
+from fmucorrect.drafting.guess import likeness, quantity, role
 from fmucorrect.drafting.joints import JointGuess, kind, loadable, turns
 from fmucorrect.drafting.parameters import find_parameters
 from fmucorrect.drafting.vocabulary import COMMAND, MEASURED, meaning
@@ -379,3 +379,21 @@ def test_what_a_word_means(word: str, parts: tuple[str, ...]) -> None:
 def test_names_of_two_languages(column: str, variable: str, other: str) -> None:
     assert likeness(column, variable) > likeness(column, other)
     assert likeness(column, other) < NAMED
+
+
+def test_clocks_of_loggers_do_not_make_the_step():
+    """30 ppm of a quartz: 0.5 ms, which another logger's record has too."""
+    assert pairing._meant(500_015) == 500_000
+    assert pairing._meant(1_953_125) == 1_953_125  # 512 Hz
+    assert pairing._meant(999_400) == 999_400
+
+
+def test_turns_by_the_minute_are_a_speed():
+    assert quantity("1/min") == "velocity"
+    assert quantity("U/min") == "velocity"
+
+
+def test_a_current_without_a_unit_is_no_displacement():
+    assert pairing._of_quantity("coil_current") == "A"
+    assert pairing._of_quantity("Pumpendruck") == "Pa"
+    assert pairing._of_quantity("cone") == ""

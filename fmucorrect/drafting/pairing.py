@@ -12,9 +12,9 @@ from jaxtyping import Float64
 
 from fmucorrect import records, units
 from fmucorrect.clocks import overlapping
-from fmucorrect.drafting.guess import SENSED, WITHIN, likeness, quantity, role, si
+from fmucorrect.drafting.guess import SENSED, WITHIN, likeness, quantity, role, si, words
 from fmucorrect.drafting.joints import kind, kind_by_name, unit_of, written_out
-from fmucorrect.drafting.vocabulary import COMMAND, MEASURED
+from fmucorrect.drafting.vocabulary import COMMAND, MEASURED, meaning
 from fmucorrect.errors import RecordError, few
 from fmucorrect.fmu import FmuDescription, IsolatedStepper, Variable, input_record
 from fmucorrect.metrics import linear_share
@@ -23,7 +23,7 @@ from fmucorrect.records.contents import TopicContents
 from fmucorrect.records.timebase import seconds_text
 from fmucorrect.registration import resample
 from fmucorrect.screening.stand_ins import stand_ins
-from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Channel, Condition, Reading, Record
+from fmucorrect.signals import AS_IT_IS, NANOSECONDS, QUANTITIES, Channel, Condition, Reading, Record
 from fmucorrect.stepper import grid, run
 from fmucorrect.study_places import like
 
@@ -490,9 +490,15 @@ def _units(column: str, variable: Variable, ratio: float, defined: Mapping[str, 
     if column not in units.UNSAID:
         unit = SENSED.get(column, column)
         return unit, "" if output not in units.UNSAID else _model_unit(unit, ratio), ""
-    unit = output if output not in units.UNSAID else unit_of(variable) or "m"
+    unit = output if output not in units.UNSAID else unit_of(variable) or _of_quantity(variable.name) or "m"
     told = min(off := away(unit, ratio, defined), key=lambda other: off[other])
     return told, "" if output not in units.UNSAID else unit, told
+
+
+def _of_quantity(name: str) -> str:
+    """The SI unit of a current or a pressure by that word of a name; "" where it has none."""
+    told = {means for word in words(name) for means in (word, *meaning(word))}
+    return next((QUANTITIES[what][0] for what in ("current", "pressure") if what in told), "")
 
 
 def away(unit: str, ratio: float, defined: Mapping[str, units.Unit] = units.NONE) -> dict[str, float]:

@@ -119,6 +119,7 @@ def card(trained: Trained, bundle: Bundle, evaluations: Sequence[Comparison], co
     lines += [
         f"| {_plain(key)} | " + " | ".join(f"{v:.4g}" for v in corners) + " |" for key, corners in info.envelope.items()
     ]
+    lines += _start_values(info)
     lines += _guarded(trained, evaluations)
     lines += [
         "",
@@ -130,6 +131,18 @@ def card(trained: Trained, bundle: Bundle, evaluations: Sequence[Comparison], co
         "",
     ]
     return "\n".join(lines)
+
+
+def _start_values(info: Info) -> list[str]:
+    """Which start values of the FMU it is for, in words."""
+    if not info.start_values_known:
+        return []
+    each = {name: info.trained(name, {}) for name in sorted(info.start_values_known)}
+    told = [f"`{_code(name)}` {found.words}" for name, found in each.items() if found is not None]
+    return [
+        "",
+        f"Start values of the FMU: trained with {'; '.join(told)}. With others nothing is corrected (status `outside`).",
+    ]
 
 
 def _guarded(trained: Trained, evaluations: Sequence[Comparison]) -> list[str]:
