@@ -104,7 +104,7 @@ class Record:
                 f"time does not increase at row {i}",
                 expected=f"more than {self.t_ns[i - 1]} ns",
                 got=f"{self.t_ns[i]} ns",
-                remedy="Choose a repair rule when reading.",
+                remedy="Choose a repair rule when reading: repair='sort' or 'drop'.",
             )
         names = [channel.name for channel in self.channels]
         if len(set(names)) < len(names):

@@ -42,6 +42,8 @@ CHANCE = 4.0
 COPY, NEARLY = 0.9999, 0.98
 """Correlation from which a series is another one once more, and no response to it; NEARLY (filtered, another sensor) counts
 once something drives the model: before, what a spring shows that is moved slowly is as much alike."""
+OPPOSED = 0.1
+"""What a driver must explain more, of one response, for which most responses go the other way: a brake for a drive, say."""
 SAME_SIZE = 0.5
 """Powers of ten within which a unit makes simulated and measured of one size: half of those between two units."""
 
@@ -241,6 +243,7 @@ def _shown(
     left = sum(1.0 - guess.shown**2 for guess in after)
     was = sum(1.0 - before.get(guess.column, 0.0) ** 2 for guess in after)
     gain = was - left - shown.get(column, 0.0) ** 2
+    gain -= OPPOSED * (2 * sum(guess.shown < 0.0 for guess in after) > len(after))
     if known.inputs and (gain <= 0.0 or (left > LESS * was and all(guess.column in shown for guess in after))):
         return None
     return gain, best

@@ -25,6 +25,7 @@ from fmucorrect.records.repairs import Repairs
 from fmucorrect.records.source import NO_TIME, Block
 from fmucorrect.signals import NANOSECONDS, RULES, Record
 
+_HOW = "--repair RULE, or repair in [records] of a study"
 JITTER = 0.01
 """Part of a step by which an interval may differ from the step and still count as uniform."""
 
@@ -68,7 +69,9 @@ def check(block: Block, names: Sequence[str], where: str, first_row: int = 0, af
     row, now = first_row + i, int(t_ns[i])
     if now == NO_TIME:
         raise RecordError(
-            f"time is not a number at row {row}", where=where, remedy="The repair rule 'drop' leaves the row out."
+            f"time is not a number at row {row}",
+            where=where,
+            remedy=f"The repair rule 'drop' ({_HOW}) leaves the row out.",
         )
     if late[i]:
         what = "is repeated" if now == before[i] else "goes back"
@@ -76,15 +79,17 @@ def check(block: Block, names: Sequence[str], where: str, first_row: int = 0, af
             f"time {what} at row {row} (t = {seconds_text(now)} s)",
             where=where,
             expected=f"later than {seconds_text(int(before[i]))} s",
-            remedy="Choose a repair rule: 'sort' orders the rows, 'drop' leaves repeated and reversed rows out.",
+            remedy=f"Choose a repair rule ({_HOW}): "
+            + ("" if now == before[i] else "'sort' orders the rows, ")
+            + "'drop' leaves repeated and reversed rows out.",
         )
     c = int(np.argmax(~np.isfinite(block.values[i])))
     raise RecordError(
         f"column {names[c]!r} is {block.values[i, c]} at row {row} (t = {seconds_text(now)} s)",
         where=where,
         expected="a finite number",
-        remedy="Choose a repair rule: 'drop' leaves such rows out, 'interpolate' fills them in where values stand before and "
-        "after them.",
+        remedy=f"Choose a repair rule ({_HOW}): 'drop' leaves such rows out, 'interpolate' fills them in where values stand "
+        "before and after them.",
     )
 
 

@@ -36,11 +36,13 @@ def unfelt(study: Study) -> Iterator[Finding]:
             if not {source, target} & UNSAID:  # else taken to be SI
                 answer /= conversion(source, target, f"joint {joint.name!r}", fmu.defined)
             if abs(answer) < FELT:
+                unit = "N.m" if "rad" in units.get(joint.displacement, "") else "N"
                 yield Finding(
                     "load cell that feels no added force",
                     "warning",
                     f"channel {channel.name!r}",
-                    f"it is the element's force at joint {joint.name!r}: of 1 N at {joint.force!r} it shows {answer:.2g} N",
+                    f"it is the element's force at joint {joint.name!r}: of 1 {unit} at {joint.force!r} it shows "
+                    f"{answer:.2g} {unit}",
                     "A load cell in line with the joint measures what an effect adds there, too: the effect would be denied "
                     "by this channel, and another one named",
                     f"Export the sum of the element's force and {joint.force!r} as an output, and name it as the channel's "

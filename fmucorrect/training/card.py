@@ -56,7 +56,7 @@ def card(trained: Trained, bundle: Bundle, evaluations: Sequence[Comparison], co
         f"Made by `{_code(command)}`.",
         "",
         *_seen(trained),
-        *_tried(trained),
+        *_tried(trained, info),
         "## How good it is",
         "",
         "Scores over all measured samples after warm-up; R2, NRMSE and NMAE as in the paper (range and mean of the "
@@ -163,13 +163,14 @@ def _guarded(trained: Trained, evaluations: Sequence[Comparison]) -> list[str]:
     ]
 
 
-def _tried(trained: Trained) -> list[str]:
+def _tried(trained: Trained, info: Info) -> list[str]:
     """Every family at every condition that was left out of it."""
     names = [_plain(name) for name in conditions(trained.selection)]
+    with_it = ", and any other of its speed with it" if "speed" in info.features else ""
     return [
         "## What was tried",
         "",
-        "NRMSE, %, of each development condition when it was left out, and any other of its speed with it. Taken is the "
+        f"NRMSE, %, of each development condition when it was left out{with_it}. Taken is the "
         "simplest within one standard error of the best.",
         "",
         "| corrector | " + " | ".join(names) + " | mean |",

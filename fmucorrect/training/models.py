@@ -130,11 +130,15 @@ def _same(one: Path | None, other: Path | None) -> bool:
 
 
 def labels(studies: Sequence[Study]) -> list[str]:
-    """Short names of the models: their FMUs', or where these are alike (or missing) their study files' folders with them."""
-    stems = [study.path.stem if study.fmu is None else study.fmu.stem for study in studies]
-    if len(set(stems)) == len(stems):
-        return stems
-    longer = [f"{study.path.resolve().parent.name}_{stem}" for study, stem in zip(studies, stems, strict=True)]
+    """Short names of the models: their FMUs', or where these are alike (or missing) their study files', or these with their
+    folders."""
+    for stems in (
+        [study.path.stem if study.fmu is None else study.fmu.stem for study in studies],
+        [study.path.stem for study in studies],
+    ):
+        if len(set(stems)) == len(stems):
+            return stems
+    longer = [f"{study.path.resolve().parent.name}_{study.path.stem}" for study in studies]
     return longer if len(set(longer)) == len(longer) else [f"{i}_{name}" for i, name in enumerate(longer, 1)]
 
 
