@@ -273,7 +273,8 @@ def joint_ports(
     for key, known in _JOINT_UNITS.items():
         partner = _PARTNERS.get(key, key)
         unit = variables.get(getattr(joint, partner), "")
-        same = [mine for mine, its in zip(known, _JOINT_UNITS[partner], strict=True) if like(unit, its, defined)]
+        pairs = () if unit in UNSAID else zip(known, _JOINT_UNITS[partner], strict=True)
+        same = [mine for mine, its in pairs if like(unit, its, defined)]
         if name := getattr(joint, key):
             found[key] = name, same or known
     return found
@@ -329,7 +330,9 @@ def _check_model(
     if any(condition.simulated is None for condition in study.conditions):
         wanted += _responses(study)
     for loc, name, known in wanted:
-        if problem := misfit("variable", name, variables, known, defined):
+        if loc[-1] == "displacement" and variables.get(name) in UNSAID:  # which would pass for an angle
+            yield loc, f"variable {name!r} has no unit in the FMU, expected one like 'm' or 'rad'"
+        elif problem := misfit("variable", name, variables, known, defined):
             yield loc, f"{problem[0]} in the FMU{problem[1]}"
 
 

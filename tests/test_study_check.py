@@ -144,3 +144,15 @@ def test_what_is_free_is_neither_adjustable_nor_recorded(folder: Path) -> None:
     assert twice.endswith("key free: 'v' stands twice")
     assert "'equivalent_conicity' is in [[adjustable]] 1 too" in adjustable
     assert "a simulated record has begun already" in simulated
+
+
+def test_a_displacement_without_a_unit_is_no_angle(folder: Path) -> None:
+    """Nor is its velocity then asked to be one."""
+    found = checked(
+        folder,
+        edited(('"yaw_damper_left.d"', '"equivalent_conicity"'), ('simulated = "simulated_300.mcap"', "")),
+        VARIABLES,
+    )
+    assert [text.partition("key ")[2] for text in found] == [
+        "displacement: variable 'equivalent_conicity' has no unit in the FMU, expected one like 'm' or 'rad'"
+    ]
