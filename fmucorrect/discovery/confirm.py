@@ -167,7 +167,8 @@ def sensors_told(problem: Problem, setting: Setting, residual: Float64[np.ndarra
     """`sensor_errors` as the residual of a model tells them. residual: (n,) of the development conditions."""
     told = setting.sensors.believe(residual, setting.share).fitted
     free = sum(len(trial.condition.free) for trial in problem.trials) if problem.fmu else 0
-    return sensor_errors(told, len(problem.study.channels), len(problem.trials), free + holds(problem))
+    behind = free + holds(problem) + setting.drives.shape[1]
+    return sensor_errors(told, len(problem.study.channels), len(problem.trials), behind)
 
 
 def sensor_errors(

@@ -52,6 +52,9 @@ from fmucorrect.screening import screen
 from fmucorrect.study import Study, load_study
 from fmucorrect.units import parse
 
+HALF_OF_IT = 0.3
+"""Of half a step, by which lags of all sensors may differ from it and still be what held inputs make: lags are known to a tenth
+of a millisecond."""
 MODEL_FILES = ("effects.toml", "augmented.fmu", "study.toml")
 """What it writes where something was found that an FMU can take."""
 FILES = ("report.json", "report.html", *MODEL_FILES, ".progress/")
@@ -427,10 +430,23 @@ def _notes(study: Study, problem: Problem, setting: Setting, decision: Decision)
         notes.append("The study names no joints: with force ports more than parameters and sensors could be named.")
     if holds(problem):
         step = 1e3 * study.simulation.step_size
-        early = setting.sensors.believe(decision.best.residual, setting.share).fitted[-1] * step / 2.0
+        told = setting.sensors.believe(decision.best.residual, setting.share).fitted
+        early = told[-1 - setting.drives.shape[1]] * step / 2.0
         notes.append(
             f"Inputs are held for a step of {step:.3g} ms, so that the model answers half of it late: the search left room for "
             f"inputs that act earlier, by {early:.2g} ms as these data ask for. No file has that."
+        )
+    if setting.drives.size:
+        notes.append(
+            "What was recorded of the inputs has noise that shows at the sensors: its slow waves were taken for noise, too."
+        )
+    half = study.simulation.step_size / 2.0
+    driven = study.fmu is not None and any(trial.condition.inputs for trial in problem.trials)
+    lags = sensors_told(problem, setting, decision.best.residual)[:, 1]
+    if driven and not holds(problem) and bool((np.abs(lags + half) < HALF_OF_IT * half).all()):
+        notes.append(
+            f"All sensors come out about {1e3 * half:.2g} ms early: an FMU that holds its inputs for a step answers half of it "
+            "late, and no sensor does that. No file has it; with a shorter step_size it is less."
         )
     if any(isinstance(term, SignalTerm) for term in decision.best.model.terms):
         notes.append("What sits in a sensor or in the excitation is not put into augmented.fmu.")

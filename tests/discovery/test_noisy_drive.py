@@ -9,7 +9,9 @@ pytest.importorskip("sympy")
 from one_mass import JOINT, MASS, STEP, SWEEP, T, sweep
 from test_exchange import adjustable, decided
 
+from fmucorrect.discovery.confirm import sensors_told
 from fmucorrect.discovery.fitted import begin
+from fmucorrect.discovery.nuisances import LAG
 
 MASS_KG, DAMPING, NOISE = 1.02, 0.3, 0.01  # kg, N.s/m, N
 FREE = MASS.replace("k1 = 1000.0, c1 = 10.0", "k1 = 0.0, c1 = 0.3")
@@ -40,3 +42,16 @@ def test_a_drive_without_noise_has_no_columns(library, tmp_path):
     problem, _ = decided(tmp_path, library, text, rolled(sweep(2.0)), **{"mass1.f [N]": sweep(2.0)})
     with problem.of(problem.trials) as again:
         assert not begin(again)[0].drives.size
+
+
+def test_what_sensors_took_on_is_told_beside_it(library, tmp_path):
+    """A lag of the sensor is not read off the waves that stand behind it."""
+    force = sweep(2.0)
+    recorded = force + 0.1 * NOISE * np.random.default_rng(8).normal(size=len(T))
+    text = FREE + JOINT + adjustable("m1", tolerance=0.05) + SWEEP
+    problem, _ = decided(tmp_path, library, text, rolled(force), **{"mass1.f [N]": recorded})
+    with problem.of(problem.trials) as again:
+        setting, _, _ = begin(again)
+        assert setting.drives.shape[1] > 1
+        told = sensors_told(again, setting, 2.0 * setting.sensors.columns[:, 1])
+    assert told[0, 1] == pytest.approx(2.0 * LAG, rel=0.2)
