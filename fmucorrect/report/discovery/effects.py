@@ -27,6 +27,10 @@ LETTERS = {
 }
 
 
+UNTOLD = 10.0
+"""Standard deviations of a number over it from which on the data do not tell it."""
+
+
 def effects_section(page: Page, report: Discovery) -> None:
     """A table of several effects, and a section an effect; for verdicts without effects, what that means."""
     verdict, effects = report.verdict, report.effects
@@ -189,6 +193,8 @@ def _letters(equation: str) -> str:
 def _parameter(name: str, item: Parameter, symbols: bool) -> Row:
     value, std = item.value, item.std
     cells: list[str] = [formula(item.symbol)] if symbols else []
+    if std > UNTOLD * abs(value) > 0.0:  # as it was begun, or wherever it drifted
+        return Row([plain(name), *cells, f"about {item.told(std=False)}", "not told by these data"])
     cells.append(item.told())
     if not known(std) or std == 0.0:
         cells.append("not estimated")

@@ -44,7 +44,12 @@ def next_section(page: Page, report: Discovery) -> None:
     elif report.verdict == "ambiguous":
         page.text_block("No test that would split the class was found among the conditions that could be simulated.")
     else:
-        page.text_block(_advice(report.verdict, bool(fmu), "effects.toml" in files))
+        first = (
+            ""
+            if report.complete
+            else "Let the search go on: the same command goes on where it stopped. As far as it came: "
+        )
+        page.text_block(first + _advice(report.verdict, bool(fmu), "effects.toml" in files))
     if report.notes:
         page.heading("Notes")
         page.items(report.notes)
@@ -96,8 +101,9 @@ def _advice(verdict: str, fmu: bool, augmented: bool) -> str:
     if verdict == "named":
         return "Use the augmented model. A corrector trained on top of it takes up what is left."
     if verdict == "none":
+        model = "with its parameters as they were found, augmented.fmu" if augmented else "as it is"
         return (
-            "Use the model as it is. To look for weaker effects, excite more strongly, at other frequencies and at two "
+            f"Use the model {model}. To look for weaker effects, excite more strongly, at other frequencies and at two "
             "amplitudes, or bring the noise down."
         )
     if augmented:

@@ -100,7 +100,8 @@ def lead(report: Discovery) -> tuple[str, str]:
         elif rivals:
             title = f"{titled(names[0])}, or one of {len(rivals)} others that these data cannot tell from it"
     elif verdict == "none":
-        title = "Nothing is missing: the model agrees with the measurement to the noise"
+        title = "Nothing is missing: the model agrees with the measurement"
+        title += " to the noise" * (", but for " not in report.sentence)
     elif verdict == "unexplained":
         title = "Something is missing that no effect of the catalogue explains"
     else:
