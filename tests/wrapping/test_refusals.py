@@ -16,7 +16,7 @@ from models import COMBINATIONS
 from odd import CORRECTED, MS, NOTHING, Host, corrector, messages, plain, reference, solver, walk, wrapped
 from odd_solver import description, odd
 
-from fmucorrect.errors import BundleError, FmuError, SignalError, WrapError
+from fmucorrect.errors import BundleError, FmuError, OutputError, SignalError, WrapError
 from fmucorrect.fmu import FmuStepper, open_fmu
 from fmucorrect.signals import Channel, Condition
 from fmucorrect.wrapping import compiler, package
@@ -230,13 +230,15 @@ def test_refusals_are_clear_and_leave_the_old_file(tmp_path, monkeypatch):
         (WrapError, r"none.toml: cannot be read", (solver(2), None), {"effects_file": nowhere}),
     ):
         with pytest.raises(error, match=words):
-            wrap(*arguments, out, **options)
+            wrap(*arguments, out, overwrite=True, **options)
 
     def fail(*_: object) -> None:
         raise WrapError("it did not hold")
 
     monkeypatch.setattr(package.proof, "prove", fail)
     with pytest.raises(WrapError, match=r"did not hold"):
+        wrap(solver(2), corrector(), out, platforms=["linux64"], overwrite=True)
+    with pytest.raises(OutputError, match=r"this file is there already"):
         wrap(solver(2), corrector(), out, platforms=["linux64"])
     assert out.read_bytes() == b"old"
     assert [path.name for path in out.parent.iterdir()] == ["a.fmu"]
