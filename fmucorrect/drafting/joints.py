@@ -20,17 +20,17 @@ TURNING = {"displacement": "rad", "velocity": "rad/s", "force": "N.m", "accelera
 """Units of what has none, by its kind: of what moves along, and of what turns."""
 _WORDS = {
     "force": frozenset(["f", "fx", "fy", "fz", "force", "torque", "trq", "moment", "mx", "my", "mz", "tau"]),
-    "velocity": frozenset(["v", "vel", "velocity", "rate", "omega", "speed", "vrel", "wrel"]),
+    "velocity": frozenset(["v", "vel", "velocity", "rate", "omega", "w", "qd", "dq", "speed", "vrel", "wrel"]),
     "acceleration": frozenset(["a", "acc", "accel", "acceleration", "arel"]),
     "displacement": frozenset(
         [
             *("d", "x", "y", "z", "disp", "displacement", "pos", "position", "travel", "stroke", "defl", "deflection"),
-            *("compression", "extension", "elongation", "srel", "angle", "phi", "theta", "twist", "phirel", "s"),
+            *("compression", "extension", "elongation", "srel", "angle", "phi", "theta", "twist", "phirel", "s", "q"),
         ]
     ),
 }
 """Words of a name that tell what a variable without a unit is; `s`, `s_rel` and their kin as Modelica's library has them."""
-_TURNS = frozenset("torque trq moment mx my mz tau omega wrel angle phi theta twist phirel".split())  # noqa: SIM905
+_TURNS = frozenset("torque trq moment mx my mz tau omega w wrel angle phi theta twist phirel".split())  # noqa: SIM905
 """Of these words, those of what turns."""
 _RATE = {"displacement": "velocity", "velocity": "acceleration"}
 """What the derivative of each is."""
