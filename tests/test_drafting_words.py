@@ -13,7 +13,7 @@ from exported import by_pythonfmu
 from fmucorrect.drafting import Draft, draft, pairing
 from fmucorrect.drafting.driving import NAMED
 from fmucorrect.drafting.guess import likeness, quantity, role
-from fmucorrect.drafting.joints import JointGuess, kind, loadable, turns
+from fmucorrect.drafting.joints import JointGuess, find_joints, kind, loadable, turns
 from fmucorrect.drafting.parameters import find_parameters
 from fmucorrect.drafting.vocabulary import COMMAND, MEASURED, meaning
 from fmucorrect.fmu import IsolatedStepper, Variable, open_fmu
@@ -397,3 +397,24 @@ def test_a_current_without_a_unit_is_no_displacement():
     assert pairing._of_quantity("coil_current") == "A"
     assert pairing._of_quantity("Pumpendruck") == "Pa"
     assert pairing._of_quantity("cone") == ""
+
+
+HOIST = """
+    def move(self, u, p, h):
+        v = u.setdefault("v", 0.0)
+        u["v"] += h * (-400.0 * u["frame_pos"] - 2.0 * v - u["guide_force"] + u["rope_force_extra"])
+        u["frame_pos"] += h * u["v"]
+        u["rope_stretch"], u["rope_stretch_rate"], u["w_drum"] = -0.9 * u["frame_pos"], -0.9 * u["v"], u["v"] / 0.3
+        u["q_drum"] = u["frame_pos"] / 3.0
+"""
+
+
+def test_a_joint_is_where_a_word_of_its_force_is_though_another_moves_more(tmp_path: Path):
+    shown = ("frame_pos", "rope_stretch", "rope_stretch_rate", "q_drum", "w_drum")
+    fmu = open_fmu(plant(tmp_path, HOIST, ("guide_force", "rope_force_extra"), shown, {}))
+    found = {joint.force: (joint.displacement, joint.velocity) for joint in find_joints(fmu, ())}
+    assert found == {
+        "guide_force": ("frame_pos", ""),
+        "rope_force_extra": ("rope_stretch", "rope_stretch_rate"),
+    }
+    assert [kind(fmu.variables[name]) for name in ("q_drum", "w_drum")] == ["displacement", "velocity"]

@@ -25,7 +25,20 @@ _WORDS = {
     "displacement": frozenset(
         [
             *("d", "x", "y", "z", "disp", "displacement", "pos", "position", "travel", "stroke", "defl", "deflection"),
-            *("compression", "extension", "elongation", "srel", "angle", "phi", "theta", "twist", "phirel", "s", "q"),
+            *(
+                "compression",
+                "extension",
+                "elongation",
+                "srel",
+                "angle",
+                "phi",
+                "theta",
+                "twist",
+                "phirel",
+                "stretch",
+                "s",
+                "q",
+            ),
         ]
     ),
 }
@@ -67,7 +80,9 @@ def find_joints(fmu: FmuDescription, driven: Sequence[str]) -> tuple[JointGuess,
         gives = [j for j in candidates if answers[j, i] != 0.0]
         if not gives:
             continue
-        j = max(gives, key=lambda j: abs(answers[j, i]))
+        own_words = set(words(force.name))
+        shared = [j for j in gives if own_words & set(words(moved[j].name))]  # F_rope and rope_stretch
+        j = max(shared or gives, key=lambda j: abs(answers[j, i]))
         alike = [force.name] if mine else [moved[j].name, force.name]
         shown = [v for v in outputs if kind(v) != "force" or _turn_alike(force, v)]
         own = {what: next(filter(None, (_of(shown, what, name) for name in alike)), "") for what in _WORDS}
