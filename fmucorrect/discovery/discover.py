@@ -34,7 +34,7 @@ from fmucorrect.discovery.located import Located, located
 from fmucorrect.discovery.motion import acting
 from fmucorrect.discovery.naming import Naming, Stopped, name
 from fmucorrect.discovery.nexttest import next_test
-from fmucorrect.discovery.nuisances import holds
+from fmucorrect.discovery.nuisances import LAG, holds
 from fmucorrect.discovery.outputmap import output_maps
 from fmucorrect.discovery.pictures import free_picture, picture, units_at
 from fmucorrect.discovery.problem import Problem, load
@@ -53,8 +53,8 @@ from fmucorrect.study import Study, load_study
 from fmucorrect.units import parse
 
 HALF_OF_IT = 0.3
-"""Of half a step, by which lags of all sensors may differ from it and still be what held inputs make: lags are known to a tenth
-of a millisecond."""
+"""Of half a step, by which lags of all sensors may differ from it and still be what held inputs make; of a usual lag, what
+half a step has to be more than to be told from none."""
 MODEL_FILES = ("effects.toml", "augmented.fmu", "study.toml")
 """What it writes where something was found that an FMU can take."""
 FILES = ("report.json", "report.html", *MODEL_FILES, ".progress/")
@@ -443,7 +443,8 @@ def _notes(study: Study, problem: Problem, setting: Setting, decision: Decision)
     half = study.simulation.step_size / 2.0
     driven = study.fmu is not None and any(trial.condition.inputs for trial in problem.trials)
     lags = sensors_told(problem, setting, decision.best.residual)[:, 1]
-    if driven and not holds(problem) and bool((np.abs(lags + half) < HALF_OF_IT * half).all()):
+    alike = bool((np.abs(lags + half) < HALF_OF_IT * half).all())
+    if driven and not holds(problem) and half > HALF_OF_IT * LAG and alike:
         notes.append(
             f"All sensors come out about {1e3 * half:.2g} ms early: an FMU that holds its inputs for a step answers half of it "
             "late, and no sensor does that. No file has it; with a shorter step_size it is less."

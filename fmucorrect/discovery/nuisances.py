@@ -90,7 +90,8 @@ def drives(
         if trial.condition.inputs is None or problem.study.fmu is None or trial.condition.simulated is not None:
             continue
         given, at = problem.inputs(k), trial.evidence(responses[k]).ravel()
-        each = max(round(trial.ratio), 1)  # rows for one sample of the record
+        one_file = trial.condition.inputs == trial.condition.measurement
+        each = max(round(trial.ratio), 1) if one_file else 1  # rows for one sample of the record
         turn = np.pi * np.arange(len(given)) / len(given)
         for i in range(given.shape[1]):
             own = given[::each, i]

@@ -79,6 +79,7 @@ def admissible(setting: Setting, base: Fitted, found: Sequence[Fitted]) -> list[
 
 
 def _is_other(term: Term, std: Mapping[str, float]) -> bool:
+    """Whether a law of several numbers acts without its main one."""
     return isinstance(term, ForceTerm) and len(term.estimated) > 1 and is_nothing(term, std)
 
 
