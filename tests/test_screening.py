@@ -661,3 +661,21 @@ def test_inputs_that_end_early_in_a_topic_that_is_not_the_first(tmp_path: Path) 
     (finding,) = of_records(study)
     assert (finding.kind, finding.level) == ("inputs do not cover the run", "error")
     assert "in.mcap from 0 to 1.99 s" in finding.seen
+
+
+def test_two_runs_of_one_programme_are_no_copy(tmp_path: Path) -> None:
+    """The same steps at another load: 0.7 times as large the other way, each with noise of its own."""
+    study = make(tmp_path)
+    from fmucorrect import records
+
+    t = np.arange(8000) * 1e-3
+    steps = np.repeat(np.random.default_rng(1).normal(size=40), 200)
+    lagged = np.convolve(steps, np.exp(-np.arange(100) / 20.0) / 20.0)[: len(t)]
+    for seed, (name, size) in enumerate((("two", 1.0), ("held", -0.7))):
+        path = tmp_path / f"meas_{name}.csv"
+        record = records.read(path)
+        noise = 1e-4 * np.random.default_rng(seed).normal(size=(len(t), len(record.channels)))
+        path.unlink()
+        with writer(path) as out:
+            out.write("/log", Record((1e9 * t).astype(np.int64), size * lagged[:, None] + noise, record.channels))
+    assert not [finding for finding in of_records(study) if finding.kind == "evaluation record seen in development"]
