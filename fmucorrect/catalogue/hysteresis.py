@@ -9,6 +9,8 @@ from itertools import pairwise
 from fmucorrect.catalogue.law import Extension, Formula, Law, Parameter, State, Symbols, load_sympy
 from fmucorrect.catalogue.motion import Guess, Motion
 
+_STIFFNESS = Parameter("stiffness", "k", "F/D", "at small displacements", minimum=0.0, neutral=0.0)
+
 
 def _bouc_wen(s: Symbols) -> Formula:
     sympy, z = load_sympy(), s.z[0]
@@ -109,7 +111,7 @@ LAWS = (
         acts="any joint",
         equation="F = k (alpha d + (1 - alpha) z), dz/dt = v - beta |v| |z|^(n-1) z - gamma v |z|^n",
         parameters=(
-            Parameter("stiffness", "k", "F/D", "at small displacements", minimum=0.0, neutral=0.0),
+            _STIFFNESS,
             Parameter(
                 "alpha", "alpha", "1", "share of k that is left after yielding", default=0.0, minimum=0.0, maximum=1.0
             ),
@@ -144,7 +146,7 @@ LAWS = (
         acts="any joint",
         equation="F = k (alpha d + (1 - alpha) E(d, d_s, chi))",
         parameters=(
-            Parameter("stiffness", "k", "F/D", "at small displacements", minimum=0.0, neutral=0.0),
+            _STIFFNESS,
             Parameter("alpha", "alpha", "1", "share of k that never slips", default=0.0, minimum=0.0, maximum=1.0),
             Parameter(
                 "slip_displacement", "d_s", "D", "stretch at which all of the rest slips", minimum=0.0, above=True

@@ -106,6 +106,16 @@ def test_switched_off_nothing_is_asked_between_setting_and_stepping(fmi: int) ->
 
 
 @SAME
+def test_a_corrector_that_sees_the_input_asks_nothing_either(fmi: int, tmp_path: Path) -> None:
+    unit = open_fmu(bare("restarting", fmi)).variables["u"].unit
+    sees, weights = (Channel("u", unit=unit, simulation="u"),), np.ones((2, 1))
+    model = bundles.make_seeing(tmp_path / "sees.onnx", weights, channels("x"), sees, ROWS, MS)
+    fmu = wrap(bare("restarting", fmi), model, tmp_path / "sees.fmu", platforms=["linux64"]).path
+    alone = driven(bare("restarting", fmi), "x", "restarts")
+    same(driven(fmu, "x", "restarts", before=off("correction_enabled")), alone)
+
+
+@SAME
 def test_switched_on_nothing_is_asked_that_no_input_reaches_at_once(fmi: int) -> None:
     outputs = ("x", "y", "a", "restarts")
     same(driven(made("restarting", fmi, "x"), *outputs), driven(bare("restarting", fmi), *outputs))

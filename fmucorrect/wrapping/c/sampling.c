@@ -260,7 +260,7 @@ static Status step_by_pieces(Wrapper *self, double start, double size, bool may_
     for (bool whole = true, last = false; !last; whole = false, begin = s->now) {
 #if INPUTS_SEEN
         s->awaited = false; /* the inputs of a step's begin are those that are set by then */
-        const Status known = sampling_correction(self); /* what its end may have to go on with */
+        const Status known = s->enabled ? sampling_correction(self) : STATUS_OK; /* what its end may have to go on with */
         if (known > STATUS_WARNING)
             return known;
 #endif
