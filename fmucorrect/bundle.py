@@ -10,6 +10,10 @@ file, seals everything before it.
 Format 2, for what sees more than the channels (the metadata name it, `sees`), or remembers more than a window: then there is
 one more input `state` and one more output `next_state`, float32 (N, S). The state is zero at first; it moves on at the first
 sample whose window is full, and once at each one after.
+
+Format 3, for what sees inputs of the solver as they were held until a row's time (the metadata name them, `held`): a host's
+inputs at a time t stand beside the outputs of the next sample, which follow from them. Where the metadata name none, they stand
+beside the outputs at t.
 """
 
 from __future__ import annotations
@@ -118,6 +122,10 @@ class Bundle:
     @property
     def sees(self) -> tuple[Channel, ...]:
         return self.info.sees
+
+    @property
+    def held(self) -> tuple[str, ...]:
+        return self.info.held
 
     @property
     def rows(self) -> int:

@@ -17,13 +17,16 @@ from fmucorrect.brief import brief
 from fmucorrect.errors import BundleError, unrepeated
 from fmucorrect.signals import Channel
 
-FORMATS = (1, 2)
-"""2: there is a state, or it sees more than the channels; else a bundle is of format 1, which older versions read."""
+FORMATS = (1, 2, 3)
+"""3: it sees what inputs held; 2: there is a state, or it sees more than the channels. The lowest that says all is written:
+older versions read it."""
 OUTPUTS = ("corrected", "baseline", "sigma", "in_envelope")
 STATE, NEXT_STATE = "state", "next_state"
 """A further input and output of format 2."""
 SEES = "sees"
 """A further table of format 2."""
+HELD = "held"
+"""A further list of format 3."""
 
 LONGEST = 1000
 """Characters of a name or another short text: names go into C, XML and tables."""
@@ -64,8 +67,9 @@ class Info:
     outer ones it is nothing. conditions: those trained on, with the FMU start values of each. parameters: FMU start values
     of all of them, in the FMU's own units. units: of variables that the FMU leaves without one, as the study knew them.
     evaluation: figures, for people. state: S, numbers that the network hands on from sample to sample, 0 for none. sees: what
-    it sees beside the channels. solver: the FMU that was simulated in training, by its file's name; "" where logs were, or in
-    bundles that do not say it. defaults: what its parameters were by themselves, {} likewise. driven: its inputs that a column
+    it sees beside the channels. held: names of those of which a row of the window has what they held while the solver came to
+    it: its inputs. solver: the FMU that was simulated in training, by its file's name; "" where logs were, or in bundles that
+    do not say it. defaults: what its parameters were by themselves, {} likewise. driven: its inputs that a column
     drove at every condition of training, with their units, {} likewise.
     """
 
@@ -83,6 +87,7 @@ class Info:
     units: Mapping[str, str] = field(default_factory=dict)
     state: int = 0
     sees: tuple[Channel, ...] = ()
+    held: tuple[str, ...] = ()
     solver: str = ""
     defaults: Mapping[str, float] = field(default_factory=dict)
     driven: Mapping[str, str] = field(default_factory=dict)
@@ -154,8 +159,8 @@ class Info:
         return Trained(least, most, f"{low:g} to {high:g}, used from {least:.4g} to {most:.4g}")
 
     def to_json(self) -> dict[str, Any]:
-        data = {"format": 2 if self.state or self.sees else 1, **asdict(self)}
-        for key in (STATE, SEES, "solver", "defaults", "driven"):
+        data = {"format": 3 if self.held else 2 if self.state or self.sees else 1, **asdict(self)}
+        for key in (STATE, SEES, HELD, "solver", "defaults", "driven"):
             if not data[key]:
                 del data[key]
         return data
@@ -165,10 +170,10 @@ class Info:
         """Raises BundleError where the format is another one, or a key is missing or of another type, size or range."""
         version = data.get("format")
         if not _is_whole(version) or version not in FORMATS:
-            raise BundleError("bundle of another format", where=where, expected="1 or 2", got=_shown(version))
+            raise BundleError("bundle of another format", where=where, expected="1, 2 or 3", got=_shown(version))
         top = _Table(dict(data), where, "")
         channels = tuple(_channel(row) for row in top.rows("channels", CHANNELS))
-        sees = tuple(_channel(row) for row in top.rows(SEES, CHANNELS)) if version == 2 and SEES in data else ()
+        sees = tuple(_channel(row) for row in top.rows(SEES, CHANNELS)) if version >= 2 and SEES in data else ()
         names, every = ([channel.name for channel in rows] for rows in (channels, channels + sees))
         if not channels or len(set(every)) < len(every):
             top.wrong("channels", "one row or more, each with a name of its own", every)
@@ -186,8 +191,9 @@ class Info:
             evaluation=top.table("evaluation").data,
             parameters=top.table("parameters").all(_Table.number) if "parameters" in data else {},
             units=top.table("units").all(_Table.text) if "units" in data else {},
-            state=top.whole(STATE, STATES) if version == 2 and (STATE in data or not sees) else 0,
+            state=top.whole(STATE, STATES) if version >= 2 and (STATE in data or not sees) else 0,
             sees=sees,
+            held=_held(top, sees) if version >= 3 else (),
             solver=top.text("solver") if "solver" in data else "",
             defaults=top.table("defaults").all(_Table.number) if "defaults" in data else {},
             driven=top.table("driven").all(_Table.text) if "driven" in data else {},
@@ -280,6 +286,13 @@ def _uncorrected(top: _Table, count: int) -> tuple[float, ...]:
     return tuple(found)
 
 
+def _held(top: _Table, sees: tuple[Channel, ...]) -> tuple[str, ...]:
+    found, known = top.entry(HELD), [channel.name for channel in sees]
+    if not isinstance(found, list | tuple) or any(name not in known for name in found) or not found:
+        top.wrong(HELD, f"names among {known}", found)
+    return tuple(found)
+
+
 def _envelope(top: _Table, names: list[str]) -> dict[str, tuple[float, float, float, float]]:
     table = top.table("envelope")
     known = {"speed", "amplitude", "frequency", *(f"response {name}" for name in names)}
@@ -318,13 +331,13 @@ class _Table:
             f"metadata {place[:200]!a} cannot be used", where=self.where, expected=expected, got=_shown(got)
         )
 
-    def _entry(self, key: str) -> Any:
+    def entry(self, key: str) -> Any:
         if key not in self.data:
             self.wrong(key, "an entry", "none")
         return self.data[key]
 
     def text(self, key: str, empty: bool = False) -> str:
-        value = self._entry(key)
+        value = self.entry(key)
         if not isinstance(value, str) or len(value) > LONGEST or not (value or empty):
             self.wrong(key, f"a text of at most {LONGEST} characters", value)
         if any("\ud800" <= c <= "\udfff" or c == "\0" for c in value):
@@ -332,28 +345,28 @@ class _Table:
         return value
 
     def number(self, key: str, at_least: float = -math.inf) -> float:
-        return _number(self, key, self._entry(key), at_least)
+        return _number(self, key, self.entry(key), at_least)
 
     def numbers(self, key: str, count: int, at_least: float = -math.inf) -> list[float]:
-        value = self._entry(key)
+        value = self.entry(key)
         if not isinstance(value, list | tuple) or len(value) != count:
             self.wrong(key, f"{count} numbers", value)
         return [_number(self, key, item, at_least) for item in value]
 
     def whole(self, key: str, most: int) -> int:
-        value = self._entry(key)
+        value = self.entry(key)
         if not _is_whole(value) or not 1 <= value <= most:
             self.wrong(key, f"a whole number from 1 to {most}", value)
         return value
 
     def table(self, key: str) -> _Table:
-        value = self._entry(key)
+        value = self.entry(key)
         if not isinstance(value, dict) or len(value) > ENTRIES:
             self.wrong(key, f"a table of at most {ENTRIES} entries", value)
         return _Table(value, self.where, f"{self.place}.{key}" if self.place else key)
 
     def rows(self, key: str, most: int) -> list[_Table]:
-        value = self._entry(key)
+        value = self.entry(key)
         if not isinstance(value, list | tuple) or len(value) > most or not all(isinstance(row, dict) for row in value):
             self.wrong(key, f"a list of at most {most} tables", value)
         return [_Table(row, self.where, f"{key}.{i}") for i, row in enumerate(value)]

@@ -25,7 +25,7 @@ from fmucorrect.registration import (
     steady_segment,
 )
 from fmucorrect.signals import NANOSECONDS, Channel, Condition, Record
-from fmucorrect.stepper import run
+from fmucorrect.stepper import as_held, run
 from fmucorrect.study import Study
 from fmucorrect.study_places import place as place_of
 
@@ -40,7 +40,7 @@ class Pair:
     recorded excitation says of the time; None where it was not asked. clock: how the time was found, in words. steady: rows
     of the steady forced segment, within `measured`; None where nothing is steady. ratio: rows for one sample of the record,
     which was resampled where it is not 1. rate: ppm by which the measurement's clock runs fast, as it was placed: that of
-    `offset` where it is sure, else 0. defined: units of the FMU's own.
+    `offset` where it is sure, else 0. defined: units of the FMU's own. inputs: names of the FMU's inputs.
     """
 
     condition: Condition
@@ -55,6 +55,7 @@ class Pair:
     rate: float = 0.0
     clock: str = ""
     defined: Mapping[str, units.Unit] = field(default_factory=lambda: units.NONE)
+    inputs: tuple[str, ...] = ()
 
     __repr__ = brief
 
@@ -65,6 +66,14 @@ class Pair:
     def seen_beside(self, sees: Sequence[str]) -> tuple[Channel, ...]:
         """What a corrector sees beside the channels, as it was simulated. Raises RecordError where it was not."""
         return tuple(self.simulated.channels[self.simulated.index(name)] for name in sees)
+
+    def seen(self, sees: Sequence[str]) -> Float64[np.ndarray, "T V"]:
+        """What a corrector sees: the simulated channels, then these, inputs of the FMU `as_held`. A corrector of your own is
+        given the same, row by row. Raises RecordError where something was not simulated."""
+        channels = self.measured.shape[1]
+        columns = [*range(channels), *(self.simulated.index(name) for name in sees)]
+        held = [channels + j for j, name in enumerate(sees) if name in self.inputs]
+        return as_held(self.simulated.values[:, columns], held)
 
     @property
     def response(self) -> Float64[np.ndarray, "N J"]:
@@ -198,6 +207,7 @@ def pair(
         rate,
         told,
         defined,
+        sources.input_names(study),
     )
 
 

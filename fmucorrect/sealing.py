@@ -4,8 +4,9 @@
     fc.run(fc.CorrectedStepper(plant, model), condition, inputs)     # and fmucorrect wrap, replay, compare as with ours
 
 The network needs `window` float32 (N, W, V) in and `corrected` float32 (N, J) out, in the units of the study's channels; W is
-taken from it. V = J, or more where the study's [training.corrector] sees names more, in that order. It may read `condition` and
-`time`, and have `state` and `next_state`, as bundle.py says. What it does not say is filled in from the study:
+taken from it. V = J, or more where the study's [training.corrector] sees names more, in that order, inputs of the FMU as they
+were held until a row's time: `fc.pair(study, condition).seen(sees)` has such rows. It may read `condition` and `time`, and have
+`state` and `next_state`, as bundle.py says. What it does not say is filled in from the study:
 
 - `baseline`: the window's last row, the simulation as it is.
 - `sigma`: the rms of what is left between corrected and measured in the study's development conditions. Where the network was
@@ -105,7 +106,7 @@ def evaluate(item: Pair, model: Bundle) -> Comparison:
 def about(study: Study, pairs: Sequence[Pair]) -> Info:
     """What a bundle says of the study that it comes from: a window of one row, no envelope, no state."""
     left = np.concatenate([item.measured - _simulated(item) for item in pairs])
-    solver = _solver(study)
+    solver, sees = _solver(study), study.training.corrector.sees
     return Info(
         name=study.name,
         channels=tuple(map(_for_bundle, study.channels)),
@@ -119,7 +120,8 @@ def about(study: Study, pairs: Sequence[Pair]) -> Info:
         defaults=sources.own_parameters(study) if solver else {},
         driven=_driven(study) if solver else {},
         units=dict(study.simulation.units),
-        sees=tuple(map(_for_bundle, pairs[0].seen_beside(study.training.corrector.sees))),
+        sees=tuple(map(_for_bundle, pairs[0].seen_beside(sees))),
+        held=tuple(name for name in sees if name in pairs[0].inputs),
         study_hash=study.hash,
         versions={"fmucorrect": fmucorrect.__version__, **{name: version(name) for name in ("onnx", "numpy")}},
     )
@@ -297,8 +299,8 @@ def _declare(graph: onnx.GraphProto, info: Info) -> None:
 
 def _golden(item: Pair, info: Info, graph: bytes, where: str) -> dict[str, np.ndarray]:
     """Inputs of the golden pair: real ones, and states to which the graph comes there. Others need not be possible ones."""
-    simulated = item.simulated.select([channel.name for channel in info.seen])
-    windows = Window(info.rows, len(info.seen)).extend(simulated.values)
+    seen = item.seen([channel.name for channel in info.sees])
+    windows = Window(info.rows, len(info.seen)).extend(seen)
     t_ns = item.simulated.t_ns[info.rows - 1 :]
     inputs = {
         "window": windows,

@@ -224,6 +224,11 @@ def excitation_channel(study: Study) -> tuple[Channel, ...]:
     )
 
 
+def input_names(study: Study) -> tuple[str, ...]:
+    """The FMU's inputs; none without one."""
+    return () if study.fmu is None else tuple(v.name for v in open_fmu(study.fmu, warn=False).of("input"))
+
+
 def seen_beside(study: Study) -> tuple[Channel, ...]:
     """What the study's correctors see beside its channels ([training.corrector] sees), in the units of the FMU or the log."""
     return tuple(Channel(name, unit="", simulation=name) for name in study.training.corrector.sees)

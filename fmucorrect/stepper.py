@@ -127,14 +127,17 @@ class Corrector(Protocol):
     """What CorrectedStepper asks of a corrector; `bundle.Bundle` is the one that ships. Any number of runs share it.
 
     channels: J channels with their units. sees: what else it sees; the channels and these are the V columns of its window.
-    rows: W. step_ns: sample time. uncorrected: (J,) standard deviation of the uncorrected simulation against measurement, said
-    while there is no correction.
+    held: names of these that are seen as they were held until a row's time, see as_held. rows: W. step_ns: sample
+    time. uncorrected: (J,) standard deviation of the uncorrected simulation against measurement, said while there is no
+    correction.
     """
 
     @property
     def channels(self) -> tuple[Channel, ...]: ...
     @property
     def sees(self) -> tuple[Channel, ...]: ...
+    @property
+    def held(self) -> tuple[str, ...]: ...
     @property
     def rows(self) -> int: ...
     @property
@@ -228,6 +231,22 @@ class Window:
         return np.lib.stride_tricks.as_strided(history, shape, (row, row, column), writeable=False)
 
 
+def as_held(
+    rows: Float64[np.ndarray, "T V"], columns: Sequence[int], before: Float64[np.ndarray, " V"] | None = None
+) -> Float64[np.ndarray, "T V"]:
+    """Rows as a corrector sees them that knows what inputs held: these columns a row later. before: the row before the first;
+    None where a run begins, with inputs that have been as they are.
+
+    What a solver shows at a time follows from what its inputs held until then. A host says what they hold from then on when it
+    has read that, or as it steps on; whoever looks at that, too, would have to wait for it.
+    """
+    shifted = rows.copy()
+    shifted[1:, columns] = rows[:-1, columns]
+    if before is not None:
+        shifted[:1, columns] = before[columns]
+    return shifted
+
+
 @final
 class ReplayStepper:
     """A plant that only repeats what a log holds: the input row is the simulated response itself, in the channels' units;
@@ -273,6 +292,8 @@ class CorrectedStepper:
         self._columns = _match(plant.channels, self._seen)
         self._same = self._columns == list(range(len(plant.channels)))
         self._count, self._more = len(corrector.channels), len(corrector.sees) > 0
+        self._held = [j for j, channel in enumerate(self._seen) if channel.name in corrector.held]
+        self._before: Row | None = None  # the row before, of all columns that are seen
         self._run = run = corrector.start()
         self._window, self._seconds, self._correct = run.window, run.seconds, run.step
         self._delta, self._sigma, self._inside = run.answer.delta[0], run.answer.sigma[0], run.answer.inside
@@ -293,6 +314,7 @@ class CorrectedStepper:
         self._run.condition[0] = condition.features
         self._start_ns = condition.start_ns
         self._last_ns = None
+        self._before = None
 
     def step(self, t_ns: int, u: Row) -> Step:
         seen = simulated = self._plant.step(t_ns, u).simulated
@@ -305,6 +327,8 @@ class CorrectedStepper:
         self._last_ns = t_ns
         if self._more:
             simulated = seen[: self._count]
+        if self._held:
+            self._before, seen = seen.copy(), as_held(seen[None], self._held, self._before)[0]
         if not self._window.push(seen):
             return Step(t_ns, simulated, simulated, self._uncorrected, Status.WARMUP)
         self._seconds[0, 0] = (t_ns - self._start_ns) / NANOSECONDS
@@ -341,7 +365,10 @@ class CorrectedStepper:
             error.finished = self._corrected(plant.rows(0, row)) if row else None
             raise error
         self._last_ns = int(plant.t_ns[-1])
-        windows = self._window.extend(seen)
+        known = as_held(seen, self._held, self._before) if self._held else seen
+        if self._held:
+            self._before = seen[-1].copy()
+        windows = self._window.extend(known)
         start = len(plant) - len(windows)
         corrected, sigma = seen[:, : self._count].copy(), np.tile(self._uncorrected, (len(plant), 1))
         status = np.full(len(plant), float(Status.WARMUP))

@@ -61,6 +61,10 @@ class Withheld:
         return self._corrector.sees
 
     @property
+    def held(self) -> tuple[str, ...]:
+        return self._corrector.held
+
+    @property
     def rows(self) -> int:
         return self._corrector.rows
 

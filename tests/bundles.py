@@ -42,9 +42,15 @@ def make(
 
 
 def make_seeing(
-    path: Path, weights: np.ndarray, channels: tuple[Channel, ...], sees: tuple[Channel, ...], rows: int, step_ns: int
+    path: Path,
+    weights: np.ndarray,
+    channels: tuple[Channel, ...],
+    sees: tuple[Channel, ...],
+    rows: int,
+    step_ns: int,
+    held: tuple[str, ...] = (),
 ) -> Path:
-    """A bundle of format 2 that sees more than its channels: added is the window's oldest row times weights, (V, J)."""
+    """A bundle of format 2 or 3 that sees more than its channels: added is the window's oldest row times weights, (V, J)."""
     count = len(channels)
     constants = {
         "first": np.array(0, np.int64),
@@ -68,7 +74,7 @@ def make_seeing(
     ]
     constants |= {"each": np.array([1], np.int64), "zero": np.zeros((1, 1), np.float32)}
     graph = model(nodes, constants, rows, count, columns=len(weights))
-    return _sealed(path, graph, replace(_info("seeing", channels, rows, step_ns, 500.0), sees=sees))
+    return _sealed(path, graph, replace(_info("seeing", channels, rows, step_ns, 500.0), sees=sees, held=held))
 
 
 def _info(name: str, channels: tuple[Channel, ...], rows: int, step_ns: int, last_speed: float, state: int = 0) -> Info:

@@ -111,8 +111,8 @@ def test_the_contract_is_checked(tmp_path: Path) -> None:
 
 
 def test_formats_of_the_future_and_incomplete_metadata(tmp_path: Path) -> None:
-    data = {**INFO.to_json(), "format": 3}
-    with pytest.raises(BundleError, match="expected 1 or 2, got 3"):
+    data = {**INFO.to_json(), "format": 4}
+    with pytest.raises(BundleError, match="expected 1, 2 or 3, got 4"):
         Info.from_json(data, "x")
     data = INFO.to_json()
     del data["step_ns"]

@@ -211,7 +211,7 @@ def test_what_the_file_says(path: Path, model: Bundle, tmp_path: Path) -> None:
         (lambda data: data.update(state=True), "state.*cannot be used"),
         (lambda data: data.pop("state"), "state.*cannot be used"),
         (lambda data: data.update(format=1), "further inputs.*state"),
-        (lambda data: data.update(format=3), "another format.*1 or 2"),
+        (lambda data: data.update(format=4), "another format.*1, 2 or 3"),
         (lambda data: data["golden"].pop("next_state"), "golden.next_state.*cannot be used"),
         (lambda data: data["golden"].pop("state"), "golden.state.*cannot be used"),
         (

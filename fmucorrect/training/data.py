@@ -21,7 +21,7 @@ class Samples:
     """One condition as the networks see it: N complete windows and what was measured at their last rows.
 
     before: (B, V) rows of the simulation before the history, from its beginning: the J channels, mm or the channels' units,
-    then what else a corrector sees. history: (W - 1 + N, V), the simulated rows that the windows are made of. window: W.
+    then what else a corrector sees (`Pair.seen`). history: (W - 1 + N, V), the rows that the windows are made of. window: W.
     condition: (3,) speed km/h, amplitude deg, frequency Hz. seconds: (N,) since the excitation began. simulated, measured:
     (N, J) at the last rows. acceleration: (N, A) m/s2, of the channels `equipped`, their numbers. channels: names. metres:
     (J,) what one of each channel's units is in SI, the paper's gamma_q. step: s between rows. noise: (J,) the sensors', rms a
@@ -63,8 +63,7 @@ def samples(pair: Pair, rows: int, sees: Sequence[str] = ()) -> Samples:
     """The complete windows of a pair. The history reaches back before the measurement where the simulation does. sees: names of
     what is seen beside the channels."""
     channels = pair.measured.shape[1]
-    columns = [*range(channels), *(pair.simulated.index(name) for name in sees)]
-    simulated = pair.simulated.values[:, columns]
+    simulated = pair.seen(sees)
     first = max(pair.rows.start, rows - 1)
     last = pair.rows.stop
     if last <= first:

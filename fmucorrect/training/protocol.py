@@ -99,6 +99,7 @@ def train(study: Study, training: Training | None = None, workshop: Workshop | N
         rows=fitted.rows,
         state=corrector.state,
         sees=known.sees if sees else (),
+        held=known.held if sees else (),
         envelope=envelope,
         uncorrected=tuple(float(value) for value in basis.uncorrected),
         versions={**known.versions, "torch": version("torch")},

@@ -22,7 +22,11 @@ def wiring(info: Info, fmi: int) -> Wiring:
     where training was."""
     kind = "Real" if fmi == 2 else "Float64"
     seen = tuple(
-        Source(Variable(channel.name, kind, "input", unit=channel.unit, reference=j, start="0"), 1.0)
+        Source(
+            Variable(channel.name, kind, "input", unit=channel.unit, reference=j, start="0"),
+            1.0,
+            channel.name in info.held,
+        )
         for j, channel in enumerate(info.seen)
     )
     tunables = {key: _middle([float(c.get(key, 0.0)) for c in info.conditions]) for key in info.features}

@@ -77,7 +77,8 @@ def header(facts: Facts) -> str:
         "WIRED_LARGEST": max([1, *(row.size for row in facts.wired), *(size for _, size in _arrays(facts))]),
         "FORCES": len(_forces(facts)),
         "CHANNELS_FED": int(facts.channels_fed),
-        "INPUTS_SEEN": int(any(source.variable.causality == "input" for source in facts.wiring.seen)),
+        "INPUTS_SEEN": int(any(source.variable.causality == "input" for source in facts.wiring.at_once)),
+        "INPUTS_HELD": int(any(source.held for source in facts.wiring.seen)),
         "JOINTS_FED": int(facts.joints_fed),
         "ANSWERED": int(any(place.answers for place in facts.places)),
         "COUPLING": ctext.number(facts.coupling or facts.step_ns / 1e9, "the coupling step"),
@@ -123,6 +124,7 @@ def tables(facts: Facts) -> str:
     arrays = [
         _array("Wired", "SOURCES", "SEEN + CONDITIONS", (_source(facts, source) for source in sources)),
         _array("double", "FACTORS", "SEEN + CONDITIONS", _factors(sources)),
+        _array("bool", "HELD", "SEEN + 1", (str(int(source.held)) for source in wiring.seen)),
         _array("char *const", "CHANNEL_NAMES", "SEEN + 1", names),
         _array("double", "UNCORRECTED", "CHANNELS + 1", uncorrected),
         _array("double", "TUNABLES", "CONDITIONS", tunables),

@@ -283,7 +283,7 @@ def _generate(parts: _Parts, net: Mapping[str, bytes]) -> tuple[dict[str, bytes]
         variable_step=parts.inner is not None and "variable step size" in parts.inner.capabilities,
         places=located,
         coupling=coupling,
-        channels_fed=fed_through(root, [source.variable.name for source in parts.wiring.seen]),
+        channels_fed=fed_through(root, [source.variable.name for source in parts.wiring.at_once]),
         joints_fed=fed_through(
             root,
             [port.variable.name for place in located for port in place.ports if port],
@@ -344,7 +344,7 @@ def _condition_notes(parts: _Parts) -> list[str]:
 
 def _input_notes(parts: _Parts) -> list[str]:
     """What the order of a host's calls makes of inputs that the corrector sees."""
-    seen = [source.variable.name for source in parts.wiring.seen if source.variable.causality == "input"]
+    seen = [source.variable.name for source in parts.wiring.at_once if source.variable.causality == "input"]
     if not seen:
         return []
     late = "a host that reads the corrected channels before it sets the inputs of that time, as fmpy does, reads"

@@ -39,10 +39,11 @@ CONDITIONS = FEATURES
 
 @dataclass(frozen=True)
 class Source:
-    """A solver variable and the factor from its unit to the one wanted."""
+    """A solver variable and the factor from its unit to the one wanted. held: seen as it was held until a sample."""
 
     variable: Variable
     factor: float
+    held: bool = False
 
 
 @dataclass(frozen=True)
@@ -56,6 +57,11 @@ class Wiring:
     tunables: Mapping[str, float]
     parameters: Mapping[Variable, float]
     trained: Mapping[Variable, Trained] = field(default_factory=dict)
+
+    @property
+    def at_once(self) -> tuple[Source, ...]:
+        """What is seen as it is at a sample's own time."""
+        return tuple(source for source in self.seen if not source.held)
 
 
 @dataclass(frozen=True)
@@ -158,7 +164,8 @@ def wire(fmu: FmuDescription, info: Info, mapping: MappingFile) -> Wiring:
         raise WrapError("; ".join(problems), where=str(fmu.path), remedy=remedy)
     seen: list[Source] = []
     for variable, channel in zip(found, info.seen, strict=True):
-        seen.append(Source(variable, _factor(fmu, variable, channel.unit, f"channel {channel.name!r}")))
+        factor = _factor(fmu, variable, channel.unit, f"channel {channel.name!r}")
+        seen.append(Source(variable, factor, channel.name in info.held))
     conditions, tunables = _conditions(fmu, info, mapping)
     return Wiring(tuple(seen), conditions, tunables, _parameters(fmu, info, mapping), _trained(fmu, info, mapping))
 

@@ -13,8 +13,9 @@
  *
  * A sample is what the solver's outputs are with the inputs of its time: read when the step that leads to it has ended, and again
  * when the next one begins where an output may depend on an input at once (CHANNELS_FED) and inputs have been set in between.
- * A corrector that sees the host's inputs (INPUTS_SEEN) has none of that time until the host has set them. A host that reads its
- * outputs before gets the correction of the sample before, as between samples: the old inputs beside the new outputs would be a
+ * Of inputs that a corrector sees it has what they held while the solver came to the sample (HELD), so that it waits for nothing.
+ * One that was trained with the inputs of a sample's own time (INPUTS_SEEN) has none until the host has set them. A host that reads
+ * its outputs before gets the correction of the sample before, as between samples: the old inputs beside the new outputs would be a
  * window that nothing was trained on. One that has not set any since the start has inputs that do not change.
  *
  * Two clocks: `host` is the host's, which may be coarse; `now` the solver's, to which each step begins where the last one ended.
@@ -90,7 +91,7 @@ Status sampling_row(Wrapper *self)
         return status;
     size_t bad = SEEN;
     for (size_t j = 0; j < SEEN; j++) {
-        row[j] *= FACTORS[j];
+        row[j] = HELD[j] && s->inputs_known ? s->inputs_before[j] : row[j] * FACTORS[j];
         if (!(fabs(row[j]) <= FLT_MAX) && bad == SEEN) /* a window is of single precision */
             bad = j;
     }
@@ -249,6 +250,24 @@ static Status step_piece(Wrapper *self, double begin, double piece, bool last, O
     return status;
 }
 
+#if INPUTS_HELD
+/* A step begins: what the inputs hold now they hold until the next sample. */
+static Status keep_inputs(Wrapper *self)
+{
+    State *s = &self->state;
+    for (size_t j = 0; j < SEEN; j++) {
+        if (!HELD[j])
+            continue;
+        const Status status = inner_numbers(self, &SOURCES[j], 1, &s->inputs_before[j]);
+        if (status > STATUS_WARNING)
+            return status;
+        s->inputs_before[j] *= FACTORS[j];
+    }
+    s->inputs_known = true;
+    return STATUS_OK;
+}
+#endif
+
 /* From `start` by `size` s, on the solver's clock. */
 static Status step_by_pieces(Wrapper *self, double start, double size, bool may_return_early, Outcome *outcome)
 {
@@ -263,6 +282,11 @@ static Status step_by_pieces(Wrapper *self, double start, double size, bool may_
         const Status known = s->enabled ? sampling_correction(self) : STATUS_OK; /* what its end may have to go on with */
         if (known > STATUS_WARNING)
             return known;
+#endif
+#if INPUTS_HELD
+        const Status kept = s->on_grid || idle(s) ? keep_inputs(self) : STATUS_OK;
+        if (kept > STATUS_WARNING)
+            return kept;
 #endif
         const int64_t next_ns = s->sample_ns + STEP_NS;
         last = idle(s) || end_ns <= next_ns + SNAP;

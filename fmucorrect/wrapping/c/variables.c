@@ -48,7 +48,7 @@ void variables_touched(Wrapper *self)
     s->row_stale = s->stale = true;
     s->led = s->started;
     s->awaited = false;
-    s->row_due = s->row_due || CHANNELS_FED;
+    s->row_due = s->row_due || CHANNELS_FED || (INPUTS_HELD && !s->inputs_known);
     s->joints_due = s->joints_due || JOINTS_FED;
 }
 

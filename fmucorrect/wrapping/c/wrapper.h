@@ -91,6 +91,7 @@ enum { SPEED, AMPLITUDE, FREQUENCY, START, CONDITIONS };
 
 extern const Wired SOURCES[SEEN + CONDITIONS]; /* what the corrector sees, the channels first, then conditions; size 0 where a condition is a tunable */
 extern const double FACTORS[SEEN + CONDITIONS];
+extern const bool HELD[SEEN + 1]; /* inputs, of which a row has what they held until its time */
 extern const char *const CHANNEL_NAMES[SEEN + 1];
 extern const double UNCORRECTED[CHANNELS + 1];
 extern const double TUNABLES[CONDITIONS];
@@ -119,6 +120,7 @@ typedef struct {
     bool joints_due;  /* the joints likewise */
     bool led;         /* the host has set inputs or parameters since initialisation ended */
     bool awaited;     /* the inputs of this time, which the corrector sees, have not been set yet */
+    bool inputs_known; /* inputs_before is */
     bool divided;     /* the solver has been given other steps than the host's */
     bool stale;       /* the correction does not follow yet from window and conditions */
     bool ill;         /* the last sample was not finite, and that was said */
@@ -134,6 +136,7 @@ typedef struct {
     double host; /* s, where the host's last step ended, on the host's clock */
     double conditions[CONDITIONS];
     double row[SEEN + 1]; /* what is seen of the solver's response now, in the corrector's units */
+    double inputs_before[SEEN + 1]; /* what inputs have held since the sample before, in the corrector's units */
     double delta[CHANNELS + 1], sigma[CHANNELS + 1];
     float window[ROWS * SEEN + 1];
     float memory[CORRECTOR_STATE + 1], next_memory[CORRECTOR_STATE + 1]; /* the corrector's state, before and after the newest sample */
