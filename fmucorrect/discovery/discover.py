@@ -224,7 +224,8 @@ def _report(
     verdict = confirmed(decision, checked, sizes)
     lap("confirm")
     by_joints, by_form = (
-        doubtful(problem, setting, best, errors) for errors in (unlisted(problem, best), form_errors(problem, best))
+        doubtful(problem, setting, best, errors)
+        for errors in (unlisted(problem, best), form_errors(problem, best, setting))
     )
     doubt = by_joints + by_form
     std = less_known(best, doubt).std()

@@ -68,9 +68,11 @@ class Uneven:
 
 @dataclass(frozen=True)
 class _Sizes:
-    """gained: in twice the log likelihood. share, explains: as of Uneven. factors: (PIECES,)."""
+    """gained: in twice the log likelihood. deviation: the pieces' most likely one, of SIZES. share, explains: as of Uneven.
+    factors: (PIECES,)."""
 
     gained: float
+    deviation: float
     share: float
     explains: float
     factors: tuple[float, ...]
@@ -142,16 +144,24 @@ def _pieces(
     return found
 
 
-def form_errors(problem: Problem, fitted: Fitted) -> Float64[np.ndarray, "n m"]:
+def form_errors(problem: Problem, fitted: Fitted, setting: Setting | None = None) -> Float64[np.ndarray, "n m"]:
     """What it does at the sensors where each nonlinear force of a set is off by FORM_ERROR in each of its pieces, by place and
-    by speed: one standard deviation a column. Without columns where the solver gives up."""
+    by speed: one standard deviation a column. Without columns where the solver gives up. setting: given, a force is off by
+    what the measurement says of its pieces, where that is more and no chance."""
     forms = [
-        FORM_ERROR * columns
+        max(FORM_ERROR, _deviation(setting, fitted, columns)) * columns
         for term in fitted.model.terms
         if isinstance(term, ForceTerm) and not linear(term)
         for _, columns in _pieces(problem, fitted, term)
     ]
     return np.concatenate([np.zeros((len(fitted.at), 0)), *forms], axis=1)
+
+
+def _deviation(setting: Setting | None, fitted: Fitted, columns: Float64[np.ndarray, "n P"]) -> float:
+    if setting is None or not stands_out(setting, fitted):
+        return 0.0
+    found = _sizes(setting, fitted, columns)
+    return found.deviation if found.gained > CHANCE else 0.0
 
 
 def doubted(problem: Problem, setting: Setting, fitted: Fitted) -> float:
@@ -214,7 +224,7 @@ def _sizes(setting: Setting, fitted: Fitted, pieces: Float64[np.ndarray, "n P"])
     left = float(rest @ rest - taken[-1, -1]) - len(rest) * setting.floor / level
     explains = float(2.0 * moves @ b - moves @ A @ moves) / max(left, 1e-300)
     share = float(np.linalg.norm(pieces @ moves) / max(np.linalg.norm(law), 1e-300))
-    return _Sizes(float(gained[k]), share, explains, tuple(float(1.0 + move) for move in moves))
+    return _Sizes(float(gained[k]), float(SIZES[k]), share, explains, tuple(float(1.0 + move) for move in moves))
 
 
 VARIES = 0.15

@@ -124,6 +124,26 @@ def test_an_error_bar_holds_what_the_form_of_a_law_does_to_its_number(library, t
         assert form_errors(problem, straight).shape[1] == 0  # its size is its number
 
 
+@pytest.mark.parametrize("weaker", [0.0, 0.5])
+def test_numbers_are_known_no_better_than_their_law_fits(weaker, library, tmp_path):
+    """A spring that is much weaker one way: what is left tells by how much a cubic one is off."""
+
+    def measured(d, v):
+        return cubic(d, v) * (1.0 - weaker * (d[1] > 0.0))
+
+    with load(load_study(write_study(tmp_path, measured)), library, 2) as problem:
+        setting, _ = begun(problem)
+        spring = term_at(problem.study, "cubic_stiffness", "joint 2", cubic_stiffness=CUBIC)
+        found = fit(problem, setting, replace(problem.nominal, terms=(spring,)), 20)
+        as_usual, as_left = (
+            less_known(found, doubtful(problem, setting, found, errors)).std()[0]["cubic_stiffness"]
+            for errors in (form_errors(problem, found), form_errors(problem, found, setting))
+        )
+        assert as_left == as_usual if weaker == 0.0 else as_left > 2.0 * as_usual
+        off = found.model.terms[0].values["cubic_stiffness"] - (1.0 - 0.5 * weaker) * CUBIC
+        assert abs(off) < 2.5 * as_left
+
+
 def test_forces_that_a_sensors_offset_makes_up_for_are_told(library, tmp_path):
     """The FMU gets the forces alone."""
     with measured_on(tmp_path, library, "viscous_damping", damping=0.5) as problem:
