@@ -55,7 +55,7 @@ class Decision:
 def decide(naming: Naming) -> Decision:
     """The verdict that the development conditions give."""
     base = naming.base
-    sets = sorted([base, *naming.sets], key=lambda fitted: fitted.surprise)
+    sets = _told(naming.setting, sorted([base, *naming.sets], key=lambda fitted: fitted.surprise))
     best = sets[0]
     if best is not base and best.surprise > base.surprise - CLEAR:
         best = base
@@ -88,6 +88,20 @@ def decide(naming: Naming) -> Decision:
     if verdict == "unexplained" and enough(naming.setting, base):
         return Decision("none", base, (), (), rivals, remaining(base, base))
     return Decision(verdict, best, probability, classes, rivals, unexplained, classed)
+
+
+def _told(setting: Setting, sets: Sequence[Fitted]) -> list[Fitted]:
+    """Without those that explain only with a base parameter that went too far (`strained`), where what they are told from
+    (CLOSE) is another that names parameters beside the same effects, and then has none such."""
+
+    def names_it(one: Fitted, other: Fitted) -> bool:
+        more = [term for term in other.model.terms if term.key not in names(one)]
+        near = names(one) < names(other) and other.surprise <= one.surprise + CLOSE
+        return near and all(isinstance(term, OffsetTerm) for term in more) and not strained(setting, other)
+
+    bare = [one for one in sets if one.model.terms and strained(setting, one)]
+    gone = [one for one in bare if any(names_it(one, other) for other in sets)]
+    return [one for one in sets if not any(one is other for other in gone)]
 
 
 def enough(setting: Setting, base: Fitted) -> bool:

@@ -100,6 +100,24 @@ def test_a_set_that_leaves_something_and_moves_a_parameter_farther_than_its_name
     assert decide(Naming(base, (best,), setting)).verdict == verdict
 
 
+@pytest.mark.parametrize(("behind", "verdict"), [(2.0, "named"), (30.0, "unexplained")])
+def test_a_parameter_that_went_too_far_is_named_where_a_set_as_likely_names_it(behind, verdict):
+    """A spring that is off by six tolerances, beside friction: the fit that moves it by its tolerances ends a little lower than
+    the one that names it."""
+    setting = Setting(np.zeros(ROWS), Nuisances(np.zeros((ROWS, 0))), np.zeros((ROWS, 1)), np.zeros(0), 1.0)
+    moved = 10.0 * np.where(np.arange(ROWS) % 2, 1.0, -1.0)[:, None]
+    base, far, named = (
+        fitted(Model((), (0.0,)), 30.0, 900.0, 500.0),
+        fitted(Model((force(1),), (6.0,)), 1.0, 1.0, 100.0),
+        fitted(Model((force(1), offset(2, 0.02)), (0.0,)), 1.0, 1.0, 100.0 + behind),
+    )
+    far = replace(far, base=moved, slopes=np.full((ROWS, 1), 30.0))
+    named = replace(named, base=moved, slopes=np.full((ROWS, 2), 30.0))
+    found = decide(Naming(base, (far, named), setting))
+    assert found.verdict == verdict
+    assert len(found.best.model.terms) == (2 if verdict == "named" else 1)
+
+
 def test_what_sensors_take_on_before_and_after_is_no_effects():
     """Inputs that are held make all sensors late, and that is nearly all of the disagreement: a drift takes a little of what a
     lag leaves. A gain takes away what the sensors had taken on; a force what they cannot."""
