@@ -142,6 +142,9 @@ class Bundle:
     def start(self) -> Run:
         return Run(self._session, self.info, str(self.path))
 
+    def unlike(self, given: Mapping[str, float], defaults: Mapping[str, float]) -> list[str]:
+        return self.info.unlike(given, defaults)
+
 
 @final
 class Run:

@@ -15,13 +15,13 @@ from fmucorrect.catalogue.law import FAMILIES
 from fmucorrect.descriptions import Thing
 from fmucorrect.errors import SHOWN, FmucorrectError, RecordError, few
 from fmucorrect.fmu import FmuDescription, fixed, open_fmu
+from fmucorrect.otherwise import left_alone, shown_otherwise
 from fmucorrect.pairs import Pair, pair, read_samples
 from fmucorrect.records.contents import Contents
 from fmucorrect.screening import Finding, coarse, of_pairs, of_records, together
 from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Reading
 from fmucorrect.study import Study, check_study, load_study
 from fmucorrect.study_places import nearest, place
-from fmucorrect.withheld import left_alone, shown_otherwise
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ from fmucorrect.bundle import Bundle
 from fmucorrect.clocks import begins, clock
 from fmucorrect.errors import FmucorrectError, RecordError
 from fmucorrect.live import Live, live_layout
+from fmucorrect.otherwise import left_alone, shown_otherwise
 from fmucorrect.records.timebase import seconds_text
 from fmucorrect.records.writing import Writer
 from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Condition, Reading, Record
@@ -35,10 +36,10 @@ from fmucorrect.stepper import (
     corrected_channels,
     finished_rows,
     run,
+    unlike,
 )
 from fmucorrect.study import Study
 from fmucorrect.study_schema import LONGEST
-from fmucorrect.withheld import admitted, left_alone, shown_otherwise
 
 _log = logging.getLogger("fmucorrect")
 
@@ -124,12 +125,10 @@ def run_study(
             _log.warning("%s: it is right only if the output was renamed", text)
         for text in left_alone(corrector, [variable.name for variable in sources.driving(study, condition)]):
             _log.warning("%s: the model moves otherwise than it did there", text)
-    corrector, unlike = (None, "") if corrector is None else admitted(corrector, given, sources.start_values(study))
     told = {
         "damage": "; ".join(f"{file.name}: {damage}" for file, damage in lost.items()),
         "repaired": sources.repaired_inputs(study, condition),
         "starts": sources.unknown_starts(study, condition),
-        "unlike": unlike,
     }
     known = clock(study, condition) if duration is None and condition.simulated is None and study.fmu else None
     begun = begins(study, condition) if known is None else known.origin_ns
@@ -173,8 +172,7 @@ def replay_log(
     )
     repaired = sources.repaired(log, channels, topic=topic, repair=repair, reading=reading)
     by = made(corrector)
-    corrector, unlike = admitted(corrector, condition.parameters, {})
-    told = {"damage": damage, "repaired": repaired, "unlike": unlike}
+    told = {"damage": damage, "repaired": repaired}
     stepper = ReplayStepper(channels)
     return _write("replay", stepper, corrector, condition, inputs, out, progress, told, by, log, live)
 
@@ -412,6 +410,7 @@ def _write(
     try:
         stepper = plant if corrector is None else CorrectedStepper(plant, corrector)
         added = 0 if corrector is None else len(corrected_channels(corrector.channels))
+        told = {**told, "unlike": "" if corrector is None else unlike(plant, corrector, condition)}
         notes = metadata(condition) | {key: text for key, text in told.items() if text}
         with live or nullcontext():
             with _recording(out, command, notes, by, added, progress) as recorder:

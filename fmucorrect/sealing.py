@@ -39,7 +39,6 @@ from fmucorrect.screening import screen
 from fmucorrect.signals import NANOSECONDS, Channel, Condition
 from fmucorrect.stepper import CorrectedStepper, ReplayStepper, Window
 from fmucorrect.study import Study
-from fmucorrect.withheld import admitted
 from fmucorrect.workfolder import WorkFolder
 
 _READ = {"window", "condition", "time", "state"}
@@ -97,8 +96,7 @@ def _was_sealed(path: Path) -> bool:
 
 def evaluate(item: Pair, model: Bundle) -> Comparison:
     """A bundle on a pair, through the same stepper as online."""
-    corrector, _ = admitted(model, {**model.info.parameters, **item.condition.parameters}, {})
-    stepper = CorrectedStepper(ReplayStepper(item.simulated.channels), corrector)
+    stepper = CorrectedStepper(ReplayStepper(item.simulated.channels), model)
     stepper.reset(item.condition)
     return compare(item, stepper.process(item.simulated))
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from fmucorrect import records, units
 from fmucorrect.clocks import Clock, begins, clock, measured_extents
 from fmucorrect.errors import FmuError, RecordError, SignalError, StudyError, few
 from fmucorrect.fmu import FmuStepper, IsolatedStepper, Limits, Variable, input_record, open_fmu
+from fmucorrect.fmu.startvalues import own_starts
 from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Channel, Condition, Reading, Record
 from fmucorrect.stepper import ReplayStepper, Stepper, grid
 from fmucorrect.study import Study, renamed_for_nothing
@@ -36,7 +36,7 @@ def plant(study: Study, condition: Condition, *, sees: Sequence[Channel] = (), i
     channels = responses(study, sees)
     fmu = study.fmu
     if condition.simulated is not None or fmu is None:
-        return ReplayStepper(channels)
+        return ReplayStepper(channels, start_values(study))
     driven = [variable.name for variable in driving(study, condition)]
     if not isolated:
         return solver(study, channels, driven)
@@ -94,14 +94,7 @@ def unknown_starts(study: Study, condition: Condition) -> str:
 
 def start_values(study: Study) -> dict[str, float]:
     """Those that the FMU has by itself, by name; {} without one."""
-    if study.fmu is None:
-        return {}
-    variables = open_fmu(study.fmu, warn=False).variables
-    found: dict[str, float] = {}
-    for name, variable in variables.items():
-        with suppress(TypeError, ValueError):  # no start, or that of a text or an array
-            found[name] = float(variable.start)
-    return found
+    return {} if study.fmu is None else own_starts(open_fmu(study.fmu, warn=False))
 
 
 def own_parameters(study: Study) -> dict[str, float]:

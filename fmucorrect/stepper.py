@@ -6,10 +6,11 @@ Online co-simulation, batch and replay differ only in the plant (an FMU, a log) 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Iterable, Sequence
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import replace
 from enum import IntEnum
+from types import MappingProxyType
 from typing import NamedTuple, Protocol, final, runtime_checkable
 
 import numpy as np
@@ -149,12 +150,33 @@ class Corrector(Protocol):
         """A run of its own."""
         ...
 
+    def unlike(self, given: Mapping[str, float], defaults: Mapping[str, float]) -> Sequence[str]:
+        """Which start values of the model are others than it was made for, in words. given: those that are set. defaults: those
+        that hold otherwise, as far as they are known."""
+        ...
+
 
 @runtime_checkable
 class Streaming(Protocol):
     """A Stepper that may work ahead: stream() gives what process() would give for each record, in turn."""
 
     def stream(self, records: Iterable[Record]) -> Generator[Record]: ...
+
+
+@runtime_checkable
+class Started(Protocol):
+    """A Stepper that knows its model's start values."""
+
+    def starts(self, condition: Condition) -> tuple[Mapping[str, float], Mapping[str, float]]:
+        """Those that are set in this condition, and those that hold otherwise."""
+        ...
+
+
+def unlike(plant: Stepper, corrector: Corrector, condition: Condition) -> str:
+    """Why `corrector` is withheld from the plant in this condition, in words; "" where it is not. Nothing in the motion need
+    show that a model is another than in training: with another damper it moves much alike, and lacks another thing."""
+    given, defaults = plant.starts(condition) if isinstance(plant, Started) else (condition.parameters, {})
+    return "; ".join(corrector.unlike(given, defaults))
 
 
 BROKEN_OFF = (FmucorrectError, KeyboardInterrupt)
@@ -250,10 +272,10 @@ def as_held(
 @final
 class ReplayStepper:
     """A plant that only repeats what a log holds: the input row is the simulated response itself, in the channels' units;
-    a channel of unit "" takes the log's."""
+    a channel of unit "" takes the log's. defaults: start values of the model that was logged, where no condition says them."""
 
-    def __init__(self, channels: tuple[Channel, ...]) -> None:
-        self._channels = channels
+    def __init__(self, channels: tuple[Channel, ...], defaults: Mapping[str, float] = MappingProxyType({})) -> None:
+        self._channels, self._defaults = channels, defaults
         self._nothing = np.zeros(len(channels))
 
     def __repr__(self) -> str:
@@ -265,6 +287,9 @@ class ReplayStepper:
 
     def reset(self, condition: Condition) -> None:
         pass
+
+    def starts(self, condition: Condition) -> tuple[Mapping[str, float], Mapping[str, float]]:
+        return condition.parameters, self._defaults
 
     def step(self, t_ns: int, u: Row) -> Step:
         return Step(t_ns, u, u, self._nothing, Status.OK)
@@ -280,7 +305,8 @@ class ReplayStepper:
 
 @final
 class CorrectedStepper:
-    """A plant and a corrector as one Stepper.
+    """A plant and a corrector as one Stepper. withheld: since the last reset(), why nothing is corrected and all is OUTSIDE:
+    start values of the model that the corrector was not made for; "" where it corrects.
 
     Raises SignalError where the plant lacks what the corrector sees or has it in another unit, where samples do not
     come at the corrector's sample time, and where what it sees is NaN or Inf (naming channel and time).
@@ -300,6 +326,7 @@ class CorrectedStepper:
         self._uncorrected = corrector.uncorrected.astype(np.float64)
         self._start_ns = 0
         self._last_ns: int | None = None
+        self.withheld = ""
 
     def __repr__(self) -> str:
         return brief_of(self, "_plant", "_corrector")
@@ -315,6 +342,7 @@ class CorrectedStepper:
         self._start_ns = condition.start_ns
         self._last_ns = None
         self._before = None
+        self.withheld = unlike(self._plant, self._corrector, condition)
 
     def step(self, t_ns: int, u: Row) -> Step:
         seen = simulated = self._plant.step(t_ns, u).simulated
@@ -331,6 +359,8 @@ class CorrectedStepper:
             self._before, seen = seen.copy(), as_held(seen[None], self._held, self._before)[0]
         if not self._window.push(seen):
             return Step(t_ns, simulated, simulated, self._uncorrected, Status.WARMUP)
+        if self.withheld:
+            return Step(t_ns, simulated, simulated, self._uncorrected, Status.OUTSIDE)
         self._seconds[0, 0] = (t_ns - self._start_ns) / NANOSECONDS
         if not self._correct():
             raise self._not_corrected(t_ns)
@@ -372,8 +402,10 @@ class CorrectedStepper:
         start = len(plant) - len(windows)
         corrected, sigma = seen[:, : self._count].copy(), np.tile(self._uncorrected, (len(plant), 1))
         status = np.full(len(plant), float(Status.WARMUP))
-        done = start
-        if len(windows):
+        done = len(plant) if self.withheld else start
+        if self.withheld:
+            status[start:] = float(Status.OUTSIDE)
+        elif len(windows):
             seconds = (plant.t_ns[start:] - self._start_ns) / NANOSECONDS
             delta, spread, inside = self._run.correct(windows, self._run.condition[0], seconds)
             done += len(delta)

@@ -57,7 +57,7 @@ class LinearCorrector:
     def __init__(self, rows: int = 5, scale: float = 0.1, limit: float = 1e9, step_ns: int = STEP_NS) -> None:
         self.rows, self.step_ns, self.channels = rows, step_ns, CHANNELS
         self.uncorrected = np.array([0.3, 0.4], np.float32)
-        self.sees = ()
+        self.sees, self.held = (), ()
         self._weights = (scale * np.linspace(-1.0, 1.0, rows)).astype(np.float32)
         self._limit = limit
 
@@ -67,6 +67,9 @@ class LinearCorrector:
         for row, weight in enumerate(self._weights):
             delta += weight * windows[:, row]
         return Correction(delta * inside[:, None], np.full_like(delta, 0.1), inside)
+
+    def unlike(self, given: dict[str, float], defaults: dict[str, float]) -> list[str]:
+        return []
 
     def start(self) -> ClosedRun:
         return ClosedRun(self, Window(self.rows, len(self.channels)))

@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmucorrect import bundle, inspection, records, runs
+from fmucorrect import bundle, inspection, records, runs, sources
 from fmucorrect.cli import main
 from fmucorrect.errors import RecordError
 from fmucorrect.records import writer
 from fmucorrect.signals import Channel, Record
+from fmucorrect.stepper import CorrectedStepper, Status
 from fmucorrect.study import load_study
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -101,6 +102,28 @@ def test_run_and_replay_withhold_and_say_why(
     again = ["replay", str(tmp_path / "other.mcap"), "--corrector", str(MODEL), "-o", str(tmp_path / "told.mcap")]
     main.main(again, standalone_mode=False)
     assert "outside: equivalent_conicity is 0.2, trained with 0.1" in capsys.readouterr().out
+
+
+def test_so_does_a_stepper_in_python(model: bundle.Bundle) -> None:
+    """Of an FMU whose start values hold in every condition, row by row and many rows at once; and no longer in the next run."""
+    study = load_study(STUDY)
+    condition, (first, *_) = study.condition("340"), sources.inputs(study, study.condition("340"), 0.2)
+    for other in ({"equivalent_conicity": 0.2}, {}):
+        changed = replace(study, simulation=replace(study.simulation, parameters={**study.parameters, **other}))
+        stepper = CorrectedStepper(sources.plant(changed, condition, isolated=False), model)
+        try:
+            stepper.reset(condition)
+            rows = stepper.process(first)
+            assert bool(stepper.withheld) is bool(other)
+            assert ("equivalent_conicity is 0.2, trained with 0.1" in stepper.withheld) is bool(other)
+            assert {*rows["corrector_status"]} == {Status.WARMUP, Status.OUTSIDE if other else Status.OK}
+            stepper.reset(condition)
+            u = sources.plant(changed, condition, isolated=False).input_values(first)
+            steps = [stepper.step(int(t), row) for t, row in zip(first.t_ns, u, strict=True)]
+            assert [step.status for step in steps] == [*rows["corrector_status"]]
+            assert all((step.corrected == step.simulated).all() for step in steps if step.status != Status.OK)
+        finally:
+            stepper.close()
 
 
 def test_metadata_that_are_no_numbers_are_refused(tmp_path: Path) -> None:

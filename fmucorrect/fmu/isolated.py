@@ -27,7 +27,7 @@ from fmucorrect.fmu.child import Layout
 from fmucorrect.fmu.description import FmuDescription
 from fmucorrect.fmu.matching import match
 from fmucorrect.fmu.process import DEFAULT, Limits, SolverProcess
-from fmucorrect.fmu.startvalues import start_values
+from fmucorrect.fmu.startvalues import own_starts, start_values
 from fmucorrect.fmu.stepper import finished
 from fmucorrect.signals import Channel, Condition, Record, join
 from fmucorrect.stepper import BROKEN_OFF, Row, Status, Step, finished_rows, keep_finished
@@ -90,6 +90,9 @@ class IsolatedStepper:
     def description(self) -> FmuDescription:
         """What the FMU says of itself."""
         return self._matched.description
+
+    def starts(self, condition: Condition) -> tuple[Mapping[str, float], Mapping[str, float]]:
+        return {**self._parameters, **condition.parameters}, own_starts(self.description)
 
     def reset(self, condition: Condition) -> None:
         """Start the solver with the start values of `parameters` and `condition.parameters`, the latter going first."""

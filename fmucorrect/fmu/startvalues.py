@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 
 from fmucorrect.errors import FmuError
 from fmucorrect.fmu.description import FmuDescription, Variable
@@ -16,6 +17,15 @@ def start_values(description: FmuDescription, values: Mapping[str, float]) -> di
     if problems := misfits(description, values):
         raise FmuError("start values do not fit: " + "; ".join(problems.values()), where=str(description.path))
     return {description.variables[name]: value for name, value in values.items()}
+
+
+def own_starts(description: FmuDescription) -> dict[str, float]:
+    """The start values that an FMU has by itself, by name; of texts and arrays none."""
+    found: dict[str, float] = {}
+    for name, variable in description.variables.items():
+        with suppress(TypeError, ValueError):
+            found[name] = float(variable.start)
+    return found
 
 
 def misfits(description: FmuDescription, values: Mapping[str, float]) -> dict[str, str]:

@@ -21,7 +21,7 @@ from fmucorrect.fmu.loaded import Place
 from fmucorrect.fmu.matching import SECOND, match
 from fmucorrect.fmu.opened import Opened, advance
 from fmucorrect.fmu.ports import Port, ports
-from fmucorrect.fmu.startvalues import start_values
+from fmucorrect.fmu.startvalues import own_starts, start_values
 from fmucorrect.signals import Channel, Condition, Record, Times
 from fmucorrect.stepper import Row, Status, Step
 
@@ -123,6 +123,9 @@ class FmuStepper(Opened):
         """Unpack and load the library, which reset() does by itself."""
         if self._instance is None:
             self._open()
+
+    def starts(self, condition: Condition) -> tuple[Mapping[str, float], Mapping[str, float]]:
+        return {**self._parameters, **condition.parameters}, own_starts(self._description)
 
     def reset(self, condition: Condition) -> None:
         """Start the solver with the start values of `parameters` and `condition.parameters`, the latter going first."""
