@@ -180,27 +180,30 @@ def flagged_in_motion(guard: Guard, item: Comparison) -> float:
     return float((item.status[item.excited] == Status.OUTSIDE).mean()) if left is None else left
 
 
-def guard_words(guard: Guard, fallback: Fallback | None, linear: bool) -> str:
-    """What the guard does, and how often it errs. linear: whether the corrector is a linear filter itself."""
-    then = "it fades to the bare simulation"
-    if fallback is not None:
-        bare, left = fallback.figures.values()
-        then = "it goes on as it is, a linear filter" if linear else "it fades to a linear filter"
-        then += (
-            ", since one of what it sees was better than the simulation at every condition that was left out (NRMSE "
-            f"{bare:.3g} -> {left:.3g} %); the band is then that of the bare simulation, and under another declared "
-            "condition nothing is corrected"
-        )
+def guard_words(guard: Guard, fallback: Fallback | None, linear: bool) -> list[str]:
+    """What the guard does, and how often it errs, point by point. linear: whether the corrector is a linear filter itself."""
     looks, limits, each = "", f"threshold {guard.known.threshold:.3g}", ""
     if guard.lately is not None:
         looks = " and at how strong each part of it has been lately"
         limits, each = f"thresholds {guard.known.threshold:.3g} and {guard.lately.threshold:.3g}", " for either"
-    return (
-        f"The corrector looks at the motion{looks}, too: farther from what development holds of it than conditions were that "
-        f"had been left out ({limits}, so that at most {100 * FALSE_ALARMS:.1f} % of any one's rows in motion are flagged"
-        f"{each}), {then}. "
-        f"False alarms: {100 * guard.false_alarms:.1f} % of the rows in motion of conditions that were left out. "
-        f"Misses: {100 * guard.misses:.0f} % of the rows in motion of motions made of those of development "
+    then = "There the correction fades to the bare simulation."
+    if fallback is not None:
+        bare, left = fallback.figures.values()
+        then = (
+            "There it goes on as it is, a linear filter" if linear else "There the correction fades to a linear filter"
+        )
+        then += (
+            ": one of what it sees was better than the simulation at every condition that was left out (NRMSE "
+            f"{bare:.3g} -> {left:.3g} %). The band is then that of the bare simulation. Under another declared condition "
+            "nothing is corrected."
+        )
+    return [
+        f"The corrector looks at the motion{looks}, too. Outside is what lies farther from all that development holds than "
+        f"conditions did that had been left out ({limits}: at most {100 * FALSE_ALARMS:.1f} % of any one's rows in motion are "
+        f"flagged{each}).",
+        then,
+        f"False alarms: {100 * guard.false_alarms:.1f} % of the rows in motion of conditions that were left out.",
+        f"Not noticed: {100 * guard.misses:.0f} % of the rows in motion of motions made of those of development "
         f"({'; '.join(guard.strange)}). Where it flags few of these, they were no news to it: random motion holds small and "
-        "slow ones, too."
-    )
+        "slow ones, too. What is not flagged is corrected as if it were known.",
+    ]

@@ -154,7 +154,7 @@ def test_where_it_ends_is_a_map() -> None:
     rows = [("300, left out", 0.01, 0.9), ("development, random", 0.98, None)]
     bars = envelope.flagged(rows).data
     assert [list(bar.x) for bar in bars] == [[1.0], [98.0]]
-    guarded = training_page.Guarded("It looks.", rows, {"speed": (240.0, 270.0, 390.0, 420.0)}, places)
+    guarded = training_page.Guarded(["It looks."], rows, {"speed": (240.0, 270.0, 390.0, 420.0)}, places)
     built = training_page.build("corrector", conditions(), [], [], guarded=guarded).text()
     assert "Where it ends It looks. on the map" in words(built)
     assert "each left out of the fit in turn 300 90" in words(built)

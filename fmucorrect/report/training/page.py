@@ -31,11 +31,11 @@ CAUTION = (
 
 @dataclass(frozen=True)
 class Guarded:
-    """Where a corrector ends. words: how it knows, and how often it errs. rows: a motion, share flagged of the rows in motion,
-    share of the samples that the 90 % band holds (None: nothing was measured). envelope: outer low, inner low, inner high and
-    outer high corner of what a condition says, by name. places: conditions on that map."""
+    """Where a corrector ends. words: how it knows, and how often it errs, point by point. rows: a motion, share flagged of the
+    rows in motion, share of the samples that the 90 % band holds (None: nothing was measured). envelope: outer low, inner low,
+    inner high and outer high corner of what a condition says, by name. places: conditions on that map."""
 
-    words: str
+    words: Sequence[str]
     rows: Sequence[tuple[str, float, float | None]]
     envelope: Mapping[str, tuple[float, float, float, float]]
     places: Sequence[Place]
@@ -184,7 +184,8 @@ def _covered(item: Comparison, kind: str) -> Row:
 
 
 def _guarded(page: Page, guarded: Guarded) -> None:
-    page.section("Where it ends", guarded.words)
+    page.section("Where it ends")
+    page.items(guarded.words)
     found = envelope_map(guarded.envelope, guarded.places)
     if found is not None:
         legend = (
