@@ -48,7 +48,7 @@ from fmucorrect.discovery.worth import CLOSE
 from fmucorrect.errors import FmuError, StudyError, kept_when_broken_off
 from fmucorrect.inspection import study_problems
 from fmucorrect.report.discovery.content import Discovery
-from fmucorrect.screening import screen
+from fmucorrect.screening import coarse, screen
 from fmucorrect.study import Study, load_study
 from fmucorrect.units import parse
 
@@ -102,7 +102,7 @@ def discover(
         seconds[stage] = seconds.get(stage, 0.0) + now - begun
         begun = now
 
-    checked = screen(study)
+    checked = screen(study, also=coarse)
     lap("gate")
     built = library() if study.fmu is not None else None
     lap("compile")

@@ -14,7 +14,7 @@ run, and their sensors, signs and units are those of the others.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 from fmucorrect.errors import FmucorrectError, StudyError
@@ -45,10 +45,15 @@ class Screened:
         return [finding.to_json() for finding in self.warnings]
 
 
-def screen(study: Study, advance: Callable[[int], object] = lambda _: None) -> Screened:
-    """Look at all records, simulate every condition once and the shortest one twice more, once at half the step, and log each
-    warning; advance(1) after each of development. Raises StudyError that lists every error, and what reading, simulation and
-    registration raise in development; in evaluation, which may never be asked for, that is a warning."""
+def screen(
+    study: Study,
+    advance: Callable[[int], object] = lambda _: None,
+    also: Callable[[Study, Sequence[Pair]], Iterable[Finding]] = lambda study, pairs: (),
+) -> Screened:
+    """Look at all records, simulate every condition once and the shortest one once more, and log each warning; advance(1) after
+    each of development. also: what else is looked at in these, as `coarse` where forces are to be told. Raises StudyError that
+    lists every error, and what reading, simulation and registration raise in development; in evaluation, which may never be
+    asked for, that is a warning."""
     found = of_records(study)
     _refuse(study, found)
     pairs: list[Pair] = []
@@ -67,7 +72,7 @@ def screen(study: Study, advance: Callable[[int], object] = lambda _: None) -> S
             *found,
             *of_pairs(study, [*pairs, *held]),
             *unrepeated(study, pairs),
-            *coarse(study, pairs),
+            *also(study, pairs),
             *unfelt(study),
         )
     )
