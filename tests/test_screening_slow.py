@@ -12,7 +12,7 @@ import pytest
 from exported import by_pythonfmu
 
 from fmucorrect.drafting import draft
-from fmucorrect.screening import screen
+from fmucorrect.screening import coarse, screen
 from fmucorrect.study import load_study
 
 CRANE = """
@@ -100,8 +100,9 @@ def study(tmp_path: Path) -> Callable[..., Path]:
 
 def test_of_good_logs_nothing_is_told_but_their_step(study: Callable[..., Path]) -> None:
     """Reference speeds that are held for 50 ms: the drive's force jumps with them."""
-    kinds = [item.kind for item in screen(load_study(study(lambda table: table, set()))).warnings]
-    assert kinds == ["step that shows"]
+    good = load_study(study(lambda table: table, set()))
+    assert screen(good).warnings == ()
+    assert [item.kind for item in screen(good, also=coarse).warnings] == ["step that shows"]
 
 
 @pytest.mark.parametrize(
