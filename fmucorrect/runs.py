@@ -25,6 +25,7 @@ from fmucorrect.live import Live, live_layout
 from fmucorrect.otherwise import left_alone, shown_otherwise
 from fmucorrect.records.timebase import seconds_text
 from fmucorrect.records.writing import Writer
+from fmucorrect.screening.recorded import covered
 from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Condition, Reading, Record
 from fmucorrect.sources import CORRECTED, SIMULATION
 from fmucorrect.stepper import (
@@ -125,6 +126,8 @@ def run_study(
             _log.warning("%s: it is right only if the output was renamed", text)
         for text in left_alone(corrector, [variable.name for variable in sources.driving(study, condition)]):
             _log.warning("%s: the model moves otherwise than it did there", text)
+    for finding in covered(study, condition, duration):
+        _log.warning("%s", finding.text)
     told = {
         "damage": "; ".join(f"{file.name}: {damage}" for file, damage in lost.items()),
         "repaired": sources.repaired_inputs(study, condition),

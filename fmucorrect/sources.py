@@ -144,19 +144,32 @@ def inputs(
             condition.simulated, channels, reading=reading, allow_damaged=damaged, known=defined(study)
         )
         return
-    driven, series = driving(study, condition), None
-    held = frozenset(variable.name for variable in driven if variable.discrete)
-    if condition.inputs is not None:
-        names, damaged = [variable.name for variable in driven], study.allow_damaged
-        series = records.read(condition.inputs, names, reading=condition.reading, allow_damaged=damaged)
-    length, origin = _length(study, condition, duration, known)
+    held = frozenset(variable.name for variable in driving(study, condition) if variable.discrete)
+    series = recorded_inputs(study, condition)
+    length, origin = extent(study, condition, duration, known)
     for chunk in grid(length, study.simulation.step_ns, ROWS):
-        yield chunk if series is None else replace(input_record(chunk.t_ns + origin, series, held), t_ns=chunk.t_ns)
+        parts = [input_record(chunk.t_ns + origin, one, held) for one in series]
+        values = [chunk.values, *(part.values for part in parts)]
+        channels = tuple(channel for part in parts for channel in part.channels)
+        yield Record(chunk.t_ns, np.concatenate(values, axis=1), channels, series[0].metadata if series else {})
 
 
-def _length(
-    study: Study, condition: Condition, duration: float | None, known: Clock | None = None
-) -> tuple[float, int]:
+def recorded_inputs(study: Study, condition: Condition) -> tuple[Record, ...]:
+    """What is recorded of the FMU's inputs, a record for each topic that holds some, on its own stamps."""
+    if condition.inputs is None or study.fmu is None:
+        return ()
+    topics = records.topics(condition.inputs, condition.reading)
+    of: dict[tuple[int, ...], list[str]] = {}
+    for variable in driving(study, condition):
+        places = (i for i, topic in enumerate(topics) if records.has([topic], variable.name, condition.reading))
+        of.setdefault(tuple(places), []).append(variable.name)
+    damaged = study.allow_damaged
+    return tuple(
+        records.read(condition.inputs, names, reading=condition.reading, allow_damaged=damaged) for names in of.values()
+    )
+
+
+def extent(study: Study, condition: Condition, duration: float | None, known: Clock | None = None) -> tuple[float, int]:
     """How long a run is, s: `duration`, else to the end of the measurement; and the stamp of the inputs at which it begins.
     Raises RecordError where that asks for more samples than anyone means."""
     if duration is None:
@@ -239,7 +252,7 @@ def expected_rows(study: Study, condition: Condition, duration: float | None = N
     """How many samples `inputs` gives."""
     if condition.simulated is not None:
         return logged_rows(condition.simulated, None, condition.reading)
-    length, _ = _length(study, condition, duration)
+    length, _ = extent(study, condition, duration)
     return round(length * NANOSECONDS / study.simulation.step_ns) + 1
 
 
@@ -307,8 +320,8 @@ def repaired_inputs(study: Study, condition: Condition) -> str:
         return repaired(condition.simulated, study.channels, repair=rules, reading=condition.reading)
     if condition.inputs is None or study.fmu is None or not rules:
         return ""
-    names = [variable.name for variable in driving(study, condition)]
-    return records.read(condition.inputs, names, reading=condition.reading).metadata.get("repaired", "")
+    told = (one.metadata.get("repaired", "") for one in recorded_inputs(study, condition))
+    return "; ".join(dict.fromkeys(filter(None, told)))
 
 
 def columns(

@@ -12,10 +12,12 @@ import numpy as np
 import pytest
 from scipy.signal import butter, hilbert, sosfilt
 
+from fmucorrect import sources
 from fmucorrect.errors import RecordError, StudyError
 from fmucorrect.pairs import Pair, pair
 from fmucorrect.records import writer
 from fmucorrect.registration import resample
+from fmucorrect.runs import run_study
 from fmucorrect.screening import of_pairs, of_records, screen
 from fmucorrect.screening.floor import COMMON, shared_noise
 from fmucorrect.screening.lifeless import spikes
@@ -653,6 +655,23 @@ def test_a_hole_in_the_inputs(tmp_path: Path, lost: tuple[int, int], level: str)
 )
 def test_inputs_without_a_hole(tmp_path: Path, series: tuple[np.ndarray, np.ndarray]) -> None:
     assert of_records(driven(tmp_path, "in.csv", (series[0], {"mass1.f": series[1]}))) == ()
+
+
+def test_an_input_that_ends_early_takes_nothing_of_the_others(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """Each is driven as far as its own topic reaches, and held there; what is missing is told by name, in a run, too."""
+    short, whole = T12[150:600], np.sin(9.0 * T12)
+    study = driven(tmp_path, "in.mcap", (T12, {"mass1.f": whole}), (short + 0.003, {"mass2.f": np.cos(short)}))
+    condition = study.conditions[0]
+    rows = np.concatenate([chunk.values for chunk in sources.inputs(study, condition)])
+    step = study.simulation.step_size
+    t = np.arange(len(rows)) * step
+    np.testing.assert_allclose(rows[:, 0], np.interp(t, T12, whole), atol=1e-9)
+    np.testing.assert_allclose(rows[:, 1], np.interp(t, short + 0.003, np.cos(short)), atol=1e-9)
+    (finding,) = of_records(study)
+    assert "mass2.f in in.mcap from 1.503 to 5.993 s" in finding.seen
+    run_study(study, condition, tmp_path / "out.mcap", duration=14.0)
+    told = [record.message for record in caplog.records if "inputs do not cover the run" in record.message]
+    assert [("mass1.f in" in text, "from 0 to 14 s" in text) for text in told] == [(True, True), (False, True)]
 
 
 def test_inputs_that_end_early_in_a_topic_that_is_not_the_first(tmp_path: Path) -> None:

@@ -11,9 +11,8 @@ import numpy as np
 from jaxtyping import Float64
 
 from fmucorrect import records, units
-from fmucorrect.clocks import clock
 from fmucorrect.companions import files_of
-from fmucorrect.errors import SHOWN
+from fmucorrect.errors import SHOWN, few
 from fmucorrect.fmu import open_fmu
 from fmucorrect.pairs import read_samples
 from fmucorrect.screening.finding import Finding
@@ -22,7 +21,7 @@ from fmucorrect.screening.lifeless import alone, few_values, frozen, spikes, stu
 from fmucorrect.screening.same import COPIED, overlap
 from fmucorrect.screening.stand_ins import in_place_of
 from fmucorrect.signals import NANOSECONDS, Channel, Condition, Reading, Record
-from fmucorrect.sources import damages, defined, driving, unknown_starts
+from fmucorrect.sources import damages, defined, extent, recorded_inputs, unknown_starts
 from fmucorrect.study import Study, renamed_for_nothing
 from fmucorrect.study_places import nearest, place
 
@@ -64,7 +63,7 @@ def of_records(study: Study) -> tuple[Finding, ...]:
         found += _channels(study, condition, measured[condition.name])
         found += _frozen(condition, measured[condition.name])
         found += _paced(study, condition, measured[condition.name])
-        found += _covered(study, condition)
+        found += covered(study, condition)
         found += _begun(study, condition)
         if condition.role == "development":
             found += _said(study, condition, measured[condition.name])
@@ -355,33 +354,39 @@ def clipped(values: Series) -> float:
     return share
 
 
-def _covered(study: Study, condition: Condition) -> Iterator[Finding]:
-    """Inputs that begin after the run or end before it, have a hole, or lie on another clock."""
+def covered(study: Study, condition: Condition, duration: float | None = None) -> Iterator[Finding]:
+    """Inputs that begin after the run or end before it, have a hole, or lie on another clock. duration: s, of another run than
+    the measurement's."""
     if condition.inputs is None or condition.simulated is not None or study.fmu is None:
         return
-    run, driven = clock(study, condition), [variable.name for variable in driving(study, condition)]
-    damaged = study.allow_damaged
-    series = records.read(condition.inputs, driven, reading=condition.reading, allow_damaged=damaged)
-    if len(series) < 2:
-        return
-    at = (series.t_ns - run.origin_ns) / NANOSECONDS
+    length, origin_ns = extent(study, condition, duration)
+    every = recorded_inputs(study, condition)
+    for series in every:
+        if len(series) > 1:
+            names = few([channel.name for channel in series.channels])
+            what = condition.inputs.name if len(every) == 1 else f"{names} in {condition.inputs.name}"
+            yield from _uncovered(condition, series, what, length, origin_ns)
+
+
+def _uncovered(condition: Condition, series: Record, what: str, length: float, origin_ns: int) -> Iterator[Finding]:
+    at = (series.t_ns - origin_ns) / NANOSECONDS
     step = float(np.median(np.diff(at)))
     rests = (np.abs(series.values) <= STILL * np.abs(series.values).max(axis=0)).all(axis=1)
-    ends = [(0.0, at[0] - step)] * (not rests[0]) + [(at[-1] + step, run.length)] * (not rests[-1])
+    ends = [(0.0, at[0] - step)] * (not rests[0]) + [(at[-1] + step, length)] * (not rests[-1])
     holes = [(at[i], at[i + 1]) for i in _holes(at, series.values) if not (rests[i] and rests[i + 1])]
-    holes = [(max(a, 0.0), min(b, run.length)) for a, b in holes if a < run.length and b > 0.0]
-    missing = min(sum(max(b - a, 0.0) for a, b in (*ends, *holes)), run.length)
-    apart = bool(at[0] >= run.length or at[-1] <= 0.0)
-    if not apart and missing <= BRIEF * run.length:
+    holes = [(max(a, 0.0), min(b, length)) for a, b in holes if a < length and b > 0.0]
+    missing = min(sum(max(b - a, 0.0) for a, b in (*ends, *holes)), length)
+    apart = bool(at[0] >= length or at[-1] <= 0.0)
+    if not apart and missing <= BRIEF * length:
         return
     state = "they are on another clock" if apart else "they are held at their first and last value"
     state += ", and a hole is bridged by a straight line" if holes else ""
     without = "".join(f", without rows from {a:.10g} to {b:.10g} s" for a, b in holes[:SHOWN])
     yield Finding(
         "inputs do not cover the run",
-        "error" if apart or missing > UNCOVERED * run.length else "warning",
+        "error" if apart or missing > UNCOVERED * length else "warning",
         f"condition {condition.name!r}",
-        f"the run lasts from 0 to {run.length:g} s, {condition.inputs.name} from {at[0]:.10g} to {at[-1]:.10g} s{without}",
+        f"the run lasts from 0 to {length:g} s, {what} from {at[0]:.10g} to {at[-1]:.10g} s{without}",
         f"Outside {state}, and the model is not driven as the machine was",
         "Give inputs (key inputs) that reach over the whole measurement, or say how the clocks lie (key clock).",
     )
