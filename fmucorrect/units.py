@@ -84,8 +84,12 @@ _PREFIXES = {
     "G": 1e9,
 }
 _PREFIXED = {"g", "gn", "m", "s", "A", "rad", "N", "Pa", "J", "W", "V", "Hz", "bar", "l", "Ohm"}
+_SMALL = "nuµμm"
+_SMALL_ONLY = {"rad", "s"}
+"""Nobody means 1e9 rad by Grad, nor 1e9 s by Gs."""
 _ALIASES = {
     "°": "deg",
+    "Grad": "deg",
     "°C": "degC",
     "°F": "degF",
     "deg C": "degC",
@@ -205,7 +209,8 @@ def _symbol(name: str) -> tuple[float, Dimension | None]:
     name = _ALIASES.get(name, name)
     if name in _SYMBOLS:
         return _SYMBOLS[name]
-    if len(name) > 1 and name[0] in _PREFIXES and name[1:] in _PREFIXED:
+    small = name[1:] not in _SMALL_ONLY or name[:1] in _SMALL
+    if len(name) > 1 and name[0] in _PREFIXES and name[1:] in _PREFIXED and small:
         scale, dimension = _SYMBOLS[name[1:]]
         return _PREFIXES[name[0]] * scale, dimension
     return math.nan, None
