@@ -113,7 +113,9 @@ def test_prefixes_are_powers_of_ten(unit) -> None:
         assert parse(prefix + unit).dimension == parse(unit).dimension
 
 
-@pytest.mark.parametrize("text", ["k", "kin", "mdeg%", "kmin", "xm", "m//s", "m/", "m^", "2", "kkm", "m^x", "gm2x", "grad", "krad", "Gs"])
+@pytest.mark.parametrize(
+    "text", ["k", "kin", "mdeg%", "kmin", "xm", "m//s", "m/", "m^", "2", "kkm", "m^x", "gm2x", "grad", "krad", "Gs"]
+)
 def test_what_is_no_unit_is_refused(text) -> None:
     with pytest.raises(SignalError, match="is not known") as refusal:
         parse(text)

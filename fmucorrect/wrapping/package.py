@@ -365,7 +365,12 @@ def _check_state(made: FmuDescription, step_ns: int) -> tuple[StateCheck, list[s
     except FmuError:
         return StateCheck(False, False, ""), ["its state is not offered: it could not be tried on this machine"]
     state = state_check.works(made.path, step_ns)
-    return state, [f"its state is not offered in full: {state.why}"] if state.why else []
+    notes = [f"its state is not offered in full: {state.why}"] if state.why else []
+    if state.copy and state.rests:
+        notes.append(
+            "its state was tried while no output moved, which proves little: try it in your host before you rely on it"
+        )
+    return state, notes
 
 
 def _faults(inner: FmuDescription | None, made: FmuDescription) -> list[str]:
