@@ -33,6 +33,7 @@ class Comparison:
     registered, at `rate` (ppm); ratio: rows for one sample of the record; clock: the same in words, also where no excitation
     told it. steady: rows of the steady forced segment, None without one. scales: (J,) displacement scales s_q by which the
     oracle weighs the channels, those of the development conditions; None where these are not at hand: the measurement's own.
+    withheld: why nothing is corrected (CorrectedStepper.withheld), "" where it is.
     Scores cover all rows but those of warm-up, in which nothing can be corrected yet; where the condition says score =
     "steady", those of them that are steady.
     """
@@ -52,8 +53,14 @@ class Comparison:
     steady: slice | None = None
     ratio: float = 1.0
     scales: Float64[np.ndarray, " J"] | None = field(default=None, repr=False)
+    withheld: str = ""
 
     __repr__ = brief
+
+    @property
+    def unseen(self) -> bool:
+        """Whether it tells what a corrector is worth that nothing was fitted to: held out of everything, and of its model."""
+        return self.condition.role == "evaluation" and not self.withheld
 
     @property
     def scored(self) -> slice:

@@ -98,7 +98,7 @@ def evaluate(item: Pair, model: Bundle) -> Comparison:
     """A bundle on a pair, through the same stepper as online."""
     stepper = CorrectedStepper(ReplayStepper(item.simulated.channels), model)
     stepper.reset(item.condition)
-    return compare(item, stepper.process(item.simulated))
+    return replace(compare(item, stepper.process(item.simulated)), withheld=stepper.withheld)
 
 
 def about(study: Study, pairs: Sequence[Pair]) -> Info:

@@ -130,6 +130,7 @@ def _where_it_ends(done: Results) -> Guarded:
             verdicts.flagged_in_motion(guard, item),
         )
         for item in done.evaluations
+        if not item.withheld
     ]
     rows = verdicts.guarded(guard, selection, done.evaluations)
     linear = done.trained.corrector.head.linear

@@ -66,10 +66,11 @@ def card(trained: Trained, bundle: Bundle, evaluations: Sequence[Comparison], co
         "|---|---|---|---|" + "---|" * len(names) + "---|---|",
     ]
     for item in evaluations:
+        role = item.condition.role + ", withheld" * bool(item.withheld)
         for label, scores in (("simulated", item.before), ("corrected", item.after)):
             r2 = " | ".join(f"{value:.4f}" for value in scores.r2)
             lines.append(
-                f"| {_plain(item.condition.name)} | {item.condition.role} | {label} | {scores.mean_r2:.4f} | {r2} | "
+                f"| {_plain(item.condition.name)} | {role} | {label} | {scores.mean_r2:.4f} | {r2} | "
                 f"{scores.mean_nrmse:.2f} | {scores.mean_nmae:.2f} |"
             )
     lines += [
@@ -136,7 +137,10 @@ def card(trained: Trained, bundle: Bundle, evaluations: Sequence[Comparison], co
 def _start_values(info: Info) -> list[str]:
     """Which start values of the FMU it is for, in words."""
     if not info.start_values_known:
-        return []
+        others = "With others nothing is corrected (status `outside`)."
+        count = len(info.defaults)
+        own = f"Start values of the FMU: {count} parameter{'s' * (count != 1)}, as it has them by itself. {others}"
+        return ["", own] if info.defaults else []
     each = {name: info.trained(name, {}) for name in sorted(info.start_values_known)}
     told = [f"`{_code(name)}` {found.words}" for name, found in each.items() if found is not None]
     return [

@@ -58,11 +58,7 @@ def train_into(folder: Path, study: Study, training: Training, command: str, wor
     known = [samples(item, rows, sees) for item in pairs if item.condition.role == "development"]
     scales = sizes(known).response
     evaluations = tuple(replace(evaluate(item, model), scales=scales) for item in pairs)
-    unseen = [
-        (samples(item, rows, sees), said)
-        for item, said in zip(pairs, evaluations, strict=True)
-        if item.condition.role == "evaluation"
-    ]
+    unseen = [(samples(item, rows, sees), said) for item, said in zip(pairs, evaluations, strict=True) if said.unseen]
     beside = against(trained.selection, trained.training, known, unseen)
     text = card(trained, model, evaluations, command) + _against_others(folder / "compare.json", study)
     outputs.write(folder / "card.md", text)

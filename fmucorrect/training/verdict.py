@@ -34,10 +34,14 @@ def headline(selection: Selection) -> str:
 def verdict(selection: Selection, evaluations: Sequence[Comparison] = (), guard: Guard | None = None) -> str:
     """One to four sentences. evaluations: of all conditions, those of development say what was left out at a time. guard: None
     where nothing is corrected, or it is not to be spoken of."""
-    unseen = [item for item in evaluations if item.condition.role == "evaluation"]
+    unseen = [item for item in evaluations if item.unseen]
     text = _when_left_out(selection, evaluations)
     if unseen and selection.family != "nothing":
         text += _held_out(unseen)
+    if selection.family != "nothing":
+        for item in evaluations:
+            if item.withheld:
+                text += f" At {item.condition.name} nothing is corrected: {item.withheld}."
     if worse := [found for item in unseen if (found := _worse(item))]:
         text += f" WORSE than the simulation at {', '.join(worse)}, which nothing was fitted to: do not use it there."
     narrow = [
@@ -169,7 +173,7 @@ def guarded(guard: Guard, selection: Selection, evaluations: Sequence[Comparison
             float(item.within(BAND_90).mean()),
         )
         for item in evaluations
-        if item.condition.role == "evaluation"
+        if item.unseen
     ]
     return [*left, *unseen, *((f"development, {name}", share, None) for name, share in guard.strange.items())]
 

@@ -19,12 +19,13 @@ from fmucorrect.sealing import evaluate
 from fmucorrect.study import Study, load_study
 from fmucorrect.study_training import Corrector
 from fmucorrect.training.protocol import train
-from fmucorrect.training.results import save
+from fmucorrect.training.results import save, train_into
+from fmucorrect.training.tasks import Workshop
 
 STEP = 1e-3
 CODE = '''
 from math import exp
-from pythonfmu import Fmi2Causality, Fmi2Slave, Real
+from pythonfmu import Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
 
 
 class Actuator(Fmi2Slave):
@@ -32,12 +33,13 @@ class Actuator(Fmi2Slave):
 
     def __init__(self, **kwargs):
         super().__init__(**kwargs)
-        self.command, self.stroke = 0.0, 0.0
+        self.command, self.stroke, self.lag = 0.0, 0.0, 5e-3
         self.register_variable(Real("command", causality=Fmi2Causality.input))
+        self.register_variable(Real("lag", causality=Fmi2Causality.parameter, variability=Fmi2Variability.fixed))
         self.register_variable(Real("stroke", causality=Fmi2Causality.output))
 
     def do_step(self, current_time, step_size):
-        self.stroke = self.command + (self.stroke - self.command) * exp(-step_size / 5e-3)
+        self.stroke = self.command + (self.stroke - self.command) * exp(-step_size / self.lag)
         return True
 '''
 STUDY = """
@@ -100,6 +102,22 @@ def test_what_an_input_held_stands_beside_what_came_of_it(study: Study) -> None:
     assert seen[0, 1] == command[0]
     kept = np.exp(-STEP / 5e-3)
     np.testing.assert_allclose(seen[1:, 0], kept * seen[:-1, 0] + (1.0 - kept) * seen[1:, 1], atol=1e-9)
+
+
+def test_a_condition_of_another_model_is_no_part_of_the_verdict(study: Study, tmp_path: Path) -> None:
+    """Its corrector is withheld there, and the card says why, not how much it learned."""
+    settings = replace(road.QUICK, corrector=Corrector(sees=("command",), families=("linear",)))
+    held = study.evaluation[0]
+    other = replace(held, name="run 3", parameters={"lag": 0.02})
+    both = replace(study, conditions=(*study.conditions, other))
+    done = train_into(tmp_path, both, settings, "test", Workshop())
+    card = (tmp_path / "card.md").read_text(encoding="utf-8")
+    assert "At run 2, held out of everything" in card
+    assert "At run 3 nothing is corrected: lag is 0.02, trained with 0.005." in card
+    assert "| run 3 | evaluation, withheld | corrected |" in card
+    assert "run 3, held out" not in card
+    assert "1 parameter, as it has them by itself" in card
+    assert done.against.unseen == ("run 2",)
 
 
 def test_a_host_that_reads_before_it_sets_corrects_as_well_as_was_told(study: Study, tmp_path: Path) -> None:

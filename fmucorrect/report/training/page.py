@@ -74,7 +74,7 @@ def build(
 ) -> Page:
     """The page of `fmucorrect train`. comparisons: every condition, development and evaluation. selection: what was chosen and
     how, terms and text. warnings: of the gate. tried: the page begins with it. guarded: where there is a guard."""
-    unseen = [item for item in comparisons if item.condition.role == "evaluation"]
+    unseen = [item for item in comparisons if item.unseen]
     page = Page(title, tried.verdict if tried else lead(comparisons), kicker="fmucorrect train")
     page.warnings(warnings)
     if tried:
@@ -113,7 +113,7 @@ def build(
 def lead(comparisons: Sequence[Comparison]) -> str:
     """What the training achieved, in one or two sentences."""
     trained = [item.condition.name for item in comparisons if item.condition.role == "development"]
-    unseen = [item for item in comparisons if item.condition.role == "evaluation"]
+    unseen = [item for item in comparisons if item.unseen]
     text = f"Trained on {len(trained)} development condition{'s' * (len(trained) != 1)} ({', '.join(trained)})."
     if not unseen:
         return f"{text} There is no evaluation condition: nothing here says how well it does where it was not trained."
@@ -269,4 +269,5 @@ def _drawable(item: Comparison, share: int) -> Comparison:
 def _name(item: Comparison) -> str:
     """The condition's name, with its speed where the name does not say it."""
     name, speed = item.condition.name, f"{item.condition.speed:g}"
-    return name if speed == "0" else f"{speed} km/h" if name == speed else f"{name} ({speed} km/h)"
+    shown = name if speed == "0" else f"{speed} km/h" if name == speed else f"{name} ({speed} km/h)"
+    return f"{shown}, withheld" if item.withheld else shown
