@@ -52,6 +52,8 @@ NEAR = 0.1
 """Of the strongest frequency, what counts to it: as wide as the resonance of a damping ratio of 5 %, as most are that ring."""
 ALONE = 0.01
 """Share of the power, of all that moves, less than which is noise and no frequency of its own."""
+HELD = 8
+"""States at which a made motion stands still, each for as long as the others: long enough for what remembers to settle."""
 
 
 @dataclass(frozen=True)
@@ -228,8 +230,15 @@ def strangers(development: Sequence[Samples]) -> dict[str, list[Samples]]:
             power = np.where(near, 0.0, power)
         return q
 
+    def stairs(q: Float64[np.ndarray, "T J"]) -> Float64[np.ndarray, "T J"]:
+        """From one of its states to the next, and standing still there: what is held at a level, and steps between them."""
+        each = -(-len(q) // HELD)
+        return q[np.arange(len(q)) // each * each]
+
     changes = {
         "half the size": lambda q: 0.5 * q,
+        "a tenth as fast": lambda q: paced(q[9 * len(q) // 20 :], 0.1)[: len(q)],
+        f"standing still at {HELD} of its states": stairs,
         "0.7 times as fast": lambda q: paced(q, 0.7),
         "1.5 times as fast": lambda q: paced(q, 1.5),
         "random, of the same spectrum": random,

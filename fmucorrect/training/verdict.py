@@ -133,8 +133,8 @@ _NOISE = 0.95
 """Share of what is left that noise makes, from which nothing is said of the rest: noise itself is known no better."""
 _NARROW = 0.8
 """Share of the measured samples in motion below which a band that is stated as 90 % is told to be too narrow."""
-_UNNOTICED = 0.5
-"""Share of the rows of made motions that pass as known from which it is told: most of them."""
+_UNNOTICED = 0.1
+"""Share of the rows of made motions that pass as known from which it is told, so that who moves so knows it beforehand."""
 _WORSE = 0.02
 """Share by which an error may grow before it is told: less is in the noise of a record."""
 
