@@ -252,7 +252,7 @@ def _report(
     if verdict == "unexplained" and completeness["complete"] and study.fmu is not None:
         progress("learned law", 0, 1)
         law = learn(problem, naming.setting, naming.base.model, places)
-        row = None if law is None else learned_row(problem, naming.setting, law, _largest(problem))
+        row = None if law is None else learned_row(problem, naming.setting, law, _largest(problem), naming.base.model)
         lap("learn")
     learned = None if row is None or not writable(row) else law
     known = base_std(problem, setting, best, doubt).tolist()
@@ -261,7 +261,7 @@ def _report(
     else:
         adjusted = output.adjusted(problem, learned.model.base)
     sensed = output.sensor_rows(study.channels, sensors)
-    own = _by_fmu(problem, best) if named and study.fmu is not None else []
+    own = _by_fmu(problem, best) if verdict != "unexplained" and study.fmu is not None else []
     alone = {gap.condition.name: {"nrmse_alone": gap.nrmse_after} for gap in own or ()}
     report: dict[str, Any] = {
         "format": 1,

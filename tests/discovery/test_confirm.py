@@ -51,4 +51,4 @@ def test_what_a_late_sensor_explains_is_no_credit_of_what_was_found(library, tmp
     assert gap.nrmse_before > 2.0 * gap.noise_floor
     assert gap.lacked == gap.nrmse_sensors < 1.2 * gap.noise_floor
     assert gap.lacked == pytest.approx(gap.nrmse_after)
-    assert abs(closed([gap]) or 0.0) < 1e-6
+    assert abs(closed([gap], [gap]) or 0.0) < 1e-6

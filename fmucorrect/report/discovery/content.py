@@ -227,8 +227,9 @@ class Where:
 class Gap:
     """Of one condition: NRMSE (%) and R2 before and after the change. role: evaluation or development. noise_floor: the NRMSE
     that noise alone makes. nrmse_sensors: NRMSE of the model before the change, seen through the gains and lags of the
-    sensors; nan where the report does not say. nrmse_alone: NRMSE of augmented.fmu alone, without what the sensors took on; nan
-    where it was not simulated."""
+    sensors; nan where the report does not say. nrmse_moved: beside a learned force, NRMSE of the model whose parameters alone
+    have moved; nan otherwise. nrmse_alone: NRMSE of augmented.fmu alone, without what the sensors took on; nan where it was not
+    simulated."""
 
     condition: str
     role: str
@@ -238,6 +239,7 @@ class Gap:
     r2_before: float
     r2_after: float
     nrmse_sensors: float
+    nrmse_moved: float
     nrmse_alone: float
 
     @property

@@ -36,7 +36,7 @@ def effects_section(page: Page, report: Discovery) -> None:
     verdict, effects = report.verdict, report.effects
     if not effects and verdict == "none":
         page.section("What")
-        state = "once its parameters moved inside their tolerance" if report.adjusted else "as it stands"
+        state = "once its parameters moved" if report.adjusted else "as it stands"
         page.text_block(
             f"Nothing to add. The model {state} agrees with the measurement as far as the noise lets anyone see. An "
             "effect too weak to show above the noise in these conditions may be there all the same."

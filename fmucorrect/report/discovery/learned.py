@@ -22,8 +22,8 @@ def learned_section(page: Page, report: Discovery) -> None:
     page.section(
         f"A force learned at {found.joint}",
         "No law of the catalogue: the smooth function of the joint's displacement and velocity with which the model comes "
-        "closest to the development records. It says what acts there, not what it is, and nothing beyond the motion that it "
-        "was learned from.",
+        "closest to the development records, beside parameters that moved with it. It says what acts there then, not what it "
+        "is, and nothing beyond the motion that it was learned from.",
     )
     low, high, rate = ([*found.from_, np.nan, np.nan, np.nan])[:3]
     facts = [
@@ -41,10 +41,24 @@ def learned_section(page: Page, report: Discovery) -> None:
     written = "effects.toml and augmented.fmu have it" if carries else "not written: it does not carry over"
     page.facts([*facts, ("in the FMU", written)])
     table = [
-        Row([gap.condition, *map(error, (gap.nrmse_before, gap.nrmse_after, gap.noise_floor))], "strong" * gap.held_out)
+        Row(
+            [
+                gap.condition,
+                *map(error, (gap.nrmse_before, gap.nrmse_moved, gap.nrmse_after, gap.nrmse_alone, gap.noise_floor)),
+            ],
+            "strong" * gap.held_out,
+        )
         for gap in sorted(found.gap, key=lambda gap: not gap.held_out)
     ]
-    page.table(["condition (bold: held out)", "before", "with it", "noise"], table)
+    head = [
+        "condition (bold: held out)",
+        "before",
+        "parameters moved",
+        "with it",
+        "without gains and lags of sensors",
+        "noise",
+    ]
+    page.table(head, table)
     rest = _section(found.sections.displacement, "displacement, at rest", length, unit)
     middle = _section(found.sections.velocity, "velocity, in the middle of the travel", speed, unit)
     page.side_by_side([rest, middle])
