@@ -292,6 +292,13 @@ def test_one_record_unlike_the_others(
     assert told in finding.seen
 
 
+def test_all_records_late_by_the_same_are_told(tmp_path: Path) -> None:
+    """A clock of the study that is off: each record looks like the others, and a corrector would learn the shift."""
+    (finding,) = screen(make(tmp_path, delayed, head=FREE, only=tuple(ROLES))).warnings
+    assert finding.kind == "all records late"
+    assert "0.3 s later" in finding.seen
+
+
 @pytest.mark.parametrize("only", [("one",), tuple(ROLES)])
 @pytest.mark.parametrize(
     ("factor", "told"),

@@ -22,7 +22,7 @@ from fmucorrect.discovery.augmented import Found, found_of, write_model
 from fmucorrect.discovery.confirm import Gap, carries_over, gaps, sensors_told
 from fmucorrect.discovery.decide import Decision, decide
 from fmucorrect.discovery.discrepancy import form_errors
-from fmucorrect.discovery.doubt import cautions, far_moves, not_named, wrong_signs
+from fmucorrect.discovery.doubt import cautions, far_moves, much_left, not_named, rests, rounded, unsteady, wrong_signs
 from fmucorrect.discovery.elsewhere import by, library, quietly
 from fmucorrect.discovery.errorbars import base_std, doubtful, less_known, unlisted
 from fmucorrect.discovery.fitted import Fitted, Setting, with_sensors
@@ -256,6 +256,8 @@ def _report(
         lap("learn")
     learned = None if row is None or not writable(row) else law
     known = base_std(problem, setting, best, doubt).tolist()
+    if rests(setting, best):
+        known = [np.nan] * len(known)
     if learned is None:
         adjusted = output.adjusted(problem, best.model.base, std=known)
     else:
@@ -284,6 +286,9 @@ def _report(
                 else (f"{moved}, with the learned force" for moved in far_moves(problem, learned.model))
             ),
             *(_alone(best, own) if named else ()),
+            *(unsteady(best.model.terms, sizes) if named else ()),
+            *(rounded(problem, best, rows) if named else ()),
+            *(much_left(setting, best) if named else ()),
         ],
         "candidates": output.candidate_rows(problem, naming, decision),
         "learned": row,

@@ -5,21 +5,23 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import product
 from typing import Any
 
 import numpy as np
 
 from fmucorrect.discovery.decide import Decision, strained
 from fmucorrect.discovery.errorbars import JOINT_ERROR
-from fmucorrect.discovery.fitted import Fitted, Setting
+from fmucorrect.discovery.fitted import Fitted, Setting, explains
 from fmucorrect.discovery.form import FARTHEST
+from fmucorrect.discovery.lasting import Size
 from fmucorrect.discovery.model import Model, start_value, tolerance_of
 from fmucorrect.discovery.motion import along
 from fmucorrect.discovery.problem import Problem
-from fmucorrect.discovery.terms import OffsetTerm
+from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, Term
 from fmucorrect.discovery.worth import LEFT, NOTHING, is_nothing
 from fmucorrect.errors import FmuError
-from fmucorrect.report.base.words import short
+from fmucorrect.report.base.words import quantity, short
 from fmucorrect.report.discovery.text import at, plain
 from fmucorrect.study import Adjustable, Joint
 
@@ -27,6 +29,11 @@ FAR = 3.0
 """Standard deviations from what is expected: one number in 370 is farther by chance."""
 BOUND = 1e-3
 """Tolerances, or share of a parameter's range, from its bound at which a number counts as on it: there the fit wanted more."""
+STAYS = 5.0
+"""Times the noise, rms, from which on what names leave is told beside them: less is what idealised laws leave to any sensor."""
+CREEPS = 0.1
+"""Share of a joint's peak velocity over which friction changes its direction, from which it is told: no dry friction creeps so
+fast. The guess that a fit begins with has a fifth of that."""
 TOGETHER = 0.1
 """Scatter of relative moves, of their mean, below which they are one move."""
 WIDER = 2.0
@@ -37,6 +44,47 @@ def cautions(problem: Problem, best: Fitted, wider: Fitted, sensors: Sequence[Ma
     """What the verdict hangs on, a phrase each. wider: the same fit as it is known where joints may be off that the study does
     not list (errorbars.py). sensors: of the report."""
     return [*far_moves(problem, best.model), *_sensors(sensors), *_numbers(best, wider), *_nothing(best, wider)]
+
+
+def unsteady(terms: Sequence[Term], sizes: Sequence[Size]) -> Iterator[str]:
+    """Members whose size differs from condition to condition, not so much that they would be none (lasting.py)."""
+    for term, size in zip(terms, sizes, strict=True):
+        if size.varies:
+            differs = f"would have to differ by {100.0 * size.varies:.0f} % from condition to condition"
+            yield f"the {plain(term.main)} of {at(*term.key)}, which {differs}"
+
+
+def much_left(setting: Setting, best: Fitted) -> Iterator[str]:
+    """What stays beside names, where that is much more than noise."""
+    if rests(setting, best):
+        times = short(float(np.sqrt(best.s2 / setting.floor)), 2)
+        yield (
+            f"what is left, {times} times the noise: what is missing may be another law, or act at a place that is no joint of "
+            "the study"
+        )
+
+
+def rests(setting: Setting, best: Fitted) -> bool:
+    """Whether a set leaves so much that its model is another one than the machine's: where its parameters had to move, nobody
+    knows how far they are from the machine's."""
+    return best.s2 > STAYS**2 * setting.floor and not explains(setting, best)
+
+
+def rounded(problem: Problem, best: Fitted, rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """Friction that changes its sign over so much of the velocity that it holds nothing at rest. rows: of the report."""
+    for term, row, std in zip(best.model.terms, rows, best.std(), strict=True):
+        if not isinstance(term, ForceTerm) or "smoothing_velocity" not in term.estimated:
+            continue
+        over = term.values["smoothing_velocity"]
+        shown = (along(problem, best.model, *place)["velocity"] for place in product(problem.trials, term.joints))
+        peak = max(float(np.abs(velocity).max()) for velocity in shown)
+        least = min(peak, 2.0 * term.values.get("stribeck_velocity", np.inf))
+        if over > FAR * std["smoothing_velocity"] and over > CREEPS * least:
+            entry = row["parameters"]["smoothing_velocity"]
+            yield (
+                f"{at(*term.key)}, which changes its direction over {quantity(entry['value'], unit=entry['unit'])}: it holds "
+                "nothing at rest, as dry friction would"
+            )
 
 
 def far_moves(problem: Problem, model: Model) -> list[str]:

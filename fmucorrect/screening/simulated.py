@@ -65,6 +65,9 @@ ENOUGH_BESIDE = 2
 """Records beside one, from which on it is told to be unlike them."""
 FAR_OFF = 4.0
 """Times as far from the others as these from one another, or as a sample, from which on a record lies elsewhere."""
+SLIPPED, SCATTERED, MOSTLY = 2.0, 0.3, 0.5
+"""Samples by which all records are late, from which on it is told; share of it by which a channel may be more or less late, for
+what the model lacks is late or early, too; and share of the error that may be left without it."""
 UNLIKE = np.log(5.0)
 """Size of a channel against its simulation, beside that at the others: what a model lacks makes less of one."""
 SWINGS = 12
@@ -89,6 +92,7 @@ def of_pairs(study: Study, pairs: Sequence[Pair]) -> tuple[Finding, ...]:
         *_clocks(study, pairs),
         *_unrelated(study, pairs),
         *_late(study, pairs),
+        *_all_late(study, pairs),
         *_duplicated(study, pairs, twins),
         *_assigned(study, pairs, tables, doubtful),
         *_sizes(study, pairs, tables),
@@ -267,6 +271,37 @@ def _late(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
                     "Say how they lie (clock in records of this condition), or correct the stamps.",
                 )
                 return
+
+
+def _all_late(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
+    """Every channel of every record is as late or early as the others, and that is most of the error: a machine is hardly late
+    alike at all its sensors, a clock is."""
+    apart = all(item.condition.inputs != item.condition.measurement for item in pairs)
+    if not pairs or not apart or study.excitation is not None:
+        return
+    step = float(pairs[0].t_ns[1] - pairs[0].t_ns[0]) / NANOSECONDS
+    found = [_shifted(item, j) for item in pairs for j in range(len(study.channels))]
+    late, at_best = np.array([shift for shift, _, _ in found]), np.array([one for _, one, _ in found])
+    usual = float(np.median(late))
+    if (
+        abs(usual) < SLIPPED * step
+        or np.abs(late - usual).max() > max(step, SCATTERED * abs(usual))
+        or at_best.min() < HALF
+    ):
+        return
+    now = np.array([_correlation_at(item, j, 0) for item in pairs for j in range(len(study.channels))])
+    if ((1.0 - at_best**2) > MOSTLY * (1.0 - now**2)).any():
+        return
+    yield Finding(
+        "all records late" if usual > 0.0 else "all records early",
+        "warning",
+        "every condition",
+        f"every channel lies {abs(usual):.4g} s {'later' if usual > 0.0 else 'earlier'} than simulated, by its correlation "
+        f"({now.min():.3f} -> {at_best.min():.3f} where it is least)",
+        f"The clocks of inputs and measurement lie so far apart, or {'the machine' if usual > 0.0 else 'the model'} as a whole "
+        "is late; a corrector would learn the one like the other, and discovery call it a lag",
+        "Look at clock in [records]; leave it if the stamps are right.",
+    )
 
 
 def _correlation_at(item: Pair, j: int, rows: int) -> float:
