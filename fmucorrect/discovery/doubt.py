@@ -29,7 +29,7 @@ FAR = 3.0
 """Standard deviations from what is expected: one number in 370 is farther by chance."""
 BOUND = 1e-3
 """Tolerances, or share of a parameter's range, from its bound at which a number counts as on it: there the fit wanted more."""
-STAYS = 5.0
+OVER_NOISE = 5.0
 """Times the noise, rms, from which on what names leave is told beside them: less is what idealised laws leave to any sensor."""
 CREEPS = 0.1
 """Share of a joint's peak velocity over which friction changes its direction, from which it is told: no dry friction creeps so
@@ -67,7 +67,7 @@ def much_left(setting: Setting, best: Fitted) -> Iterator[str]:
 def rests(setting: Setting, best: Fitted) -> bool:
     """Whether a set leaves so much that its model is another one than the machine's: where its parameters had to move, nobody
     knows how far they are from the machine's."""
-    return best.s2 > STAYS**2 * setting.floor and not explains(setting, best)
+    return best.s2 > OVER_NOISE**2 * setting.floor and not explains(setting, best)
 
 
 def rounded(problem: Problem, best: Fitted, rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
