@@ -136,7 +136,7 @@ _GRAMS = ("g", "mg", "ug", "µg", "μg")
 _BASE = ("kg", "m", "s", "A", "K", "rad")
 _ACCELERATION: Dimension = (0, 1, -2, 0, 0, 0)
 _A_MINUTE = re.compile(r"1/min|min\^?-1")
-_CYCLES = re.compile(f"Hz|{_A_MINUTE.pattern}")
+_CYCLES = re.compile("Hz")
 """What counts turns as well as radians: nothing tells which where it meets an angle."""
 _FACTOR = re.compile(r"([A-Za-zµμΩ°%‰]+|[1-])(?:\^?(-?\d+))?$")
 
@@ -287,9 +287,9 @@ def in_base_units(dimension: Dimension) -> str:
 
 
 def _as_meant(unit: Unit, other: Unit) -> Unit:
-    """Gram as acceleration of free fall, where it meets an acceleration; 1/min as turns, where it meets rpm: loggers write
-    these so (DIN 1301), and nobody counts radians by the minute."""
-    if _A_MINUTE.fullmatch(unit.text) and _ALIASES.get(other.text, other.text) == "rpm":
+    """Gram as acceleration of free fall, where it meets an acceleration; 1/min as turns, where it meets an angular velocity:
+    loggers write these so (DIN 1301), and nobody counts radians by the minute."""
+    if _A_MINUTE.fullmatch(unit.text) and other.dimension == _SYMBOLS["rpm"][1]:
         return Unit(unit.text, *_SYMBOLS["rpm"])
     if unit.text in _GRAMS and other.dimension == _ACCELERATION and unit.dimension == (1, 0, 0, 0, 0, 0):
         return Unit(unit.text, unit.factor / 1e-3 * _SYMBOLS["gn"][0], _ACCELERATION)
