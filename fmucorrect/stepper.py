@@ -168,7 +168,7 @@ class Started(Protocol):
     """A Stepper that knows its model's start values."""
 
     def starts(self, condition: Condition) -> tuple[Mapping[str, float], Mapping[str, float]]:
-        """Those that are set in this condition, and those that hold otherwise."""
+        """Those that are set in this condition, and those that hold otherwise, in the model's own units."""
         ...
 
 
@@ -289,6 +289,7 @@ class ReplayStepper:
         pass
 
     def starts(self, condition: Condition) -> tuple[Mapping[str, float], Mapping[str, float]]:
+        """Start values of the model that was logged, in its own units: those of this condition, and its defaults."""
         return condition.parameters, self._defaults
 
     def step(self, t_ns: int, u: Row) -> Step:

@@ -92,6 +92,7 @@ class IsolatedStepper:
         return self._matched.description
 
     def starts(self, condition: Condition) -> tuple[Mapping[str, float], Mapping[str, float]]:
+        """Start values in the FMU's own units: those that are set in this condition, and all that it has by itself."""
         return {**self._parameters, **condition.parameters}, own_starts(self.description)
 
     def reset(self, condition: Condition) -> None:
