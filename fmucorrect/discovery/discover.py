@@ -30,7 +30,7 @@ from fmucorrect.discovery.kept import Kept, digest
 from fmucorrect.discovery.lasting import Size, lasting
 from fmucorrect.discovery.learned import learn
 from fmucorrect.discovery.learned_report import file_row, learned_row, writable
-from fmucorrect.discovery.located import Located, located
+from fmucorrect.discovery.located import Located, hum, located
 from fmucorrect.discovery.motion import acting
 from fmucorrect.discovery.naming import Naming, Stopped, name
 from fmucorrect.discovery.nexttest import next_test
@@ -47,6 +47,7 @@ from fmucorrect.discovery.wording import rest, sentence
 from fmucorrect.discovery.worth import CLOSE
 from fmucorrect.errors import FmuError, StudyError, kept_when_broken_off
 from fmucorrect.inspection import study_problems
+from fmucorrect.report.base.words import quantity, short
 from fmucorrect.report.discovery.content import Discovery
 from fmucorrect.screening import coarse, screen
 from fmucorrect.study import Study, load_study
@@ -300,6 +301,7 @@ def _report(
         "next_test": _next(problem, naming, decision) if verdict == "ambiguous" else None,
         "notes": _notes(study, problem, naming.setting, decision)
         + left_out
+        + _humming(problem, places, verdict)
         + _begun(checked)
         + _in_words(problem, verdict, residuals),
     }
@@ -391,6 +393,23 @@ def _alone(best: Fitted, own: Sequence[Gap] | None) -> list[str]:
         f"({gap.nrmse_before:.3g} -> {gap.nrmse_after:.3g} %)"
         for gap in own
         if gap.nrmse_after > gap.nrmse_before
+    ]
+
+
+def _humming(problem: Problem, places: Sequence[Located], verdict: str) -> list[str]:
+    """That what has no name is of one frequency, where no condition has one by itself."""
+    if verdict != "unexplained" or not places or any(trial.condition.frequency for trial in problem.trials):
+        return []
+    best = max(places, key=lambda item: item.share)
+    found = hum(best, problem.study.simulation.step_size) if best.share > 0.0 else None
+    if found is None:
+        return []
+    frequency, size = found
+    unit, _ = units_at(problem, best.joint)
+    return [
+        f"The force that is asked for at {best.joint.name} is for the most part of one frequency, {short(frequency)} Hz, "
+        f"{quantity(size, unit=unit)} at every condition: a fan, a motor or a pump, which keeps no phase with a log, and is in "
+        "no law of the catalogue."
     ]
 
 

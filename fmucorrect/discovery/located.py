@@ -38,6 +38,11 @@ OFFSET = 3.0  # largest offset of a sensor that is taken off its residual, in un
 SURE = 5.0  # standard deviations of the noise's energy that a residual has to stand above to be shared out wholly
 
 
+BINS, HUMS = 2, 0.5
+"""Lines of a spectrum to each side of the strongest, under a Hann window, that are one frequency; share of a force's energy in
+them from which it is of that frequency."""
+
+
 @dataclass(frozen=True)
 class Located:
     """joint. share: of the residual's energy above the noise that a free force there explains, 0 to 1, all conditions
@@ -46,6 +51,26 @@ class Located:
     joint: Joint
     share: float
     forces: tuple[Float64[np.ndarray, " _"], ...]
+
+
+def hum(found: Located, step: float) -> tuple[float, float] | None:
+    """Hz and N or N.m of the one frequency that most of a located force is of, at every condition; None where it is no such
+    force. What turns by itself keeps no phase with a log, so that no law of one phase is it. step: s."""
+    heard: list[tuple[float, float, float]] = []
+    for force in found.forces:
+        moved = force - force.mean()
+        power = np.abs(np.fft.rfft(moved * np.hanning(len(moved)))) ** 2
+        k = int(power[BINS:].argmax()) + BINS
+        share = float(power[k - BINS : k + BINS + 1].sum() / max(float(power.sum()), 1e-300))
+        if share < HUMS:
+            return None
+        heard.append((k / (len(moved) * step), float(np.sqrt(2.0 * share) * moved.std()), BINS / (len(moved) * step)))
+    if not heard:
+        return None
+    frequency = float(np.median([f for f, _, _ in heard]))
+    if any(abs(f - frequency) > width for f, _, width in heard):
+        return None
+    return frequency, float(np.median([size for _, size, _ in heard]))
 
 
 class Pushed(Simulator):

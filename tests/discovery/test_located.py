@@ -14,7 +14,7 @@ from pathlib import Path
 from fmucorrect import records
 from fmucorrect.catalogue import find
 from fmucorrect.catalogue import force as law_force
-from fmucorrect.discovery.located import located
+from fmucorrect.discovery.located import Located, hum, located
 from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.motion import along, law_along
 from fmucorrect.discovery.pictures import free_picture, picture
@@ -22,7 +22,7 @@ from fmucorrect.discovery.problem import load
 from fmucorrect.discovery.simulator import LawAt, Simulator
 from fmucorrect.discovery.terms import ForceTerm
 from fmucorrect.signals import Channel, Record
-from fmucorrect.study import load_study
+from fmucorrect.study import Joint, load_study
 
 FMU = Path(__file__).resolve().parent.parent.parent / "fmus" / "oscillator" / "oscillator.fmu"
 SECONDS, STEP = 5.0, 0.001
@@ -251,3 +251,21 @@ def test_without_a_law_the_force_is_shown_along_what_the_joint_goes_through(meas
         law = term.values["cubic_stiffness"] * d**3
         assert np.corrcoef(force, law)[0, 1] > 0.95
         assert force @ law / (law @ law) == pytest.approx(1.0, abs=0.15)
+
+
+@pytest.mark.parametrize(
+    ("frequencies", "noise", "heard"),
+    [((17.3, 17.3), 2.0, 17.3), ((17.3, 12.0), 2.0, None), ((17.3, 17.3), 60.0, None)],
+)
+def test_a_force_of_one_frequency_is_told_whatever_its_phase(frequencies, noise, heard):
+    """A fan turns on while one record after the other is made."""
+    rng, t = np.random.default_rng(2), 1e-3 * np.arange(6000)
+    forces = tuple(
+        25.0 * np.sin(2.0 * np.pi * f * t + 2.0 * i) + noise * rng.normal(size=len(t))
+        for i, f in enumerate(frequencies)
+    )
+    found = hum(Located(Joint("mount", "f", "d"), 1.0, forces), 1e-3)
+    if heard is None:
+        assert found is None
+    else:
+        assert found == pytest.approx((heard, 25.0), rel=0.02)
