@@ -126,7 +126,8 @@ def _sentence(report: Discovery) -> str:
 
 
 def _tiles(page: Page, report: Discovery) -> None:
-    items, held = judged(report.gap)
+    learned = report.learned.gap if report.learned is not None and report.has_learned else None
+    items, held = judged(report.gap if learned is None else learned)
     before, after = mean([item.nrmse_before for item in items]), mean([item.nrmse_after for item in items])
     floor = mean([item.noise_floor for item in items])
     tiles: list[tuple[str, str, str, str]] = []
@@ -134,7 +135,9 @@ def _tiles(page: Page, report: Discovery) -> None:
         first, last = (error(before) if known(before) else "", error(after)) if known(after) else ("", error(before))
         of = f"at {items[0].condition}" if len(items) == 1 else f"mean of {len(items)} conditions"
         noise = f"noise alone makes {error(floor)}" if known(floor) else "the noise floor is not known"
-        of += f", with {NEAREST}" if known(after) and report.verdict == "unexplained" else ""
+        if known(after) and report.verdict == "unexplained":
+            nearest = NEAREST if report.suspects else "parameters that moved"
+            of += f", with {nearest if learned is None else 'the learned force, and gains and lags of sensors'}"
         tiles.append(
             ("Held-out error, NRMSE" if held else "Error, NRMSE, none held out", first, last, f"{of}; {noise}")
         )
