@@ -21,7 +21,7 @@ class Report(dict[str, Any]):
         for condition, role, before, after, noise in self._gaps():
             held = ", held out" if role == "evaluation" else ""
             near = " with what came nearest, which is in no file" if self.get("suspects") else ""
-            near += f", {learned[condition]:.3g} % with the learned force" if condition in learned else ""
+            near += f", {learned[condition]}" if condition in learned else ""
             lines.append(f"  {condition}{held}: {before} -> {after} %{near} ({noise})")
         if not self.complete:
             lines += [f"  not looked at yet: {what}" for what in self["not_looked_at"]]
@@ -60,12 +60,18 @@ class Report(dict[str, Any]):
             for row in self["effects"]
         ]
 
-    def _learned(self) -> dict[str, float]:
-        """NRMSE, %, of the conditions with a learned force; of none where augmented.fmu has none."""
+    def _learned(self) -> dict[str, str]:
+        """Of the conditions with a learned force their NRMSE, as told; of none where augmented.fmu has none."""
         row = self.get("learned")
         if row is None or "augmented.fmu" not in self["files"]:
             return {}
-        return {gap["condition"]: gap["nrmse_after"] for gap in row["gap"]}
+
+        def told(gap: dict[str, Any]) -> str:
+            own = gap.get("nrmse_alone")
+            beside = "" if own is None else f" and sensors' gains and lags, {own:.3g} % by augmented.fmu alone"
+            return f"{gap['nrmse_after']:.3g} % with the learned force{beside}"
+
+        return {gap["condition"]: told(gap) for gap in row["gap"]}
 
     def _gaps(self) -> list[tuple[str, str, str, str, str]]:
         return [
