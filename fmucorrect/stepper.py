@@ -357,7 +357,7 @@ class CorrectedStepper:
         if self._more:
             simulated = seen[: self._count]
         if self._held:
-            self._before, seen = seen.copy(), as_held(seen[None], self._held, self._before)[0]
+            seen = self._hold(seen[None])[0]
         if not self._window.push(seen):
             return Step(t_ns, simulated, simulated, self._uncorrected, Status.WARMUP)
         if self.withheld:
@@ -396,10 +396,7 @@ class CorrectedStepper:
             error.finished = self._corrected(plant.rows(0, row)) if row else None
             raise error
         self._last_ns = int(plant.t_ns[-1])
-        known = as_held(seen, self._held, self._before) if self._held else seen
-        if self._held:
-            self._before = seen[-1].copy()
-        windows = self._window.extend(known)
+        windows = self._window.extend(self._hold(seen) if self._held else seen)
         start = len(plant) - len(windows)
         corrected, sigma = seen[:, : self._count].copy(), np.tile(self._uncorrected, (len(plant), 1))
         status = np.full(len(plant), float(Status.WARMUP))
@@ -426,6 +423,11 @@ class CorrectedStepper:
 
     def close(self) -> None:
         self._plant.close()
+
+    def _hold(self, rows: Float64[np.ndarray, "T V"]) -> Float64[np.ndarray, "T V"]:
+        """The rows as they are seen, after those that were."""
+        known, self._before = as_held(rows, self._held, self._before), rows[-1].copy()
+        return known
 
     def _wrong(self, t_ns: np.ndarray, seen: np.ndarray) -> tuple[int, SignalError] | None:
         """The first row that cannot be corrected, and why."""

@@ -98,6 +98,14 @@ def gaps(
     return [_gap(study, library, condition, model, tolerated, sensors, substeps, budget) for condition in conditions]
 
 
+def gaps_of(
+    problem: Problem, conditions: Sequence[Condition], model: Model, sensors: Float64[np.ndarray, "J 2"]
+) -> list[Gap]:
+    """gaps() of a problem's study, as the problem simulates it. Raises FmuError likewise."""
+    known = problem.tolerated, sensors, problem.substeps, problem.budget
+    return gaps(problem.study, problem.library, conditions, model, *known)
+
+
 def _gap(
     study: Study,
     library: Path | None,

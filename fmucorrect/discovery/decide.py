@@ -97,11 +97,15 @@ def _told(setting: Setting, sets: Sequence[Fitted]) -> list[Fitted]:
     def names_it(one: Fitted, other: Fitted) -> bool:
         more = [term for term in other.model.terms if term.key not in names(one)]
         near = names(one) < names(other) and other.surprise <= one.surprise + CLOSE
-        return near and all(isinstance(term, OffsetTerm) for term in more) and not strained(setting, other)
+        return near and all(isinstance(term, OffsetTerm) for term in more)
 
-    bare = [one for one in sets if one.model.terms and strained(setting, one)]
-    gone = [one for one in bare if any(names_it(one, other) for other in sets)]
-    return [one for one in sets if not any(one is other for other in gone)]
+    far = [bool(one.model.terms) and strained(setting, one) for one in sets]
+    sound = [one for one, too_far in zip(sets, far, strict=True) if not too_far]
+    return [
+        one
+        for one, too_far in zip(sets, far, strict=True)
+        if not too_far or not any(names_it(one, other) for other in sound)
+    ]
 
 
 def enough(setting: Setting, base: Fitted) -> bool:

@@ -19,7 +19,7 @@ from threadpoolctl import threadpool_limits
 from fmucorrect import outputs, pairs
 from fmucorrect.discovery import output
 from fmucorrect.discovery.augmented import Found, found_of, write_model
-from fmucorrect.discovery.confirm import Gap, carries_over, gaps, sensors_told
+from fmucorrect.discovery.confirm import Gap, carries_over, gaps_of, sensors_told
 from fmucorrect.discovery.decide import Decision, decide
 from fmucorrect.discovery.discrepancy import form_errors
 from fmucorrect.discovery.doubt import cautions, far_moves, much_left, not_named, rests, rounded, unsteady, wrong_signs
@@ -212,16 +212,7 @@ def _report(
     setting = with_sensors(problem, naming.setting, best.model)  # as what is told of sensors has to be of this response
     sensors = sensors_told(problem, setting, best.residual)
     progress("confirm", 0, len(study.conditions))
-    checked = gaps(
-        study,
-        problem.library,
-        study.conditions,
-        best.model,
-        problem.tolerated,
-        sensors,
-        problem.substeps,
-        problem.budget,
-    )
+    checked = gaps_of(problem, study.conditions, best.model, sensors)
     verdict = confirmed(decision, checked, sizes)
     lap("confirm")
     by_joints, by_form = (
@@ -374,9 +365,7 @@ def _by_fmu(problem: Problem, best: Fitted) -> list[Gap] | None:
     sensors = np.zeros((len(study.channels), 2))
     conditions = study.evaluation or study.conditions
     with suppress(FmuError):
-        return gaps(
-            study, problem.library, conditions, model, problem.tolerated, sensors, problem.substeps, problem.budget
-        )
+        return gaps_of(problem, conditions, model, sensors)
     return None
 
 

@@ -13,7 +13,7 @@ from jaxtyping import Float64
 from fmucorrect.catalogue import learned as law_of
 from fmucorrect.catalogue.numeric import force
 from fmucorrect.discovery import output
-from fmucorrect.discovery.confirm import Gap, gaps, sensors_told
+from fmucorrect.discovery.confirm import Gap, gaps_of, sensors_told
 from fmucorrect.discovery.fitted import Setting
 from fmucorrect.discovery.learned import Learned
 from fmucorrect.discovery.model import Model
@@ -34,16 +34,11 @@ def learned_row(
     """`learned` of the report. condition: the number of the one whose picture is drawn. moved: the model whose parameters alone
     have moved, beside which the force has to be worth something. None where the solver gives up with the law at a condition
     that was held out."""
-    study, term = problem.study, learned.term
+    term, conditions = learned.term, problem.study.conditions
     sensors = sensors_told(problem, setting, learned.residual)
-
-    def shown(model: Model, sensors: Float64[np.ndarray, "J 2"]) -> list[Gap]:
-        tolerated, substeps = problem.tolerated, problem.substeps
-        return gaps(study, problem.library, study.conditions, model, tolerated, sensors, substeps, problem.budget)
-
     with suppress(FmuError):
-        checked, without = shown(learned.model, sensors), shown(moved, sensors)
-        alone = shown(learned.model, np.zeros_like(sensors))
+        checked, without = (gaps_of(problem, conditions, model, sensors) for model in (learned.model, moved))
+        alone = gaps_of(problem, conditions, learned.model, np.zeros_like(sensors))
         held = [gap.condition.role == "evaluation" for gap in checked]
         rms, peak = acting(problem, learned.model, term)
         unit, length = units_at(problem, term.joints[0])

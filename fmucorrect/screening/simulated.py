@@ -91,8 +91,7 @@ def of_pairs(study: Study, pairs: Sequence[Pair]) -> tuple[Finding, ...]:
         *_begin(study, pairs),
         *_clocks(study, pairs),
         *_unrelated(study, pairs),
-        *_late(study, pairs),
-        *_all_late(study, pairs),
+        *_shifts(study, pairs),
         *_duplicated(study, pairs, twins),
         *_assigned(study, pairs, tables, doubtful),
         *_sizes(study, pairs, tables),
@@ -246,12 +245,19 @@ def _unrelated(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
         yield Finding("nothing in common with its simulation", "warning", where, told, means, remedy)
 
 
-def _late(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
-    """A record that is late or early by what no other one is: its clock has another zero."""
-    if len(pairs) < ENOUGH_BESIDE + 1 or study.excitation is not None:  # which registers each record
+def _shifts(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
+    """Records that are late or early, one of them or all, where no excitation registers each."""
+    if study.excitation is None:
+        found = [[_shifted(item, j) for item in pairs] for j in range(len(study.channels))]
+        yield from _late(study, pairs, found)
+        yield from _all_late(pairs, found)
+
+
+def _late(study: Study, pairs: Sequence[Pair], shifts: Sequence[Sequence[Shift]]) -> Iterator[Finding]:
+    """A record that is late or early by what no other one is: its clock has another zero. shifts: by channel and pair."""
+    if len(pairs) < ENOUGH_BESIDE + 1:
         return
-    for j, channel in enumerate(study.channels):
-        found = [_shifted(item, j) for item in pairs]
+    for (j, channel), found in zip(enumerate(study.channels), shifts, strict=True):
         late = np.array([shift for shift, _, _ in found])
         for c, item in enumerate(pairs):
             if item.condition.inputs == item.condition.measurement:  # of one file, and one clock: the machine is late
@@ -273,15 +279,14 @@ def _late(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
                 return
 
 
-def _all_late(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
+def _all_late(pairs: Sequence[Pair], shifts: Sequence[Sequence[Shift]]) -> Iterator[Finding]:
     """Every channel of every record is as late or early as the others, and that is most of the error: a machine is hardly late
     alike at all its sensors, a clock is."""
     apart = all(item.condition.inputs != item.condition.measurement for item in pairs)
-    if not pairs or not apart or study.excitation is not None:
+    if not pairs or not apart:
         return
     step = float(pairs[0].t_ns[1] - pairs[0].t_ns[0]) / NANOSECONDS
-    found = [_shifted(item, j) for item in pairs for j in range(len(study.channels))]
-    late, at_best = np.array([shift for shift, _, _ in found]), np.array([one for _, one, _ in found])
+    late, at_best, _ = np.array(shifts).transpose(2, 0, 1)
     usual = float(np.median(late))
     if (
         abs(usual) < SLIPPED * step
@@ -289,7 +294,7 @@ def _all_late(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
         or at_best.min() < HALF
     ):
         return
-    now = np.array([_correlation_at(item, j, 0) for item in pairs for j in range(len(study.channels))])
+    now = np.array([[_correlation_at(item, j, 0) for item in pairs] for j in range(len(shifts))])
     if ((1.0 - at_best**2) > MOSTLY * (1.0 - now**2)).any():
         return
     yield Finding(
@@ -317,7 +322,11 @@ def _linear(item: Pair, j: int) -> float:
     return linear_share(item.measured[:, j], item.response[:, j], max(len(item.measured) // PARTS, 1))
 
 
-def _shifted(item: Pair, j: int) -> tuple[float, float, int]:
+Shift = tuple[float, float, int]
+"""Of `_shifted`."""
+
+
+def _shifted(item: Pair, j: int) -> Shift:
     """By how many s channel j was measured too late to correlate best with its simulation, up to half a record, and by how much
     it correlates then; j."""
     from scipy.signal import correlate

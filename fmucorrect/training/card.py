@@ -134,18 +134,20 @@ def card(trained: Trained, bundle: Bundle, evaluations: Sequence[Comparison], co
     return "\n".join(lines)
 
 
+_OTHERS = "With others nothing is corrected (status `outside`)."
+
+
 def _start_values(info: Info) -> list[str]:
     """Which start values of the FMU it is for, in words."""
     if not info.start_values_known:
-        others = "With others nothing is corrected (status `outside`)."
         count = len(info.defaults)
-        own = f"Start values of the FMU: {count} parameter{'s' * (count != 1)}, as it has them by itself. {others}"
-        return ["", own] if info.defaults else []
+        own = f"{count} parameter{'s' * (count != 1)}, as it has them by itself"
+        return ["", f"Start values of the FMU: {own}. {_OTHERS}"] if info.defaults else []
     each = {name: info.trained(name, {}) for name in sorted(info.start_values_known)}
     told = [f"`{_code(name)}` {found.words}" for name, found in each.items() if found is not None]
     return [
         "",
-        f"Start values of the FMU: trained with {'; '.join(told)}. With others nothing is corrected (status `outside`).",
+        f"Start values of the FMU: trained with {'; '.join(told)}. {_OTHERS}",
     ]
 
 
