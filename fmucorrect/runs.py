@@ -58,9 +58,10 @@ class Summary:
 
     rows: samples. seconds: simulated time from the first to the last sample. elapsed: wall clock, s. status: share of the
     samples by status name, empty where nothing was corrected. damage, repaired: what the records that were read had lost,
-    and what repair rules changed in them, starts: what the run began from where that is not known, in words; unlike: start
-    values by which the corrector is withheld, since it was trained with others; "" for nothing. live: of a run that was
-    shown, how many rows were published, and how many were dropped though somebody watched; empty for one that was not.
+    and what repair rules changed in them; taken: which rows of a log, where not all; starts: what the run began from where
+    that is not known, in words; unlike: start values by which the corrector is withheld, since it was trained with others; ""
+    for nothing. live: of a run that was shown, how many rows were published, and how many were dropped though somebody
+    watched; empty for one that was not.
     """
 
     path: Path
@@ -71,6 +72,7 @@ class Summary:
     status: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     damage: str = ""
     repaired: str = ""
+    taken: str = ""
     starts: str = ""
     unlike: str = ""
     live: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))
@@ -93,6 +95,7 @@ class Summary:
             "complete": True,  # a run that broke off ends in an error, and its file says false
             "damage": self.damage,
             "repaired": self.repaired,
+            "taken": self.taken,
             "starts": self.starts,
             "unlike": self.unlike,
             **({"live": dict(self.live)} if self.live else {}),
@@ -173,9 +176,10 @@ def replay_log(
     inputs = sources.log_inputs(
         log, channels, topic=topic, repair=repair, unit=unit, reading=reading, allow_damaged=allow_damaged
     )
+    inputs, taken = sources.at_step(inputs, corrector.step_ns, progress or (lambda _: None))
     repaired = sources.repaired(log, channels, topic=topic, repair=repair, reading=reading)
     by = made(corrector)
-    told = {"damage": damage, "repaired": repaired}
+    told = {"damage": damage, "repaired": repaired, "taken": taken}
     stepper = ReplayStepper(channels)
     return _write("replay", stepper, corrector, condition, inputs, out, progress, told, by, log, live)
 

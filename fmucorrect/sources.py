@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from fmucorrect import records, units
 from fmucorrect.clocks import Clock, begins, clock, measured_extents
-from fmucorrect.errors import FmuError, RecordError, SignalError, StudyError, few
+from fmucorrect.errors import FmucorrectError, FmuError, RecordError, SignalError, StudyError, few
 from fmucorrect.fmu import FmuStepper, IsolatedStepper, Limits, Variable, input_record, open_fmu
 from fmucorrect.fmu.startvalues import own_starts
 from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Channel, Condition, Reading, Record
@@ -293,6 +293,47 @@ def log_inputs(
             conversions = [_conversion(have, want, log, unit, known) for have, want in pairs]
         scaling = units.Scaling.of(conversions)
         yield chunk if scaling is None else replace(chunk, values=scaling(chunk.values))
+
+
+def at_step(
+    rows: Iterator[Record], step_ns: int, left_out: Callable[[int], object] = lambda _: None
+) -> tuple[Iterator[Record], str]:
+    """A log whose samples come a whole number of times as fast, at that step: every n-th row, which is what a simulation that
+    is stepped so gives; any other as it is. Behind it what was taken, in words; "" for all. left_out: called with how many
+    rows were not, chunk by chunk."""
+    begun: list[Record] = []
+
+    def whole() -> Iterator[Record]:
+        yield from begun
+        yield from rows
+
+    try:
+        begun += [next(rows)]
+    except (StopIteration, FmucorrectError) as error:  # which is told where the log is read
+        return _ended(error), ""
+    t_ns = begun[0].t_ns
+    each = round(step_ns / max(float(np.median(np.diff(t_ns))), 1.0)) if len(t_ns) > 1 else 1
+    if not 1 < each < len(t_ns) or t_ns[each] - t_ns[0] != step_ns:
+        return whole(), ""
+
+    def taken() -> Iterator[Record]:
+        begin = 0
+        for chunk in whole():
+            kept = chunk.rows(begin, len(chunk))
+            kept = replace(kept, t_ns=kept.t_ns[::each], values=kept.values[::each])
+            begin = (begin - len(chunk)) % each
+            left_out(len(chunk) - len(kept))
+            yield kept
+
+    last = {1: "st", 2: "nd", 3: "rd"}.get(each % 10 if each % 100 not in (11, 12, 13) else 0, "th")
+    return taken(), f"every {each}{last} row of the log, whose step is {step_ns / each / 1e6:g} ms"
+
+
+def _ended(error: Exception) -> Iterator[Record]:
+    """No rows, and that error where it is none of an end."""
+    if not isinstance(error, StopIteration):
+        raise error
+    yield from ()
 
 
 def repaired(

@@ -466,8 +466,9 @@ class CorrectedStepper:
             f"the step to t = {t_ns / NANOSECONDS:.9g} s does not fit the corrector's sample time",
             expected=f"{self._step_ns / NANOSECONDS:.9g} s",
             got=f"{got / NANOSECONDS:.9g} s",
-            remedy="Step the simulation at the corrector's sample time. A log of another rate has to be resampled beforehand; "
-            "one that only jitters is put on a grid by the repair rule 'resample'.",
+            remedy="Step the simulation at the corrector's sample time. Of a log that is a whole number of times as fast, "
+            "replay takes every n-th row; one of another rate has to be resampled beforehand, and one that only jitters is put "
+            "on a grid of its own step by the repair rule 'resample'.",
         )
 
 

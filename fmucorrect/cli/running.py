@@ -372,6 +372,8 @@ def _print_summary(summary: Summary, as_json: bool) -> None:
         say(f"begun from {summary.starts}; only discover fits them")
     if summary.repaired:
         say(f"repaired: {summary.repaired}")
+    if summary.taken:
+        say(f"taken: {summary.taken}")
     say(
         f"{summary.rows} samples, {summary.seconds:g} s simulated in {summary.elapsed:.2f} s, "
         f"{summary.real_time_factor:.0f} times real time"
