@@ -133,8 +133,7 @@ def _where_it_ends(done: Results) -> Guarded:
         if not item.withheld
     ]
     rows = verdicts.guarded(guard, selection, done.evaluations)
-    linear = done.trained.corrector.head.linear
-    return Guarded(verdicts.guard_words(guard, done.trained.fallback, linear), rows, done.envelope, places)
+    return Guarded(verdicts.guard_words(guard, done.trained.fallback), rows, done.envelope, places)
 
 
 @click.command()

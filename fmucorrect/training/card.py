@@ -158,7 +158,7 @@ def _guarded(trained: Trained, evaluations: Sequence[Comparison]) -> list[str]:
     rows = guarded(trained.guard, trained.selection, evaluations)
     return [
         "",
-        *(f"- {text}" for text in guard_words(trained.guard, trained.fallback, trained.corrector.head.linear)),
+        *(f"- {text}" for text in guard_words(trained.guard, trained.fallback)),
         "",
         "| motion | flagged, % of the rows in motion | in the 90 % band, % of all samples |",
         "|---|---|---|",

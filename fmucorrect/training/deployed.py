@@ -10,7 +10,7 @@
     e      = a e_before + z^2,  g = e^1/4                  how strong it was lately, of a head that remembers (novelty.py)
     inside = relu(1 - v' V - relu(novelty))                1 inside the training envelope and near known motions, fading to 0
     known  = relu(1 - w' V)                                1 where the declared condition is one of training, fading to 0
-    delta  = inside (y - q) + (known - inside) (X' s + x0)  X, x0: a linear filter (fallback.py); y - q of a head that is one
+    delta  = inside (y - q) + (known - inside) (X' s + x0)  X, x0: a linear filter (fallback.py)
     corrected = q + delta,  sigma = inside (s - s_u) + s_u,  q = Q' V
 
 Heads: networks.OneHead, networks.WindowHead, linear.LinearHead, recurrent.RecurrentHead. Training, torch and ONNX (export.py)
@@ -55,14 +55,12 @@ class Said(NamedTuple):
 @runtime_checkable
 class Head(Protocol):
     """What a family deploys: an nn.Module with float32 buffers. members: K. state: S, 0 without. bank: with which the state
-    begins, None without. phase: whether x ends with sine and cosine of the excitation's phase. linear: whether
-    it is a linear filter of the simulation."""
+    begins, None without. phase: whether x ends with sine and cosine of the excitation's phase."""
 
     members: int
     state: int
     bank: Bank | None
     phase: bool
-    linear: bool
 
     def __call__(self, x: Float[Tensor, "N X"], state: Float[Tensor, "N S"] | None = None) -> Said: ...
 
@@ -128,9 +126,8 @@ class Corrector(nn.Module):
             tensors |= _guard(guard, head, history)
         if fallback is not None:
             tensors["w"] = _declared(envelope, channels)
-            if not self.head.linear:
-                tensors["X"], shift = _on_inputs(fallback.weights, head, history)
-                tensors["x0"] = torch.from_numpy(fallback.offset + shift)
+            tensors["X"], shift = _on_inputs(fallback.weights, head, history)
+            tensors["x0"] = torch.from_numpy(fallback.offset + shift)
         for name, tensor in tensors.items():
             self.register_buffer(name, tensor.detach().float().contiguous())
 
@@ -177,7 +174,7 @@ class Corrector(nn.Module):
         if self.falls_back:
             left = torch.relu(torch.addmm(t["one"], outside, t["w"])) - inside
             seen = x if said.seen is None else said.seen
-            delta = delta + left * (lead if self.head.linear else torch.addmm(t["x0"], seen, t["X"]))
+            delta = delta + left * torch.addmm(t["x0"], seen, t["X"])
         corrected = torch.addmm(delta, outside, t["Q"])
         band = torch.addmm(t["t"], said.responses.abs(), t["T"]) if said.band is None else said.band
         sigma = inside * band + t["s_u"]

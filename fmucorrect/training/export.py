@@ -98,7 +98,7 @@ def graph(corrector: Corrector, rows: int, channels: int, columns: int) -> bytes
     delta = add("Mul", [inside, lead], "known_delta" if corrector.falls_back else "delta")
     if corrector.falls_back:
         declared = add("Relu", [add("Gemm", [outside, "w", "one"], "declared_share")], "declared")
-        added = lead if head.linear else add("Gemm", ["seen" if head.state else x, "X", "x0"], "filtered_delta")
+        added = add("Gemm", ["seen" if head.state else x, "X", "x0"], "filtered_delta")
         new = add("Mul", [add("Sub", [declared, inside], "left"), added], "new_delta")
         delta = add("Add", [delta, new], "delta")
     add("Gemm", [outside, "Q", delta], "corrected")

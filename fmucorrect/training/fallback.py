@@ -1,22 +1,37 @@
 """What a corrector fades to where the motion is new to it: a linear filter, if that was better wherever it was left out.
 
-A network says anything where it has seen nothing. A linear filter of the same inputs has a penalty that pulls it towards the
-simulation wherever development had no power, and what a model lacks is often linear to a good part: a stiffness, a mass, a
-sensor. So it is kept where the guard lets nothing of the network through; the status is `outside` and the band that of the
-bare simulation, since nothing was measured there. Under another declared condition nothing is corrected at all.
+A network says anything where it has seen nothing. What a model lacks is often linear to a good part: a stiffness, a mass, a
+sensor. So a linear filter of the same inputs stays where the guard lets nothing of the correction through; the status is
+`outside` and the band that of the bare simulation, since nothing was measured there. Under another declared condition nothing
+is corrected at all.
+
+Of sines alone a filter may as well say what it likes of standing still at a level, and there says more than the simulation is
+wrong. So it is taken for known that nothing is lacking where the simulation stands still at any of its states, for as much as
+that may count before the conditions that are left out are met worse.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float64
 
+from fmucorrect.noise import noise_floor
 from fmucorrect.training import ridge
 from fmucorrect.training.data import FLOOR, Samples, sizes
 from fmucorrect.training.novelty import ROWS, Look, units_of
+from fmucorrect.training.ridge import Normal, Solved
+from fmucorrect.training.strangers import standing
+
+LACKS_NOTHING = (100.0, 30.0, 10.0, 3.0, 1.0, 0.3, 0.1, 0.03, 0.01, 0.0)
+"""How much standing still counts beside what was measured, as shares of its rows; the first that does well enough is taken."""
+STANDS = 24
+"""States of a condition at which it is thought to stand still."""
+WORSE = 0.2
+"""Share by which the error on what is left out, but for the sensors' noise, may grow for adding less to what stands still: of
+a lack that is linear next to nothing is left, and next to nothing may be given away."""
 
 
 @dataclass(frozen=True)
@@ -37,8 +52,8 @@ class Fallback:
 
 
 def learn(look: Look, rows: int, development: Sequence[Samples], folds: Sequence[Sequence[int]]) -> Fallback | None:
-    """From the conditions that a head was fitted to, None where it is not better than the simulation at each of them when it
-    was left out. look, rows, folds: as of the guard (novelty.learn)."""
+    """From the conditions that a head was fitted to, None where none is better than the simulation at each of them when it was
+    left out. look, rows, folds: as of the guard (novelty.learn)."""
     stride = -(-sum(len(item.simulated) for item in development) // ROWS)
     basis = sizes(development)
     looked = [look(item, stride) for item in development]
@@ -46,19 +61,50 @@ def learn(look: Look, rows: int, development: Sequence[Samples], folds: Sequence
     whole = np.concatenate(looked)
     middle, size = whole.mean(axis=0), unit * whole.std(axis=0)
     unit = unit / np.maximum(size, FLOOR * size.max())
-    every = slice(None, None, stride)
-    each = [ridge.normal((s - middle) * unit, item, every, basis) for s, item in zip(looked, development, strict=True)]
+
+    def normal(item: Samples, seen: Float64[np.ndarray, "N S"], rows: slice) -> Normal:
+        return ridge.normal((seen - middle) * unit, item, rows, basis)
+
+    each = [normal(item, s, slice(None, None, stride)) for item, s in zip(development, looked, strict=True)]
+    still: list[Normal] = []
+    for item, measured in zip(development, each, strict=True):
+        made = [normal(other, look(other, 1)[-1:], slice(-1, None)) for other in standing(item, STANDS)]
+        gram = np.sum([one.gram for one in made], axis=0) * (measured.rows / STANDS)
+        still.append(replace(measured, gram=gram, side=np.zeros_like(measured.side)))
+
+    def solve(which: Sequence[int], share: float) -> Solved:
+        more = [replace(still[i], gram=share * still[i].gram) for i in which]
+        return ridge.solve([*(each[i] for i in which), *more], False, found.penalty)
+
+    def left_out(share: float) -> list[float]:
+        errors = [0.0] * len(each)
+        for held in folds:
+            solved = solve([i for i in range(len(each)) if i not in held], share)
+            for i in held:
+                errors[i] = each[i].error(solved)
+        return errors
+
     found = ridge.fit(each, folds)
     zeros = np.zeros_like(each[0].side)
     bare = [one.error((zeros, zeros)) for one in each]
-    if any(after >= before for after, before in zip(found.left_out, bare, strict=True)):
+
+    def helps(errors: Sequence[float]) -> bool:
+        return all(after < before for after, before in zip(errors, bare, strict=True))
+
+    if not helps(found.left_out):
         return None
-    solved = found.solved[0] * basis.response
+    least = float(np.mean(found.left_out))
+    noise = min(float(np.mean([np.nan_to_num(noise_floor(item.measured, item.noise)) for item in development])), least)
+    enough = np.hypot((1.0 + WORSE) * np.sqrt(least**2 - noise**2), noise)
+    tried = ((share, left_out(share)) for share in LACKS_NOTHING)
+    good = ((share, errors) for share, errors in tried if np.mean(errors) <= enough and helps(errors))
+    share, errors = next(good, (0.0, found.left_out))
+    solved = solve(range(len(each)), share)[0] * basis.response
     weights = unit[:, None] * solved[1:]
     names = [item.name for item in development]
     return Fallback(
         weights,
         solved[0] - middle @ weights,
-        dict(zip(names, found.left_out, strict=True)),
+        dict(zip(names, errors, strict=True)),
         dict(zip(names, bare, strict=True)),
     )

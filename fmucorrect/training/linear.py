@@ -73,8 +73,6 @@ class LinearHead(nn.Module):
     y = s L + l + v (s M + n)           s = (x, p);  v = condition c + d, the scaled speed; sloped: whether it plays a part
     """
 
-    linear = True
-
     def __init__(self, found: Filter) -> None:
         super().__init__()
         self.members, self.phase, self.sloped = 0, False, bool(found.sloped.any())

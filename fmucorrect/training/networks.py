@@ -76,7 +76,6 @@ class Member:
 class WindowHead(nn.Module):
     """All members on x. Scales are folded into the weights, in double precision."""
 
-    linear = False
     bank: Bank | None = None
 
     def __init__(self, members: Sequence[Member], scales: Scales, phase: bool) -> None:
@@ -185,7 +184,6 @@ class OneHead(nn.Module):
     s      = F' relu(E' h + e) + f                         relu of +- what the band is made of; f less s_u (deployed.Said)
     """
 
-    linear = False
     bank: Bank | None = None
 
     def __init__(

@@ -17,7 +17,7 @@ too, if the records hold rest.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float64
@@ -25,7 +25,7 @@ from scipy.signal import lfilter
 
 from fmucorrect import metrics
 from fmucorrect.training.data import FLOOR, Samples, sizes
-from fmucorrect.training.nearby import paced
+from fmucorrect.training.strangers import strangers
 
 Look = Callable[[Samples, int], Float64[np.ndarray, "N S"]]
 """What a head sees of every stride-th row: the window, oldest row first, in the channels' units, then its memory."""
@@ -48,12 +48,6 @@ with 1.5 and 3.3 with 1.25, at rig C's random excitation (recurrent) 1.15 with 2
 NARROWEST = 0.27
 """Of |z - c_k|^2, the least over which a correction fades: of a narrower one single precision loses more than the wrapper's
 proof allows between ONNX Runtime and C."""
-NEAR = 0.1
-"""Of the strongest frequency, what counts to it: as wide as the resonance of a damping ratio of 5 %, as most are that ring."""
-ALONE = 0.01
-"""Share of the power, of all that moves, less than which is noise and no frequency of its own."""
-HELD = 8
-"""States at which a made motion stands still, each for as long as the others: long enough for what remembers to settle."""
 
 
 @dataclass(frozen=True)
@@ -158,16 +152,14 @@ def learn(
         lately, more = _known(strong, [each for held in folds for each in apart(strong, held)])
         new = [a | b for a, b in zip(new, more, strict=True)]
     flagged = {item.name: float(new[i].mean()) for item, i in zip(development, order, strict=True)}
-    strange: dict[str, float] = {}
-    for name, made in strangers(development).items():
-        shares: list[float] = []
-        for item in made:
-            z, g = motion(item)
-            novelty = known.novelty(z)
-            if lately is not None and g is not None:
-                novelty = np.maximum(novelty, lately.novelty(g))
-            shares.append(float((novelty[in_motion(item, stride)] > 1.0).mean()))
-        strange[name] = float(np.mean(shares))
+    shares: dict[str, list[float]] = {}
+    for name, made in (one for item in development for one in strangers(item).items()):
+        z, g = motion(made)
+        novelty = known.novelty(z)
+        if lately is not None and g is not None:
+            novelty = np.maximum(novelty, lately.novelty(g))
+        shares.setdefault(name, []).append(float((novelty[in_motion(made, stride)] > 1.0).mean()))
+    strange = {name: float(np.mean(each)) for name, each in shares.items()}
     pole = 0.0 if remembered is None else remembered.pole
     return Guard(directions, shift, known, lately, pole, flagged, strange)
 
@@ -202,72 +194,6 @@ def in_motion(item: Samples, stride: int) -> Bool[np.ndarray, " N"]:
     """Of every stride-th row whether a channel is farther from its median than at rest; all, where none is."""
     moving = metrics.in_motion(item.simulated)[::stride]
     return moving if moving.any() else ~moving
-
-
-def strangers(development: Sequence[Samples]) -> dict[str, list[Samples]]:
-    """Simulated motions of development made into others, as a linear model would move if its excitation were changed so; the
-    last of them of those whose excitation is not said to be of one frequency."""
-
-    def random(q: Float64[np.ndarray, "T J"]) -> Float64[np.ndarray, "T J"]:
-        """All channels turned alike: what they have to do with one another stays (Prichard and Theiler, Generating surrogate
-        data for time series with several simultaneously measured variables, Phys. Rev. Lett. 1994)."""
-        spectrum = np.fft.rfft(q, axis=0)
-        turn = np.exp(2j * np.pi * np.random.default_rng(0).random(len(spectrum)))
-        return np.fft.irfft(spectrum * turn[:, None], len(q), axis=0)
-
-    def tone(q: Float64[np.ndarray, "T J"]) -> Float64[np.ndarray, "T J"]:
-        """What lies near the strongest frequency, alone; where that is the greater part already, as of a resonance, near the
-        strongest of the rest. As it is where there is no rest."""
-        spectrum = np.fft.rfft(q, axis=0)
-        spectrum[0] = 0.0
-        power = (np.abs(spectrum) ** 2 / (q.var(axis=0) + 1e-300)).sum(axis=1)
-        whole, rows = power.sum(), np.arange(len(power))
-        for _ in range(2):
-            near = (np.abs(rows - power.argmax()) <= NEAR * power.argmax()) & (power > 0.0)
-            share = power[near].sum() / (whole + 1e-300)
-            if ALONE < share <= 0.5:
-                return np.fft.irfft(spectrum * near[:, None], len(q), axis=0) / np.sqrt(share)
-            power = np.where(near, 0.0, power)
-        return q
-
-    def stairs(q: Float64[np.ndarray, "T J"]) -> Float64[np.ndarray, "T J"]:
-        """From one of its states to the next, and standing still there: what is held at a level, and steps between them."""
-        each = -(-len(q) // HELD)
-        return q[np.arange(len(q)) // each * each]
-
-    changes = {
-        "half the size": lambda q: 0.5 * q,
-        "a tenth as fast": lambda q: paced(q[9 * len(q) // 20 :], 0.1)[: len(q)],
-        f"standing still at {HELD} of its states": stairs,
-        "0.7 times as fast": lambda q: paced(q, 0.7),
-        "1.5 times as fast": lambda q: paced(q, 1.5),
-        "random, of the same spectrum": random,
-        "one frequency, of the same power": tone,
-    }
-    made: dict[str, list[Samples]] = {name: [] for name in changes}
-    for item in development:
-        middle = np.median(item.whole, axis=0)
-        for name, change in changes.items():
-            moved = item.whole - middle
-            other = moved if change is tone and item.condition[2] > 0.0 else change(moved)
-            if other is not moved:
-                made[name].append(_moved(item, middle + other))
-    return {name: items for name, items in made.items() if items}
-
-
-def _moved(item: Samples, whole: Float64[np.ndarray, "T J"]) -> Samples:
-    """The condition with another simulation from its beginning, which stands for the measurement, too."""
-    history, q = whole.astype(np.float32), whole[item.window - 1 :, : item.simulated.shape[1]]
-    return replace(
-        item,
-        before=history[:0],
-        history=history,
-        seconds=np.arange(len(q)) * item.step,
-        simulated=q,
-        measured=q,
-        acceleration=np.zeros((len(q), 0)),
-        equipped=(),
-    )
 
 
 def _components(

@@ -275,8 +275,6 @@ class RecurrentHead(nn.Module):
     Y      = (p, z or z') O + x P + o2  the members' mean, then each one's deviation from it
     """
 
-    linear = False
-
     def __init__(self, found: Recurrent) -> None:
         super().__init__()
         see, members = found.see, found.members

@@ -51,10 +51,11 @@ def normal(features: Float64[np.ndarray, "N F"], item: Samples, rows: slice, siz
 
 @dataclass(frozen=True)
 class Found:
-    """solved: by all conditions. left_out: NRMSE (%) of each when it was left out."""
+    """solved: by all conditions. left_out: NRMSE (%) of each when it was left out. penalty: that was taken."""
 
     solved: Solved
     left_out: tuple[float, ...]
+    penalty: float
 
 
 def fit(
@@ -68,12 +69,13 @@ def fit(
     a slope. sloped: whether weights may follow the speed, and penalties: to choose
     from."""
     if not folds:
-        return Found(solve(each, False, penalties[len(penalties) // 2]), ())
+        middle = penalties[len(penalties) // 2]
+        return Found(solve(each, False, middle), (), middle)
     errors = {(slope, penalty): _left_out(each, folds, slope, penalty) for slope in sloped for penalty in penalties}
     least = (1.0 + WORSE) * min(np.mean(values) for values in errors.values())
     likely = {one: solve(each, *one) for one, values in errors.items() if np.mean(values) <= least}
     taken = min(likely, key=lambda one: sum(float((part[1:] ** 2).sum()) for part in likely[one]))
-    return Found(likely[taken], tuple(errors[taken]))
+    return Found(likely[taken], tuple(errors[taken]), taken[1])
 
 
 def _left_out(each: Sequence[Normal], folds: Sequence[Sequence[int]], sloped: bool, penalty: float) -> list[float]:

@@ -184,8 +184,8 @@ def flagged_in_motion(guard: Guard, item: Comparison) -> float:
     return float((item.status[item.excited] == Status.OUTSIDE).mean()) if left is None else left
 
 
-def guard_words(guard: Guard, fallback: Fallback | None, linear: bool) -> list[str]:
-    """What the guard does, and how often it errs, point by point. linear: whether the corrector is a linear filter itself."""
+def guard_words(guard: Guard, fallback: Fallback | None) -> list[str]:
+    """What the guard does, and how often it errs, point by point."""
     looks, limits, each = "", f"threshold {guard.known.threshold:.3g}", ""
     if guard.lately is not None:
         looks = " and at how strong each part of it has been lately"
@@ -194,10 +194,8 @@ def guard_words(guard: Guard, fallback: Fallback | None, linear: bool) -> list[s
     if fallback is not None:
         bare, left = fallback.figures.values()
         then = (
-            "There it goes on as it is, a linear filter" if linear else "There the correction fades to a linear filter"
-        )
-        then += (
-            ": one of what it sees was better than the simulation at every condition that was left out (NRMSE "
+            "There the correction fades to a linear filter of what it sees, one that adds little to what stands still "
+            "and was better than the simulation at every condition that was left out (NRMSE "
             f"{bare:.3g} -> {left:.3g} %). The band is then that of the bare simulation. Under another declared condition "
             "nothing is corrected."
         )

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from test_novelty import WINDOW, condition, look, swing
 
+from fmucorrect.training import fallback
 from fmucorrect.training.data import Samples
 from fmucorrect.training.fallback import Fallback, learn
+from fmucorrect.training.strangers import standing
 
 FOLDS = [[0], [1], [2], [3]]
 LAGS = (0.80, 0.84, 0.88, 0.92)
@@ -72,3 +74,24 @@ def test_the_slow_of_a_motion_is_left_alone() -> None:
     items = [condition(f"{lag}", swing(lag=lag)) for lag in LAGS]
     noisy = [replace(item, measured=item.simulated + 0.01 * rng.normal(size=item.simulated.shape)) for item in items]
     assert learn(look, WINDOW, noisy, FOLDS) is None
+
+
+def test_it_adds_little_to_what_stands_still(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of friction in swings alone a linear filter may say anything of standing still at a level."""
+
+    def rough(frequency: float) -> Samples:
+        item = condition(f"{frequency} Hz", swing(frequency=frequency)[600:1400])
+        return replace(item, measured=item.simulated - 0.1 * np.sign(np.gradient(item.simulated, axis=0)))
+
+    swings = [rough(frequency) for frequency in (0.7, 0.9, 1.1, 1.4)]
+    levels = standing(swings[0], 50)
+
+    def added() -> float:
+        found = learn(look, WINDOW, swings, FOLDS)
+        assert found is not None
+        return max(float(np.abs(said(found, level) - level.simulated)[-1].max()) for level in levels)
+
+    cautious = added()
+    monkeypatch.setattr(fallback, "LACKS_NOTHING", (0.0,))
+    free = added()
+    assert cautious < 0.5 * free, (cautious, free)

@@ -8,7 +8,8 @@ from scipy.signal import lfilter
 
 from fmucorrect.training.bank import ROWS, Bank, bank, pace
 from fmucorrect.training.data import Samples
-from fmucorrect.training.novelty import Guard, Look, Remembered, in_motion, learn, strangers, strength
+from fmucorrect.training.novelty import Guard, Look, Remembered, in_motion, learn, strength
+from fmucorrect.training.strangers import strangers
 
 WINDOW, STEP = 10, 0.01
 
@@ -111,7 +112,7 @@ def test_a_channel_in_another_unit_changes_nothing(guard: Guard, development: li
 
 
 def test_it_says_how_often_it_errs_on_what_it_can_make_itself(guard: Guard, development: list[Samples]) -> None:
-    assert set(guard.strange) == set(strangers(development))
+    assert set(guard.strange) == set(strangers(development[0]))
     assert guard.misses == pytest.approx(1.0 - np.mean(list(guard.strange.values())))
     assert guard.strange["half the size"] > 0.85
 
@@ -145,14 +146,14 @@ def test_a_resonance_is_no_excitation_of_one_frequency() -> None:
     rings = lfilter([1.0], [1.0, -2.0 * pole.real, abs(pole) ** 2], rng.standard_normal(len(t)))
     ringing, sine = (np.stack([q, 0.5 * q], axis=1) for q in (rings, np.sin(2.0 * np.pi * t)))
     name = "one frequency, of the same power"
-    (made,) = strangers([condition("random", ringing)])[name]
+    made = strangers(condition("random", ringing))[name]
     spectrum = np.abs(np.fft.rfft(made.simulated[:, 0]))
     strongest = np.fft.rfftfreq(len(made.simulated), STEP)[spectrum.argmax()]
     assert abs(strongest - 9.0) > 0.8
     assert made.simulated.std() == pytest.approx(ringing[WINDOW:].std(), rel=0.1)
-    assert name not in strangers([condition("sine", sine)])
+    assert name not in strangers(condition("sine", sine))
     said = replace(condition("said to be one", ringing), condition=np.array([0.0, 1.0, 9.0], np.float32))
-    assert name not in strangers([said])
+    assert name not in strangers(said)
 
 
 def test_a_sine_is_new_to_a_memory_of_random_roads_although_it_passes_through_known_states() -> None:
