@@ -6,12 +6,13 @@
 
 z are whitened principal components of s. A motion of another excitation may pass through known states all the time: a slow
 sine goes where random roads have led, too, but without the small and fast motion that was always there, in which friction does
-not stick. That is in g, and a fourth root shows what has become weak as well as what has become strong. The known c_k and b_k
-are rows of the development data that lie as far apart as can be (farthest-first traversal; Gonzalez, Clustering to minimize
-the maximum intercluster distance, Theor. Comput. Sci. 1985): rare ones, a start or a decay, are covered as well as frequent
-ones, and nothing is drawn. d0 and g0 are the distances within which nearly all rows lie of every condition that is left out in
-turn, from what is known of the others: as far from it as where the band was calibrated. Only what was measured is known: rest,
-too, if the records hold rest.
+not stick. That is in g, and a fourth root shows what has become weak as well as what has become strong. The last of z is always
+SINCE, so that g tells a motion that is weak from one that has only begun. The known c_k and b_k are rows of the development
+data that lie as far apart as can be (farthest-first traversal; Gonzalez, Clustering to minimize the maximum intercluster
+distance, Theor. Comput. Sci. 1985): rare ones, a start or a decay, are covered as well as frequent ones, and nothing is drawn.
+d0 and g0 are the distances within which nearly all rows lie of every condition that is left out in turn, from what is known of
+the others: as far from it as where the band was calibrated. Only what was measured is known: rest, too, if the records hold
+rest.
 """
 
 from __future__ import annotations
@@ -41,6 +42,10 @@ FALSE_ALARMS = 0.001
 five times as many were flagged, what faded there made a third of the whole error."""
 LEAST = 0.3
 """Smallest d0, for records that repeat one another. Each of z has the power 1, so that this is three tenths of a motion."""
+SINCE = 4.0
+"""Of z, what never changes: of a motion that goes on for as long as the mean remembers it is as far from its beginning as one
+that is there from one that is not, in four of z. With 1 every record's beginning was near all that is weak, and standing still,
+creep and a tenth of the size were known to most; with 10 usual motions were new for a while after another beginning."""
 FADE = 1.5
 """Novelty at which nothing of a correction is left; from 1 on it fades. In between is a mixture with a network's answers to
 what it has not seen, of which windows know less than what remembers: at half of rig A's amplitude (windows) 5.1 % with 2, 4.1
@@ -127,6 +132,8 @@ def learn(
     seen, moving = [look(item, stride) for item in development], [in_motion(item, stride) for item in development]
     unit = units_of(seen, rows, sizes(development).seen)
     directions, shift = _components(seen, unit)
+    if remembered is not None:
+        directions, shift = np.pad(directions, ((0, 0), (0, 1))), np.append(shift, SINCE)
 
     def motion(item: Samples) -> tuple[Float64[np.ndarray, "N d"], Float64[np.ndarray, "N d"] | None]:
         """z, and g of a head that remembers, of every stride-th row."""

@@ -173,3 +173,19 @@ def test_a_sine_is_new_to_a_memory_of_random_roads_although_it_passes_through_kn
     assert shares["another road"][0] < 0.02
     assert shares["sine"][0] > 0.95
     assert shares["sine"][1] < 0.05
+
+
+def test_that_records_begin_from_rest_makes_nothing_weak_known() -> None:
+    """All of these roads begin from rest: at first they move little, and nothing was lately."""
+    development = [condition(f"road {seed}", road(seed)) for seed in range(4)]
+    oscillators = bank(development, pace(development), 6)
+    remembered = Remembered(oscillators.seen, float(np.abs(oscillators.poles).max()))
+    guard = learn(sees(oscillators), ROWS, development, [[0], [1], [2], [3]], remembered)
+    assert guard.lately is not None
+    still = np.tile(road(9)[2000], (4000, 1))
+    for name, q, share in (("another road", road(9), 0.0), ("a tenth", 0.1 * road(9), 1.0), ("still", still, 1.0)):
+        z = oscillators.seen(condition(name, q)) @ guard.directions + guard.shift
+        new = guard.lately.novelty(strength(z, guard.pole)) > 1.0
+        assert float(new[1000:].mean()) == pytest.approx(share, abs=0.05), name
+        if name == "another road":
+            assert float(new[:1000].mean()) < 0.05
