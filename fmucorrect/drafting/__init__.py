@@ -166,6 +166,13 @@ def draft(
         filled=tuple(f"{log.path.name}: {log.filled}" for log in logs if log.filled),
         stand_ins=tuple(f"{log.path.name}: {text}" for log in logs for text in log.stand_ins),
         starts=find_starts(model),
+        unsaid={
+            guess.variable: own
+            for guess in driving.inputs
+            if not guess.column_unit
+            and first.columns[guess.column] in UNSAID
+            and (own := model.variables[guess.variable].unit) not in UNSAID
+        },
     )
 
 

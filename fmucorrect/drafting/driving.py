@@ -268,9 +268,9 @@ def _sized(plant: Plant, log: Run, driving: Driving, step_ns: int) -> Driving:
         inputs = _with(driving.inputs, replace(guess, column_unit=unit))
         told = replace(log, columns={**log.columns, guess.column: unit})
         return Driving(inputs, _run(plant, told, inputs, step_ns), driving.untried)
-    why = f"{guess.why}; it says no unit: taken in {own or 'that of the FMU, which says none'}"
-    if odd[own] > SAME_SIZE * len(channels):
-        why += ", though what is measured is of another size than what comes out"
+    if odd[own] <= SAME_SIZE * len(channels):
+        return driving
+    why = f"{guess.why}; it says no unit, and what is measured is of another size than what comes out"
     return replace(driving, inputs=_with(driving.inputs, replace(guess, why=why)))
 
 

@@ -590,11 +590,15 @@ def quiet(log: Run, driving: Collection[str]) -> float:
     swing = np.ptp(record.values, axis=0)
     head = record.values[record.t_ns - record.t_ns[0] < SHORT * NANOSECONDS]
     begins, least, surely = record.values[0], MOVES * swing, 1.0
-    noise = np.diff(head, axis=0).std(axis=0) / np.sqrt(2.0) if len(head) > SEVERAL else np.zeros(len(swing))
+    noise = np.zeros(len(swing))
+    if len(head) > SEVERAL:
+        noise = np.diff(head, axis=0).std(axis=0) / np.sqrt(2.0)
+        least = np.where(noise == 0.0, 0.0, least)  # of what does not scatter any change is a motion
     still = (noise > 0.0) & (noise < SCATTERS * swing) & (head.std(axis=0) < 2.0 * noise)
     if still.any():
         begins = np.where(still, head.mean(axis=0), begins)
         least, surely = np.where(still, np.maximum(least, LEAVES * noise), least), EARLIER
     away = (np.abs(record.values - begins) > least).any(axis=1)
-    length = float(record.t_ns[int(np.argmax(away))] - record.t_ns[0]) / NANOSECONDS if away.any() else 0.0
+    last = max(int(np.argmax(away)) - 1, 0)
+    length = float(record.t_ns[last] - record.t_ns[0]) / NANOSECONDS if away.any() else 0.0
     return surely * length if length >= SHORT else 0.0

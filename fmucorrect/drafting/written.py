@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 
 from fmucorrect.drafting.driving import Driving
 from fmucorrect.drafting.guess import as_well
@@ -41,10 +42,11 @@ class DraftedRun:
 class Draft:
     """A drafted study: `text` writes it, each guess with its reason.
 
-    units: of variables that the FMU leaves without one. unpaired: columns that show no output, in words. left_out: what a log
-    holds that is no column, in words. reading: what was told of the logs. filled: why `repair` is asked for, a log each, empty
-    where it is not, or was by the user. starts: variables with start values that may be free. stand_ins: numbers in logs that
-    look like lost samples, in words."""
+    units: of variables that the FMU leaves without one. unsaid: inputs whose columns say no unit and are taken in the
+    FMU's, with that. unpaired: columns that show no output, in words. left_out: what a log holds that is no column, in
+    words. reading: what was told of the logs. filled: why `repair` is asked for, a log each, empty where it is not, or was
+    by the user. starts: variables with start values that may be free. stand_ins: numbers in logs that look like lost
+    samples, in words."""
 
     model: FmuDescription
     step_ns: int
@@ -61,6 +63,7 @@ class Draft:
     filled: tuple[str, ...] = ()
     starts: tuple[str, ...] = ()
     stand_ins: tuple[str, ...] = ()
+    unsaid: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
 
     def text(self, path: Path) -> str:
         """The study file, to be written to `path`: file names are relative to it."""
@@ -119,6 +122,9 @@ class Draft:
             yield "[records.columns]"
         for guess in renamed:
             yield f"{toml(guess.variable)} = {toml(guess.column)}  # guess: {one_line(guess.why)}"
+        if self.unsaid:
+            taken = ", ".join(f"{name} in {unit}" for name, unit in self.unsaid.items())
+            yield f"# guess: the logs say no unit of what drives the FMU, and it is taken in the FMU's own: {one_line(taken)}"
         if self.driving.inputs and all(guess.sign < 0 for guess in self.channels):
             yield "# every channel has measurement_sign = -1: it may as well be what drives the model that counts the other way"
         if self.driving.untried:

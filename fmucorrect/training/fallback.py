@@ -68,7 +68,8 @@ def learn(look: Look, rows: int, development: Sequence[Samples], folds: Sequence
     each = [normal(item, s, slice(None, None, stride)) for item, s in zip(development, looked, strict=True)]
     still: list[Normal] = []
     for item, measured in zip(development, each, strict=True):
-        made = [normal(other, look(other, 1)[-1:], slice(-1, None)) for other in standing(item, STANDS)]
+        last = max(len(item.whole) - item.window, 1)  # of the rows with a whole window
+        made = [normal(other, look(other, last)[-1:], slice(-1, None)) for other in standing(item, STANDS)]
         gram = np.sum([one.gram for one in made], axis=0) * (measured.rows / STANDS)
         still.append(replace(measured, gram=gram, side=np.zeros_like(measured.side)))
 
