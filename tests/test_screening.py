@@ -227,6 +227,25 @@ def test_a_fault_is_found_and_its_key_named(tmp_path: Path, fault: Fault, kind: 
     assert all(finding.level == "warning" for finding in mine)
 
 
+def test_a_sensor_that_fits_its_own_channel_is_not_another_one_s(tmp_path: Path) -> None:
+    """The current of a servo, most of which is friction, goes with the angle better than with a model without friction."""
+    a, b, c, d = np.random.default_rng(4).standard_normal((4, 6000))
+    angle = 0.95 * a + 0.31 * b
+    items: list[Pair] = []
+    for item in pairs_of(make(tmp_path, changed())):
+        n = len(item.measured)
+        simulated, measured = (
+            np.stack([a, angle, c], axis=1)[:n],
+            np.stack([0.47 * a + 0.8 * b + 0.3 * d, angle, c], axis=1)[:n],
+        )
+        values = item.simulated.values.copy()
+        values[item.rows, :3] = simulated
+        items.append(replace(item, measured=measured, simulated=replace(item.simulated, values=values)))
+    table = np.abs(correlations(items[0]))
+    assert table[1, 0] + table[0, 1] > table[0, 0] + table[1, 1]  # taken together the two would fit better
+    assert not [f for f in of_pairs(load_study(tmp_path / "study.toml"), items) if f.kind == "sensors swapped"]
+
+
 @pytest.mark.parametrize("only", [("one",), ("two",), ("held",)])
 @pytest.mark.parametrize(
     ("fault", "kind", "told"),

@@ -25,11 +25,14 @@ from fmucorrect.study_places import place
 SHOWS = 0.5
 """Of the noise of what discovery looks at, beside a lag: adds a quarter to its variance, nearly what a set may leave that
 explains a measurement."""
-FACTORS = {0.5: "half a step", 2.0: "twice the step"}
+FACTORS = {0.5: "half the step", 2.0: "twice the step"}
 """Of the step that is looked at, in this order."""
 REFUTED = 2.0
 """Times the rms of what measurement and simulation differ by, above which a step's error cannot be there: the measurement would
 show it. Half and twice the step tell it no better than so."""
+MOST = 3.0
+"""Steps that a step makes a channel late by at most: one that holds its inputs, one that is differentiated, one more of the
+solver's. What is more is no lag but another response."""
 LATE = 1e-3
 """s that a channel may be late by for the step alone: twice what discovery expects of sensors (nuisances.LAG), which has room
 for it."""
@@ -59,7 +62,9 @@ def coarse(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
             continue
         slope = np.gradient(item.response[:, j], step)[both]
         lag = float(moved @ slope) / max(float(slope @ slope), np.finfo(float).tiny)
-        found.append((abs(lag) / LATE, f"channel {channel.name!r} is about {1e3 * lag:.2g} ms late"))
+        lag = lag if abs(lag) <= MOST * step else 0.0
+        told = f"about {1e3 * abs(lag):.2g} ms {'late' if lag > 0.0 else 'early'}"
+        found.append((abs(lag) / LATE, f"channel {channel.name!r} is {told}"))
         if np.isfinite(noise[j]):
             off = float(np.std(moved - lag * slope))
             level = float(noise[j]) / max(len(item.measured) / item.ratio / EVIDENCE, 1.0) ** 0.5
@@ -73,15 +78,16 @@ def coarse(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
     if times > 1.0:
         shorter = f"{step / 2.0 ** min(np.ceil(np.log2(2.0 * times)), 5.0):.3g}"
         remedy = (
-            f"Write a shorter step_size, {shorter} say" if factor < 1.0 else "The FMU takes no step of half of this"
+            f"write a shorter step_size, {shorter} say" if factor < 1.0 else "the FMU takes no step of half of this"
         )
         yield Finding(
             "step that shows",
             "warning",
             place(study.places, ("simulation", "step_size")),
-            f"at {step:g} s {told}, as {FACTORS[factor]} tells at condition {item.condition.name!r}",
-            "Inputs are held for a whole step; discovery takes what comes of it for a sensor's lag, a mass or a gain",
-            f"{remedy}; not needed to train a corrector.",
+            f"at a step of {step:g} s {told}, by a run of condition {item.condition.name!r} at {FACTORS[factor]}",
+            "Inputs are held for a whole step, and a solver that integrates by it is as good as that; discovery takes what "
+            "comes of it for a sensor's lag, a mass or a gain",
+            f"Of no matter to a corrector. For discovery: {remedy}.",
         )
 
 

@@ -471,7 +471,14 @@ def _wrong(pairs: Sequence[Pair], tables: Sequence[Table]) -> dict[int, int]:
 
     rows, columns = linear_sum_assignment(-np.abs(np.mean(tables, axis=0)))
     taken = {int(c): int(r) for r, c in zip(rows, columns, strict=True)}  # simulated channel -> measured channel
-    swapped = {j: row for j, row in taken.items() if row != j and all(_fits(table, j, row, j) for table in tables)}
+    swapped = {
+        j: row
+        for j, row in taken.items()
+        if row != j
+        and all(_fits(table, j, row, j) for table in tables)
+        # a current goes with the angle that it moves: whose column fits its own channel is not another one's
+        and not all(_fits(table, row, row, taken[row]) for table in tables)
+    }
     return {j: j for j in _reversed(pairs, tables)} | swapped
 
 

@@ -38,6 +38,13 @@ def verdict(selection: Selection, evaluations: Sequence[Comparison] = (), guard:
     text = _when_left_out(selection, evaluations)
     if unseen and selection.family != "nothing":
         text += _held_out(unseen)
+    harmed = [
+        f"{name} ({grown})"
+        for name, left in selection.held_out.items()
+        if (grown := _grown(selection.tried["nothing"][name], left))
+    ]
+    if harmed:
+        text += f" Left out, {', '.join(harmed)} was met WORSE than by the simulation: where it moves like that, do not use it."
     if selection.family != "nothing":
         for item in evaluations:
             if item.withheld:
@@ -106,19 +113,20 @@ def _is_noise(noise: float, left: float) -> bool:
 
 def _worse(item: Comparison) -> str:
     """Where the mean error has grown, or that of channels, with their names; nothing where none has."""
-
-    def grown(before: float, after: float) -> str:
-        return f"{before:.2f} -> {after:.2f} %" if after > before * (1.0 + _WORSE) else ""
-
     name = item.condition.name
-    if mean := grown(item.before.mean_nrmse, item.after.mean_nrmse):
+    if mean := _grown(item.before.mean_nrmse, item.after.mean_nrmse):
         return f"{name} ({mean})"
     each = [
         f"{channel.name} {found}"
         for channel, *errors in zip(item.channels, item.before.nrmse, item.after.nrmse, strict=True)
-        if (found := grown(*errors))
+        if (found := _grown(*errors))
     ]
     return f"{name} in {', '.join(each)}" if each else ""
+
+
+def _grown(before: float, after: float) -> str:
+    """From where to where an error has grown, NRMSE in %; nothing where it has not."""
+    return f"{before:.2f} -> {after:.2f} %" if after > before * (1.0 + _WORSE) else ""
 
 
 def _places(evaluations: Sequence[Comparison]) -> str:
