@@ -272,42 +272,36 @@ def test_an_input_for_which_no_name_speaks(car: Path, logs: list[Path], tmp_path
     assert np.abs(item.measured - item.response).max() < 0.01 * np.abs(item.measured).max()
 
 
-def test_what_drives_in_no_unit_is_marked_as_a_guess(tmp_path: Path):
-    """Under the input's own name, too: a log in mm is driven a thousand times too hard else, without a word."""
-    t_ns = np.arange(4000, dtype=np.int64) * 1_000_000
-    moves = Record(t_ns, 1e-3 * np.sin(20e-9 * t_ns)[:, None], (Channel("base.d", "m"),))
-    with IsolatedStepper(OSCILLATOR, (Channel("x", "m", simulation="mass1.x"),), inputs=("base.d",)) as stepper:
-        shown = run(stepper, Condition("a"), [moves])
-    assert shown is not None
-    path = tmp_path / "log.csv"
-    with writer(path) as file:
-        channels = (Channel("base.d", "1"), Channel("mass1.x", "m"))
-        file.write("/log", Record(t_ns, np.concatenate([moves.values, shown.values[:, :1]], axis=1), channels))
-    text = draft(OSCILLATOR, [path]).text(tmp_path / "study.toml")
-    (told,) = [line for line in text.splitlines() if line.startswith("# guess: the logs say no unit of what drives")]
-    assert told.endswith("taken in the FMU's own: base.d in m")
-
-
 def test_a_force_at_a_joint_is_no_input_once_the_road_drives(car: Path, logs: list[Path], tmp_path: Path):
     """Whatever says no unit might push; what is missing is not to be driven by what was measured of it."""
     log = relabelled(logs[0], {"Oil": "AI05"}, {"Oil": "1", "Susp.travel": "1"}, tmp_path / "log.csv")
     assert [guess.variable for guess in draft(car, [log]).driving.inputs] == ["zr"]
 
 
+def shaken(path: Path, column: Channel, size: float, shown: str) -> Path:
+    """A log of the shipped oscillator, its base shaken by 1 mm: the base in a column of this size, and the mass in m."""
+    t_ns = np.arange(3000) * 1_000_000
+    base = np.sin(2.0 * np.pi * 3.0 * t_ns / 1e9)[:, None]
+    with IsolatedStepper(OSCILLATOR, (Channel("x", "m", simulation="mass1.x"),), inputs=("base.d",)) as stepper:
+        result = run(stepper, Condition("a"), [Record(t_ns, 1e-3 * base, (Channel("base.d", "m"),))])
+    assert result is not None
+    with writer(path) as file:
+        file.write("/log", Record(t_ns, np.hstack([size * base, result.values]), (column, Channel(shown, "m"))))
+    return path
+
+
 def test_the_unit_of_an_input_that_nobody_says_is_told_by_sizes(tmp_path: Path):
     """Base of the shipped oscillator, in mm without a word of it; the mass in m."""
-    t = np.arange(3000) * 1e-3
-    base = np.sin(2.0 * np.pi * 3.0 * t)
-    given = Record(np.arange(3000) * 1_000_000, 1e-3 * base[:, None], (Channel("base.d", "m"),))
-    with IsolatedStepper(OSCILLATOR, (Channel("x", "m", simulation="mass1.x"),), inputs=("base.d",)) as stepper:
-        result = run(stepper, Condition("a"), [given])
-    assert result is not None
-    path = tmp_path / "log.mcap"
-    with writer(path) as file:
-        columns = (Channel("Base d", "1"), Channel("Mass1.x", "m"))
-        file.write("/log", Record(given.t_ns, np.column_stack([base, result.values]), columns))
-    (guess,) = draft(OSCILLATOR, [path]).driving.inputs
+    (guess,) = draft(OSCILLATOR, [shaken(tmp_path / "log.mcap", Channel("Base d", "1"), 1.0, "Mass1.x")]).driving.inputs
     assert (guess.variable, guess.column, guess.column_unit) == ("base.d", "Base d", "mm")
+
+
+def test_what_drives_in_no_unit_is_marked_as_a_guess(tmp_path: Path):
+    """Under the input's own name, too: a log in mm would drive a thousand times too hard, without a word."""
+    log = shaken(tmp_path / "log.csv", Channel("base.d", "1"), 1e-3, "mass1.x")
+    text = draft(OSCILLATOR, [log]).text(tmp_path / "study.toml")
+    (told,) = [line for line in text.splitlines() if line.startswith("# guess: the logs say no unit of what drives")]
+    assert told.endswith("taken in the FMU's own: base.d in m")
 
 
 FREE = """
