@@ -157,6 +157,25 @@ def scales(development: Sequence[Samples], history: int, stride: int) -> Scales:
     return Scales(known.response, known.seen, known.speed, known.uncorrected, window, components)
 
 
+LEAST_RANGE = 0.1
+"""Of the largest range, what a smaller one counts as at least: a record in which next to nothing moves is noise to the most."""
+
+
+def counts(ranges: Float64[np.ndarray, "C J"]) -> Float64[np.ndarray, " C"]:
+    """How much a sample of each condition counts in a fit, 1 in the mean: what is judged is the error in per cent of a
+    condition's own range (NRMSE), so that a small motion that is met badly is as bad as a large one. ranges: of each
+    condition's measured channels."""
+    largest = ranges.max(axis=0)
+    share = np.divide(ranges, largest, out=np.ones_like(ranges), where=largest > 0.0)
+    found = np.mean(1.0 / np.maximum(share, LEAST_RANGE) ** 2, axis=1)
+    return found / found.mean()
+
+
+def counts_of(development: Sequence[Samples]) -> Float64[np.ndarray, " C"]:
+    """The same, of conditions."""
+    return counts(np.array([np.ptp(item.measured, axis=0) for item in development]))
+
+
 def quantile(parts: Sequence[np.ndarray], share: float) -> float:
     """Of the values of all parts, (N,) each, each part counting alike."""
     weight = np.concatenate([np.full(len(part), 1.0 / len(part)) for part in parts])

@@ -38,7 +38,7 @@ from torch.nn import functional
 
 from fmucorrect.study_training import Training
 from fmucorrect.training.bank import DAMPING, ROWS, Bank, Pace, bank, pace, remembered, rotation
-from fmucorrect.training.data import Samples, Sizes
+from fmucorrect.training.data import Samples, Sizes, counts_of
 from fmucorrect.training.deployed import Said, bias, spread, weight
 from fmucorrect.training.loop import Curve, Run, Terms, minimise, one_cycle
 from fmucorrect.training.mlp import parameters, tanh
@@ -171,6 +171,7 @@ def fit_member(
     strided = [values[::stride].contiguous() for values in seen]
     targets = [_target(item, see, len(values)) for item, values in zip(lesson, seen, strict=True)]
     each = len(near) // len(development)
+    share = counts_of(development)
     poles = [network.rate, network.damping]
     others = [p for name, p in network.named_parameters() if name not in ("rate", "damping")]
     groups = [{"params": others, "weight_decay": settings.weight_decay}, {"params": poles, "weight_decay": 0.0}]
@@ -185,11 +186,10 @@ def fit_member(
             i = len(development) + k * each + other if other < each else k
             first, target = targets[i]
             said = network(strided[i], see.bank.step * stride)[-(-first // stride) :]
-            yield {"residual": ((said - target[-first % stride :: stride]) ** 2).mean()}
+            yield {"residual": share[k] * ((said - target[-first % stride :: stride]) ** 2).mean()}
 
     minimise(run, "recurrent", network, optimiser, steps, epochs, schedule)
-    shares = [1.0] * len(development) + [1.0 / SHARE] * len(near)
-    _last_layer(network, see, seen, targets, shares)
+    _last_layer(network, see, seen, targets, [*share, *np.repeat(share / SHARE, each)])
     return network, run.curves
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
-from fmucorrect.training.data import Samples, Sizes
+from fmucorrect.training.data import Samples, Sizes, counts
 
 PENALTIES = tuple(10.0**k for k in range(-6, 1))
 """Shares of the mean power of a feature. The least keeps the weights so small that single precision does."""
@@ -92,9 +92,9 @@ def solve(each: Sequence[Normal], sloped: bool, penalty: float) -> Solved:
     one = len(each[0].gram)
     two = one * (1 + sloped)
     gram, side = np.zeros((two, two)), np.zeros((two, each[0].side.shape[1]))
-    for item in each:
+    for item, count in zip(each, counts(np.array([item.extent for item in each])), strict=True):
         powers = np.array([1.0, item.speed])[: 1 + sloped]
-        gram += np.kron(np.outer(powers, powers), item.gram)
-        side += np.kron(powers[:, None], item.side)
+        gram += count * np.kron(np.outer(powers, powers), item.gram)
+        side += count * np.kron(powers[:, None], item.side)
     weights = np.linalg.solve(gram + penalty * np.trace(gram) / two * np.eye(two), side)
     return weights[:one], weights[one:] if sloped else np.zeros_like(weights[:one])

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from fmucorrect.study_training import Training
-from fmucorrect.training.data import Samples, scales
+from fmucorrect.training.data import Samples, counts_of, scales
 from fmucorrect.training.grid import Inputs, inputs
 from fmucorrect.training.loop import Curve, Run, Terms, minimise, one_cycle
 from fmucorrect.training.mlp import parameters
@@ -46,13 +46,16 @@ def fit_member(
     run = Run(1000 * training.seed + 2 * member, every=10, checkpoint=context.checkpoint, device=context.device)
     baseline = _fit_baseline(development, see, training, run)
     chain = Member(baseline, _amplitude_factor(baseline, development, see), _untrained(training, see, run.seed + 1))
-    lesson = [(s, stride) for s in development] + [(s, SHARE * stride) for s in nearby(development, member)]
+    near, share = nearby(development, member), counts_of(development)
+    lesson = [(s, stride) for s in development] + [(s, SHARE * stride) for s in near]
     with torch.no_grad():
         parts = [_inputs(chain, see, s, training, n) for s, n in lesson]
     x, base = torch.cat([u for u, _ in parts]), torch.cat([b for _, b in parts])
     target = torch.cat([_scaled(s.measured[::n], see) for s, n in lesson]) - base
+    shares = [*share, *np.repeat(share, len(near) // len(development))]
+    count = torch.cat([torch.full((len(u), 1), one) for one, (u, _) in zip(shares, parts, strict=True)])
     run.tick = context.tick  # the paper's L_res on r^e (eqs. observation_decomposition, loss_components)
-    _minimise(run, "residual", chain.residual, (x, base), target, training, epochs)
+    _minimise(run, "residual", chain.residual, (x, base), target, count, training, epochs)
     return chain, run.curves
 
 
@@ -69,7 +72,8 @@ def _fit_baseline(development: Sequence[Samples], see: Inputs, training: Trainin
     x = torch.cat([window_and_speed(see, s, stride) for s in development])
     target = torch.cat([_scaled(s.simulated[::stride], see) for s in development])
     network = Baseline(x.shape[1] - 1, training.corrector.baseline_width, target.shape[1])
-    _minimise(run, "tdnn", network, (x,), target, training, training.corrector.baseline_epochs, TDNN_RATE)
+    alike, epochs = torch.ones(len(target), 1), training.corrector.baseline_epochs
+    _minimise(run, "tdnn", network, (x,), target, alike, training, epochs, TDNN_RATE)
     return network
 
 
@@ -86,15 +90,16 @@ def _minimise(
     stage: str,
     network: nn.Module,
     inputs: tuple[Tensor, ...],
-    target: Tensor,
+    target: Float[Tensor, "N J"],
+    count: Float[Tensor, "N 1"],
     training: Training,
     epochs: int,
     share: float = 1.0,
 ) -> None:
-    """Mean squared error, AdamW on a one-cycle rate, batches drawn anew each epoch from the seed and its number. share: of the
-    settings' learning rate."""
+    """Mean squared error, each row as much as it counts, AdamW on a one-cycle rate, batches drawn anew each epoch from the seed
+    and its number. share: of the settings' learning rate."""
     settings = training.corrector
-    inputs, target = tuple(x.to(run.device) for x in inputs), target.to(run.device)
+    inputs, target, count = tuple(x.to(run.device) for x in inputs), target.to(run.device), count.to(run.device)
     network.to(run.device)
     rate, decay = share * settings.learning_rate, settings.weight_decay
     # fused: with networks this small the optimiser's own calls would take as long as their gradients
@@ -105,7 +110,7 @@ def _minimise(
     def steps(epoch: int) -> Iterator[Terms]:
         order = torch.randperm(len(target), generator=torch.Generator().manual_seed(1_000_003 * run.seed + epoch))
         for rows in order.to(run.device).chunk(batches):
-            yield {stage: ((network(*(x[rows] for x in inputs)) - target[rows]) ** 2).mean()}
+            yield {stage: ((network(*(x[rows] for x in inputs)) - target[rows]) ** 2 * count[rows]).mean()}
 
     minimise(run, stage, network, optimiser, steps, epochs, schedule)
     network.cpu()
