@@ -311,9 +311,10 @@ def at_step(
         begun += [next(rows)]
     except (StopIteration, FmucorrectError) as error:  # which is told where the log is read
         return _ended(error), ""
-    t_ns = begun[0].t_ns
-    each = round(step_ns / max(float(np.median(np.diff(t_ns))), 1.0)) if len(t_ns) > 1 else 1
-    if not 1 < each < len(t_ns) or t_ns[each] - t_ns[0] != step_ns:
+    steps = np.diff(begun[0].t_ns)
+    own = max(float(np.median(steps)), 1.0) if len(steps) else float(step_ns)
+    each = round(step_ns / own)
+    if each < 2 or abs(each * own - step_ns) > each:  # as far as stamps are rounded to ns
         return whole(), ""
 
     def taken() -> Iterator[Record]:
@@ -323,7 +324,8 @@ def at_step(
             kept = replace(kept, t_ns=kept.t_ns[::each], values=kept.values[::each])
             begin = (begin - len(chunk)) % each
             left_out(len(chunk) - len(kept))
-            yield kept
+            if len(kept):
+                yield kept
 
     last = {1: "st", 2: "nd", 3: "rd"}.get(each % 10 if each % 100 not in (11, 12, 13) else 0, "th")
     return taken(), f"every {each}{last} row of the log, whose step is {step_ns / each / 1e6:g} ms"

@@ -467,8 +467,8 @@ class CorrectedStepper:
             expected=f"{self._step_ns / NANOSECONDS:.9g} s",
             got=f"{got / NANOSECONDS:.9g} s",
             remedy="Step the simulation at the corrector's sample time. Of a log that is a whole number of times as fast, "
-            "replay takes every n-th row; one of another rate has to be resampled beforehand, and one that only jitters is put "
-            "on a grid of its own step by the repair rule 'resample'.",
+            "replay takes every n-th row; one of another rate has to be resampled to it beforehand. The repair rule 'resample' "
+            "puts a log that jitters on a grid of its own median step.",
         )
 
 

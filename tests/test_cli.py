@@ -272,19 +272,23 @@ def test_replay_refuses_a_log_of_another_sample_time(model: Path, tmp_path: Path
     refused(result, "does not fit the corrector's sample time", "expected 0.001 s", "got 0.002 s")
 
 
-def test_replay_takes_every_nth_row_of_a_log_that_is_n_times_as_fast(model: Path, tmp_path: Path) -> None:
-    slow, fast = log(tmp_path / "slow.csv"), tmp_path / "fast.csv"
+@pytest.mark.parametrize(("count", "each"), [(205, 5), (206, 5), (52, 20), (3, 2000)])
+def test_replay_takes_every_nth_row_of_a_log_that_is_n_times_as_fast(
+    model: Path, tmp_path: Path, count: int, each: int
+) -> None:
+    """Also where a chunk, of 1024 rows, has none that is taken."""
+    slow, fast = log(tmp_path / "slow.csv", rows=count), tmp_path / "fast.csv"
     first, *rows = slow.read_text().splitlines()
-    times = [float(row.split(",")[0]) for row in rows]
-    halves = [
-        f"{t + k / 5000:.4f}," + row.split(",", 1)[1] for t, row in zip(times, rows, strict=True) for k in range(5)
-    ]
-    fast.write_text("\n".join([first, *halves]) + "\n")
+    cells = [row.split(",", 1)[1] for row in rows]
+    faster = [f"{k / each / 1000:.7f},{cells[k // each]}" for k in range(each * count)]
+    fast.write_text("\n".join([first, *faster]) + "\n")
     plain, thinned = tmp_path / "plain.csv", tmp_path / "thinned.csv"
     call("replay", slow, "--corrector", model, *CONDITION, "-o", plain)
     result = call("replay", fast, "--corrector", model, *CONDITION, "-o", thinned)
-    assert "taken: every 5th row of the log, whose step is 0.2 ms" in result.output
-    assert thinned.read_text().splitlines()[-50:] == plain.read_text().splitlines()[-50:]
+    assert result.exit_code == 0, result.output
+    assert f"taken: every {each}th row of the log, whose step is {1 / each:g} ms" in result.output
+    rows_of = [file.read_text().splitlines()[-count:] for file in (thinned, plain)]
+    assert rows_of[0] == rows_of[1]
 
 
 def test_replay_names_nan_by_column_and_time_and_repairs_it_when_told(model: Path, tmp_path: Path) -> None:

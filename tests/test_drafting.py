@@ -633,3 +633,16 @@ def test_an_input_that_was_measured_scatters_while_it_stands_still(scatter: floa
     values = moves + np.random.default_rng(3).normal(scale=scatter, size=len(t)) if scatter else moves
     record = Record((t * 1e9).astype(np.int64), values[:, None], (Channel("floor", "1", "acceleration", ""),))
     assert least <= quiet(Run(Path("log.csv"), {"floor": "1"}, record, ()), ["floor"]) <= most
+
+
+@pytest.mark.parametrize(("swings", "least", "most"), [(0.0, 1.9, 2.0), (0.3, 0.0, 0.0)])
+def test_what_swings_on_is_not_quiet_though_nothing_drives(swings: float, least: float, most: float) -> None:
+    """A load on its rope, whose trolley has stopped."""
+    t = np.arange(2000) / 200.0
+    drive = np.where(t < 2.0, 0.0, 1.0)
+    load = swings * np.sin(2.0 * t) + np.where(t < 2.0, 0.0, np.sin(2.0 * (t - 2.0)))
+    load += np.random.default_rng(3).normal(scale=0.02, size=len(t))
+    channels = (Channel("v", "m/s", "velocity", ""), Channel("angle", "deg", "angle", ""))
+    record = Record((t * 1e9).astype(np.int64), np.column_stack([drive, load]), channels)
+    run = Run(Path("log.csv"), {"v": "m/s", "angle": "deg"}, record, ())
+    assert least <= quiet(run, ["v"], ["angle"]) <= most

@@ -69,7 +69,7 @@ def test_a_step_is_told_by_twice_of_it_where_the_solver_takes_no_half_one(tmp_pa
     monkeypatch.setattr(import_module("fmucorrect.screening.coarse"), "simulate", fixed)
     study = driven(tmp_path, 8e-3, 0.1)
     (finding,) = coarse(study, [pair(study, study.development[0])])
-    assert "at twice the step" in finding.text
+    assert "at twice the step tells" in finding.text
     assert "shorter" not in finding.remedy
 
 

@@ -141,7 +141,7 @@ def draft(
                 and log.columns.get(guess.column) in UNSAID
                 and (unit := first.columns[guess.column]) not in UNSAID
             },
-            quiet(log, inputs.values()),
+            quiet(log, inputs.values(), measured),
             in_motion(log, channels),
         )
         for i, log in enumerate(logs)

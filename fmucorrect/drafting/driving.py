@@ -253,7 +253,7 @@ def _sized(plant: Plant, log: Run, driving: Driving, step_ns: int) -> Driving:
     """With the unit of the one column that drives and says none, where the responses say together that it is not the
     variable's own: what drives a linear model sizes them all."""
     fmu = plant.fmu
-    unsaid = [g for g in driving.inputs if log.columns[g.column] in units.UNSAID and g.column != g.variable]
+    unsaid = [g for g in driving.inputs if log.columns[g.column] in units.UNSAID]
     channels = find_channels(fmu, log, driving.trial)
     if len(unsaid) != 1 or not channels:
         return driving

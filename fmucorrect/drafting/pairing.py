@@ -40,6 +40,9 @@ SCATTERS, LEAVES, SEVERAL = 0.02, 5.0, 20
 which it moves; samples by which that is not known yet."""
 EARLIER = 0.9
 """Share of that time that is taken: what begins slowly has begun before it leaves the scatter."""
+BEYOND, SWINGS = 3.0, 0.01
+"""Times its scatter from sample to sample, and share of its whole range, above both of which what is measured (rms) moves: noise
+that is filtered is above the first alone."""
 COVERED = 0.9
 """Share of a log's time that a topic, or of its rows that a column, covers to be read with the others."""
 SHORT = 0.5
@@ -584,8 +587,9 @@ def _meant(interval_ns: int) -> int:
     return short if abs(short - interval_ns) <= QUARTZ * interval_ns else interval_ns
 
 
-def quiet(log: Run, driving: Collection[str]) -> float:
-    """s at the beginning in which none of these columns drives: each stays where it begins. 0 where that is short."""
+def quiet(log: Run, driving: Collection[str], shown: Collection[str] = ()) -> float:
+    """s at the beginning in which none of these columns drives: each stays where it begins. 0 where that is short, and where
+    one of those that are `shown` moves all the same, as a load swings on when its trolley has stopped."""
     record = log.record.select([column for column in driving if column in log.columns])
     swing = np.ptp(record.values, axis=0)
     head = record.values[record.t_ns - record.t_ns[0] < SHORT * NANOSECONDS]
@@ -601,4 +605,15 @@ def quiet(log: Run, driving: Collection[str]) -> float:
     away = (np.abs(record.values - begins) > least).any(axis=1)
     last = max(int(np.argmax(away)) - 1, 0)
     length = float(record.t_ns[last] - record.t_ns[0]) / NANOSECONDS if away.any() else 0.0
-    return surely * length if length >= SHORT else 0.0
+    return surely * length if length >= SHORT and not _swings(log, shown, surely * length) else 0.0
+
+
+def _swings(log: Run, columns: Collection[str], seconds: float) -> bool:
+    """Whether one of these moves in the first seconds, more than it scatters from sample to sample."""
+    record = log.record.select([column for column in columns if column in log.columns])
+    head = record.values[record.t_ns - record.t_ns[0] < seconds * NANOSECONDS]
+    if len(head) < SEVERAL:
+        return False
+    scatter = np.diff(head, axis=0).std(axis=0) / np.sqrt(2.0)
+    size = head.std(axis=0)
+    return bool(((size > BEYOND * scatter) & (size > SWINGS * np.ptp(record.values, axis=0))).any())

@@ -84,7 +84,7 @@ def coarse(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
             "step that shows",
             "warning",
             place(study.places, ("simulation", "step_size")),
-            f"at a step of {step:g} s {told}, by a run of condition {item.condition.name!r} at {FACTORS[factor]}",
+            f"at a step of {step:g} s {told}, as a run of condition {item.condition.name!r} at {FACTORS[factor]} tells",
             "Inputs are held for a whole step, and a solver that integrates by it is as good as that; discovery takes what "
             "comes of it for a sensor's lag, a mass or a gain",
             f"Of no matter to a corrector. For discovery: {remedy}.",
