@@ -41,8 +41,8 @@ which it moves; samples by which that is not known yet."""
 EARLIER = 0.9
 """Share of that time that is taken: what begins slowly has begun before it leaves the scatter."""
 BEYOND, SWINGS = 3.0, 0.01
-"""Times its scatter from sample to sample, and share of its whole range, above both of which what is measured (rms) moves: noise
-that is filtered is above the first alone."""
+"""Times its scatter from sample to sample, and share of its whole range, above both of which what is measured (rms) moves;
+filtered noise is above the first alone."""
 COVERED = 0.9
 """Share of a log's time that a topic, or of its rows that a column, covers to be read with the others."""
 SHORT = 0.5
