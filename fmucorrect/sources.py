@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
 
 from fmucorrect import records, units
 from fmucorrect.clocks import Clock, begins, clock, measured_extents
-from fmucorrect.errors import FmucorrectError, FmuError, RecordError, SignalError, StudyError, few
+from fmucorrect.errors import FmuError, RecordError, SignalError, StudyError, few
 from fmucorrect.fmu import FmuStepper, IsolatedStepper, Limits, Variable, input_record, open_fmu
 from fmucorrect.fmu.startvalues import own_starts
 from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Channel, Condition, Reading, Record
@@ -301,25 +302,19 @@ def at_step(
     """A log whose samples come a whole number of times as fast, at that step: every n-th row, which is what a simulation that
     is stepped so gives; any other as it is. Behind it what was taken, in words; "" for all. left_out: called with how many
     rows were not, chunk by chunk."""
-    begun: list[Record] = []
-
-    def whole() -> Iterator[Record]:
-        yield from begun
-        yield from rows
-
-    try:
-        begun += [next(rows)]
-    except (StopIteration, FmucorrectError) as error:  # which is told where the log is read
-        return _ended(error), ""
-    steps = np.diff(begun[0].t_ns)
+    first = next(rows, None)
+    if first is None:
+        return rows, ""
+    rows = chain([first], rows)
+    steps = np.diff(first.t_ns)
     own = max(float(np.median(steps)), 1.0) if len(steps) else float(step_ns)
     each = round(step_ns / own)
     if each < 2 or abs(each * own - step_ns) > each:  # as far as stamps are rounded to ns
-        return whole(), ""
+        return rows, ""
 
     def taken() -> Iterator[Record]:
         begin = 0
-        for chunk in whole():
+        for chunk in rows:
             kept = chunk.rows(begin, len(chunk))
             kept = replace(kept, t_ns=kept.t_ns[::each], values=kept.values[::each])
             begin = (begin - len(chunk)) % each
@@ -329,13 +324,6 @@ def at_step(
 
     last = {1: "st", 2: "nd", 3: "rd"}.get(each % 10 if each % 100 not in (11, 12, 13) else 0, "th")
     return taken(), f"every {each}{last} row of the log, whose step is {step_ns / each / 1e6:g} ms"
-
-
-def _ended(error: Exception) -> Iterator[Record]:
-    """No rows, and that error where it is none of an end."""
-    if not isinstance(error, StopIteration):
-        raise error
-    yield from ()
 
 
 def repaired(

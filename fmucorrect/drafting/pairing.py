@@ -40,7 +40,7 @@ SCATTERS, LEAVES, SEVERAL = 0.02, 5.0, 20
 which it moves; samples by which that is not known yet."""
 EARLIER = 0.9
 """Share of that time that is taken: what begins slowly has begun before it leaves the scatter."""
-BEYOND, SWINGS = 3.0, 0.01
+OVER_SCATTER, SWINGS_ON = 3.0, 0.01
 """Times its scatter from sample to sample, and share of its whole range, above both of which what is measured (rms) moves;
 filtered noise is above the first alone."""
 COVERED = 0.9
@@ -596,7 +596,7 @@ def quiet(log: Run, driving: Collection[str], shown: Collection[str] = ()) -> fl
     begins, least, surely = record.values[0], MOVES * swing, 1.0
     noise = np.zeros(len(swing))
     if len(head) > SEVERAL:
-        noise = np.diff(head, axis=0).std(axis=0) / np.sqrt(2.0)
+        noise = _scatter(head)
         least = np.where(noise == 0.0, 0.0, least)  # of what does not scatter any change is a motion
     still = (noise > 0.0) & (noise < SCATTERS * swing) & (head.std(axis=0) < 2.0 * noise)
     if still.any():
@@ -614,6 +614,10 @@ def _swings(log: Run, columns: Collection[str], seconds: float) -> bool:
     head = record.values[record.t_ns - record.t_ns[0] < seconds * NANOSECONDS]
     if len(head) < SEVERAL:
         return False
-    scatter = np.diff(head, axis=0).std(axis=0) / np.sqrt(2.0)
     size = head.std(axis=0)
-    return bool(((size > BEYOND * scatter) & (size > SWINGS * np.ptp(record.values, axis=0))).any())
+    return bool(((size > OVER_SCATTER * _scatter(head)) & (size > SWINGS_ON * np.ptp(record.values, axis=0))).any())
+
+
+def _scatter(values: Float64[np.ndarray, "T C"]) -> Float64[np.ndarray, " C"]:
+    """Of each column from sample to sample, rms."""
+    return np.diff(values, axis=0).std(axis=0) / np.sqrt(2.0)

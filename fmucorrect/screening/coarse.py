@@ -30,7 +30,7 @@ FACTORS = {0.5: "half the step", 2.0: "twice the step"}
 REFUTED = 2.0
 """Times the rms of what measurement and simulation differ by, above which a step's error cannot be there: the measurement would
 show it. Half and twice the step tell it no better than so."""
-MOST = 3.0
+LATE_STEPS = 3.0
 """Steps that a step makes a channel late by at most: one that holds its inputs, one that is differentiated, one more of the
 solver's. What is more is no lag but another response."""
 LATE = 1e-3
@@ -62,7 +62,7 @@ def coarse(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
             continue
         slope = np.gradient(item.response[:, j], step)[both]
         lag = float(moved @ slope) / max(float(slope @ slope), np.finfo(float).tiny)
-        lag = lag if abs(lag) <= MOST * step else 0.0
+        lag = lag if abs(lag) <= LATE_STEPS * step else 0.0
         told = f"about {1e3 * abs(lag):.2g} ms {'late' if lag > 0.0 else 'early'}"
         found.append((abs(lag) / LATE, f"channel {channel.name!r} is {told}"))
         if np.isfinite(noise[j]):

@@ -27,9 +27,9 @@ from fmucorrect.training.strangers import standing
 
 LACKS_NOTHING = (100.0, 30.0, 10.0, 3.0, 1.0, 0.3, 0.1, 0.03, 0.01, 0.0)
 """How much standing still counts beside what was measured, as shares of its rows; the first that does well enough is taken."""
-STANDS = 24
+STILL_AT = 24
 """States of a condition at which it is thought to stand still."""
-WORSE = 0.2
+GIVEN_AWAY = 0.2
 """Share by which the error on what is left out, but for the sensors' noise, may grow for adding less to what stands still: of
 a lack that is linear next to nothing is left, and next to nothing may be given away."""
 
@@ -62,28 +62,19 @@ def learn(look: Look, rows: int, development: Sequence[Samples], folds: Sequence
     middle, size = whole.mean(axis=0), unit * whole.std(axis=0)
     unit = unit / np.maximum(size, FLOOR * size.max())
 
-    def normal(item: Samples, seen: Float64[np.ndarray, "N S"], rows: slice) -> Normal:
-        return ridge.normal((seen - middle) * unit, item, rows, basis)
+    def features(seen: Float64[np.ndarray, "N S"]) -> Float64[np.ndarray, "N S"]:
+        return (seen - middle) * unit
 
-    each = [normal(item, s, slice(None, None, stride)) for item, s in zip(development, looked, strict=True)]
-    still: list[Normal] = []
-    for item, measured in zip(development, each, strict=True):
-        last = max(len(item.whole) - item.window, 1)  # of the rows with a whole window
-        made = [normal(other, look(other, last)[-1:], slice(-1, None)) for other in standing(item, STANDS)]
-        gram = np.sum([one.gram for one in made], axis=0) * (measured.rows / STANDS)
-        still.append(replace(measured, gram=gram, side=np.zeros_like(measured.side)))
+    every = slice(None, None, stride)
+    each = [ridge.normal(features(s), item, every, basis) for s, item in zip(looked, development, strict=True)]
+    still = [_still(features(_standing(look, item)), one) for item, one in zip(development, each, strict=True)]
 
     def solve(which: Sequence[int], share: float) -> Solved:
         more = [replace(still[i], gram=share * still[i].gram) for i in which]
         return ridge.solve([*(each[i] for i in which), *more], False, found.penalty)
 
     def left_out(share: float) -> list[float]:
-        errors = [0.0] * len(each)
-        for held in folds:
-            solved = solve([i for i in range(len(each)) if i not in held], share)
-            for i in held:
-                errors[i] = each[i].error(solved)
-        return errors
+        return ridge.left_out(each, folds, lambda rest: solve(rest, share))
 
     found = ridge.fit(each, folds)
     zeros = np.zeros_like(each[0].side)
@@ -96,7 +87,7 @@ def learn(look: Look, rows: int, development: Sequence[Samples], folds: Sequence
         return None
     least = float(np.mean(found.left_out))
     noise = min(float(np.mean([np.nan_to_num(noise_floor(item.measured, item.noise)) for item in development])), least)
-    enough = np.hypot((1.0 + WORSE) * np.sqrt(least**2 - noise**2), noise)
+    enough = np.hypot((1.0 + GIVEN_AWAY) * np.sqrt(least**2 - noise**2), noise)
     tried = ((share, left_out(share)) for share in LACKS_NOTHING)
     good = ((share, errors) for share, errors in tried if np.mean(errors) <= enough and helps(errors))
     share, errors = next(good, (0.0, found.left_out))
@@ -109,3 +100,15 @@ def learn(look: Look, rows: int, development: Sequence[Samples], folds: Sequence
         dict(zip(names, errors, strict=True)),
         dict(zip(names, bare, strict=True)),
     )
+
+
+def _standing(look: Look, item: Samples) -> Float64[np.ndarray, "N S"]:
+    """What a head sees of a condition in the end, had it stood still at each of STILL_AT."""
+    last = max(len(item.whole) - item.window, 1)  # of the rows with a whole window
+    return np.concatenate([look(other, last)[-1:] for other in standing(item, STILL_AT)])
+
+
+def _still(features: Float64[np.ndarray, "N S"], measured: Normal) -> Normal:
+    """Standing still so, for as many rows as were measured, with nothing lacking."""
+    x = ridge.with_one(features)
+    return replace(measured, gram=x.T @ x * (measured.rows / len(x)), side=np.zeros_like(measured.side))

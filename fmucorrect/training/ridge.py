@@ -1,9 +1,10 @@
-"""Ridge regression of what a simulation lacks, by leaving conditions out: the linear family, and what a network fades to."""
+"""Ridge regression of what a simulation lacks, by leaving conditions out: the linear family, and what a corrector fades to."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from jaxtyping import Float64
@@ -42,11 +43,16 @@ Solved = tuple[Float64[np.ndarray, "F J"], Float64[np.ndarray, "F J"]]
 
 def normal(features: Float64[np.ndarray, "N F"], item: Samples, rows: slice, sizes: Sizes) -> Normal:
     """features: of these of the measured rows."""
-    x = np.concatenate([np.ones((len(features), 1)), features], axis=1)
+    x = with_one(features)
     lacking = (item.measured - item.simulated)[rows] / sizes.response
     extent = np.ptp(item.measured, axis=0) / sizes.response
     speed = (item.speed - sizes.speed[0]) / sizes.speed[1]
     return Normal(x.T @ x, x.T @ lacking, (lacking**2).sum(axis=0), extent, speed, len(x))
+
+
+def with_one(features: Float64[np.ndarray, "N F"]) -> Float64[np.ndarray, "N G"]:
+    """The features behind a 1, for the offset."""
+    return np.concatenate([np.ones((len(features), 1)), features], axis=1)
 
 
 @dataclass(frozen=True)
@@ -71,19 +77,25 @@ def fit(
     if not folds:
         middle = penalties[len(penalties) // 2]
         return Found(solve(each, False, middle), (), middle)
-    errors = {(slope, penalty): _left_out(each, folds, slope, penalty) for slope in sloped for penalty in penalties}
+    errors = {
+        one: left_out(each, folds, lambda rest, one=one: solve([each[i] for i in rest], *one))
+        for one in product(sloped, penalties)
+    }
     least = (1.0 + WORSE) * min(np.mean(values) for values in errors.values())
     likely = {one: solve(each, *one) for one, values in errors.items() if np.mean(values) <= least}
     taken = min(likely, key=lambda one: sum(float((part[1:] ** 2).sum()) for part in likely[one]))
     return Found(likely[taken], tuple(errors[taken]), taken[1])
 
 
-def _left_out(each: Sequence[Normal], folds: Sequence[Sequence[int]], sloped: bool, penalty: float) -> list[float]:
+def left_out(
+    each: Sequence[Normal], folds: Sequence[Sequence[int]], solved: Callable[[Sequence[int]], Solved]
+) -> list[float]:
+    """NRMSE (%) of each condition when its fold was left out. solved: by the conditions of these indices."""
     errors = [0.0] * len(each)
     for held in folds:
-        solved = solve([one for i, one in enumerate(each) if i not in held], sloped, penalty)
+        found = solved([i for i in range(len(each)) if i not in held])
         for i in held:
-            errors[i] = each[i].error(solved)
+            errors[i] = each[i].error(found)
     return errors
 
 

@@ -139,6 +139,14 @@ def sees(oscillators: Bank) -> Look:
     return look
 
 
+def of_roads() -> tuple[Bank, Guard]:
+    """A memory of four random roads, and what guards it."""
+    development = [condition(f"road {seed}", road(seed)) for seed in range(4)]
+    oscillators = bank(development, pace(development), 6)
+    remembered = Remembered(oscillators.seen, float(np.abs(oscillators.poles).max()))
+    return oscillators, learn(sees(oscillators), ROWS, development, [[0], [1], [2], [3]], remembered)
+
+
 def test_a_resonance_is_no_excitation_of_one_frequency() -> None:
     """Random motion, most of which lies near a resonance, is made into a motion of another frequency; a sine is not."""
     rng, t = np.random.default_rng(3), np.arange(8000) * STEP
@@ -157,10 +165,7 @@ def test_a_resonance_is_no_excitation_of_one_frequency() -> None:
 
 
 def test_a_sine_is_new_to_a_memory_of_random_roads_although_it_passes_through_known_states() -> None:
-    development = [condition(f"road {seed}", road(seed)) for seed in range(4)]
-    oscillators = bank(development, pace(development), 6)
-    remembered = Remembered(oscillators.seen, float(np.abs(oscillators.poles).max()))
-    guard = learn(sees(oscillators), ROWS, development, [[0], [1], [2], [3]], remembered)
+    oscillators, guard = of_roads()
     assert guard.lately is not None
     t = np.arange(4000) * STEP
     size = road(0).std(axis=0)
@@ -177,10 +182,7 @@ def test_a_sine_is_new_to_a_memory_of_random_roads_although_it_passes_through_kn
 
 def test_that_records_begin_from_rest_makes_nothing_weak_known() -> None:
     """All of these roads begin from rest: at first they move little, and nothing was lately."""
-    development = [condition(f"road {seed}", road(seed)) for seed in range(4)]
-    oscillators = bank(development, pace(development), 6)
-    remembered = Remembered(oscillators.seen, float(np.abs(oscillators.poles).max()))
-    guard = learn(sees(oscillators), ROWS, development, [[0], [1], [2], [3]], remembered)
+    oscillators, guard = of_roads()
     assert guard.lately is not None
     still = np.tile(road(9)[2000], (4000, 1))
     for name, q, share in (("another road", road(9), 0.0), ("a tenth", 0.1 * road(9), 1.0), ("still", still, 1.0)):
