@@ -25,6 +25,12 @@ from fmucorrect.cli.group import ALLOW_DAMAGED, OVERWRITE, PATH, STEP_TIMEOUT, S
     type=Span(),
     help="Clock time after which the search ends with its verdict so far, as 900, 15min or 2h. The same command goes on.",
 )
+@click.option(
+    "--few-runs/--no-few-runs",
+    default=None,
+    help="Ask the FMU's linear response, from a few runs of it, for what need not be exact. Default: for an FMU that takes "
+    "longer than 0.1 ms a step.",
+)
 @STEP_TIMEOUT
 @OVERWRITE
 @ALLOW_DAMAGED
@@ -34,6 +40,7 @@ def discover(
     out: Path,
     scheduler: str,
     time_limit: float | None,
+    few_runs: bool | None,
     step_timeout: float | None,
     overwrite: bool,
     allow_damaged: bool,
@@ -59,6 +66,7 @@ def discover(
             allow_damaged=allow_damaged,
             overwrite=overwrite,
             time_limit=time_limit,
+            few_runs=few_runs,
         )
     if as_json:
         say((out / "report.json").read_text(encoding="utf-8"))

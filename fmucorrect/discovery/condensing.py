@@ -138,7 +138,7 @@ def _columns(
         term = curve.term(side * PROBE * curve.size)
         if term is not None and (linear(term) or (errors and isinstance(term, SignalTerm))):
             small.append((curve, side, replace(best.model, terms=(*best.model.terms, term))))
-    found = zip(small, problem.many([model for _, _, model in small]), strict=True)
+    found = zip(small, problem.near([model for _, _, model in small], best.model), strict=True)
     changes = ((curve, side * (y - best.at) / PROBE) for (curve, side, _), y in found if y is not None)
     for _, both in groupby(changes, key=lambda item: item[0].identity):
         alike = list(both)

@@ -7,7 +7,7 @@ import math
 import time
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Executor
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import closing, contextmanager, nullcontext, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,7 @@ from fmucorrect.discovery.discrepancy import form_errors
 from fmucorrect.discovery.doubt import cautions, far_moves, much_left, not_named, rests, rounded, unsteady, wrong_signs
 from fmucorrect.discovery.elsewhere import by, library, quietly
 from fmucorrect.discovery.errorbars import base_std, doubtful, less_known, unlisted
+from fmucorrect.discovery.fidelity import Responses, can_respond, dear
 from fmucorrect.discovery.fitted import Fitted, Setting, with_sensors
 from fmucorrect.discovery.kept import Kept, digest
 from fmucorrect.discovery.lasting import Size, lasting
@@ -72,6 +73,7 @@ def discover(
     allow_damaged: bool = False,
     overwrite: bool = False,
     time_limit: float | None = None,
+    few_runs: bool | None = None,
     search: Search = stepwise,
 ) -> Report:
     """Everything of `fmucorrect discover`: returns the report, which is also OUT/report.json, with report.html beside it and,
@@ -83,8 +85,9 @@ def discover(
     that the solver may take for one step, None for the study's own. allow_damaged: whether records that
     lost something are taken for what is there; the report's warnings say what they lost. time_limit: s of the clock after
     which the search ends with the verdict so far, None for none; the report then has `complete` false, and the same call goes
-    on where the search was. Of the evaluation conditions that learns nothing: they are no part of what is kept. search: what
-    looks for effects. Raises StudyError, RecordError, SignalError, FmuError.
+    on where the search was. Of the evaluation conditions that learns nothing: they are no part of what is kept. few_runs:
+    whether the FMU's linear response is asked wherever no exact run is needed (response.py); None for where a step of the FMU
+    takes longer than fidelity.DEAR. search: what looks for effects. Raises StudyError, RecordError, SignalError, FmuError.
     """
     ends = math.inf if time_limit is None else time.monotonic() + time_limit
     study = replace(load_study(study_file).with_step_timeout(step_timeout), allow_damaged=allow_damaged)
@@ -114,7 +117,10 @@ def discover(
         quietly(),
         kept_when_broken_off(),
         load(study, built, kept=kept, elsewhere=executor and by(executor), pairs=checked.pairs) as problem,
+        closing(Responses()) as responses,
     ):
+        if can_respond(problem) and (dear(problem) if few_runs is None else few_runs):
+            problem.response = responses
         lap("load")
         problem.budget.until = ends
         with _counted(kept, problem) as cost:
@@ -146,14 +152,16 @@ def discover(
 
 @contextmanager
 def _counted(kept: Kept, problem: Problem) -> Generator[dict[str, float]]:
-    """Filled at the end: runs of the FMU, and s simulated in them, with those of calls that were broken off before."""
+    """Filled at the end: runs of the FMU, s simulated in them, and runs that its linear response stood in for, with those of
+    calls that were broken off before."""
     key, budget, cost = digest(["cost", problem.key]), problem.budget, dict[str, float]()
-    ((runs, seconds),) = kept.read(key, []) or ((0, 0.0),)
+    ((runs, seconds, told),) = kept.read(key, []) or ((0, 0.0, 0),)
     try:
         yield cost
     finally:
-        cost |= {"runs": runs + budget.runs, "seconds": round(seconds + budget.seconds, 1)}
-        kept.write(key, (runs + budget.runs, seconds + budget.seconds), [])
+        runs, seconds, told = runs + budget.runs, seconds + budget.seconds, told + budget.told
+        cost |= {"runs": runs, "seconds": round(seconds, 1), "told_by_response": told}
+        kept.write(key, (runs, seconds, told), [])
 
 
 def _completeness(study: Study, stopped: Stopped | None, limit: float | None) -> dict[str, Any]:

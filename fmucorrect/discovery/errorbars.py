@@ -103,7 +103,7 @@ def unlisted(problem: Problem, fitted: Fitted) -> Float64[np.ndarray, "n m"]:
                 values = law.complete({number: SMALL * JOINT_ERROR * size})
                 errors.append(ForceTerm(law, joint.name, (joint,), values))
     model = fitted.model
-    found = problem.many([replace(model, terms=(*model.terms, term)) for term in errors])
+    found = problem.near([replace(model, terms=(*model.terms, term)) for term in errors], model)
     columns = [(y - fitted.at) / SMALL for y in found if y is not None]
     if not columns:
         return np.zeros((len(fitted.at), 0))

@@ -138,7 +138,7 @@ def _columns(problem: Problem, best: Fitted, curves: Sequence[Curve]) -> Iterato
             if term is not None:
                 sides.append((i, side, replace(best.model, terms=(*best.model.terms, term))))
     changes: dict[int, list[np.ndarray]] = {}
-    for (i, side, _), y in zip(sides, problem.many([model for _, _, model in sides]), strict=True):
+    for (i, side, _), y in zip(sides, problem.near([model for _, _, model in sides], best.model), strict=True):
         if y is not None:
             changes.setdefault(i, []).append((y - best.at) / side)
     for i, each in list(changes.items()):

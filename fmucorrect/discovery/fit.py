@@ -183,7 +183,9 @@ def both_sides(
     ahead, rough = list(range(len(moves))), False
     while ahead:
         each = np.diag(moves)
-        found = problem.many([_aside(state.model, count, side * each[k]) for k in ahead for side in (1.0, -1.0)])
+        found = problem.near(
+            [_aside(state.model, count, side * each[k]) for k in ahead for side in (1.0, -1.0)], state.model
+        )
         again: list[int] = []
         for k in ahead:
             sides = [
@@ -223,7 +225,7 @@ def _along_the_softest(
     seen = [u for u in np.linalg.eigh(H)[1].T if (columns @ u).any()]
     for u in seen[:SOFTEST]:
         far = float(np.min(farthest / np.maximum(np.abs(u), 1e-12)))
-        more, less = problem.many([_aside(state.model, count, side * far * u) for side in (1.0, -1.0)])
+        more, less = problem.near([_aside(state.model, count, side * far * u) for side in (1.0, -1.0)], state.model)
         if more is not None and less is not None:
             columns += np.outer((more - less) / (2.0 * far) - columns @ u, u)
 
@@ -258,7 +260,7 @@ def _holds(problem: Problem, state: Fitted) -> bool:
         return True
     i = int(np.argmax(sizes))
     base = tuple(z + PERTURBED * (k == i) for k, z in enumerate(state.model.base))
-    (y,) = problem.many([replace(state.model, base=base)])
+    (y,) = problem.near([replace(state.model, base=base)], state.model)
     return y is None or float(np.linalg.norm((y - state.at) / PERTURBED - state.base[:, i])) < HOLDS * float(sizes[i])
 
 
@@ -272,10 +274,10 @@ def probes(setting: Setting, state: Fitted, slopes: Float64[np.ndarray, "n p"]) 
 
 def _slopes(problem: Problem, state: Fitted, far: Float64[np.ndarray, " p"]) -> Float64[np.ndarray, "n p"]:
     model, at = state.model, state.at
-    found = problem.many([stepped(model, move) for move in np.diag(far)])
+    found = problem.near([stepped(model, move) for move in np.diag(far)], model)
     columns = [np.zeros_like(at) if y is None else (y - at) / one for y, one in zip(found, far, strict=True)]
     for k, column in enumerate(columns):
         if not column.any():  # at a bound, or not stable further on
-            (y,) = problem.many([stepped(model, -np.diag(far)[k])])
+            (y,) = problem.near([stepped(model, -np.diag(far)[k])], model)
             columns[k] = column if y is None else (at - y) / far[k]
     return np.stack(columns, axis=1) if columns else np.zeros((len(at), 0))

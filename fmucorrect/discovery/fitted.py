@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -143,12 +143,20 @@ def judge_at(setting: Setting, state: Fitted, model: Model, at: Float64[np.ndarr
     return judge(setting, replace(state, model=model, at=at, residual=setting.measured - at))
 
 
-def tried(problem: Problem, setting: Setting, state: Fitted, models: Sequence[Model]) -> list[Fitted]:
+def tried(
+    problem: Problem, setting: Setting, state: Fitted, models: Sequence[Model], most: int | None = None
+) -> list[Fitted]:
     """What was fitted, with other models in its place, each simulated; the likeliest first, without those at which the solver
-    gives up."""
-    found = zip(models, problem.many(models), strict=True)
-    judged = [judge_at(setting, state, model, y) for model, y in found if y is not None]
-    return sorted(judged, key=lambda fitted: fitted.surprise)
+    gives up. most: how many are wanted, where not all are: where runs are dear only so many are simulated, the likeliest by the
+    linear response around `state`."""
+
+    def judged(found: Iterable[np.ndarray | None], models: Sequence[Model]) -> list[Fitted]:
+        there = [judge_at(setting, state, model, y) for model, y in zip(models, found, strict=True) if y is not None]
+        return sorted(there, key=lambda fitted: fitted.surprise)
+
+    if most is not None and problem.response is not None:
+        models = [fitted.model for fitted in judged(problem.near(models, state.model), models)[:most]]
+    return judged(problem.many(models), models)
 
 
 def explains(setting: Setting, fitted: Fitted) -> bool:

@@ -205,7 +205,7 @@ def _slopes(
     """To values of the last term; 0 where the solver gives up."""
     *others, term = model.terms
     changed = [replace(term, values={**term.values, name: term.values[name] + MOVE}) for name in names]
-    found = problem.many([replace(model, terms=(*others, new)) for new in changed])
+    found = problem.near([replace(model, terms=(*others, new)) for new in changed], model)
     return np.stack([np.zeros_like(at) if y is None else (y - at) / MOVE for y in found], axis=1)
 
 

@@ -189,7 +189,9 @@ def at_other_places(problem: Problem, setting: Setting, best: Fitted) -> list[Fi
         for other in placed_elsewhere(problem, term)
         if other.key not in names(best)
     ]
-    found = [there for there in tried(problem, setting, best, moved) if there.surprise < best.surprise + APART]
+    found = [
+        there for there in tried(problem, setting, best, moved, 2 * RIVALS) if there.surprise < best.surprise + APART
+    ]
     fitted = [fit(problem, setting, f.model, 4, f.at, parent=best) for f in merged(found)[:RIVALS]]
     return [f for f in fitted if f is not None]
 

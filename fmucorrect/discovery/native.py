@@ -123,14 +123,14 @@ def build(folder: Path) -> Path:
     target, _, suffix = host()
     library = folder / f"march_{_digest()}{suffix}"
     if not library.is_file() or not own(library):
-        sources = {path.name: path.read_text(encoding="utf-8") for path in (_C / "march.h", _C / "march.c", *_SHARED)}
+        sources = {path.name: path.read_text(encoding="utf-8") for path in (*sorted(_C.iterdir()), *_SHARED)}
         sources["laws.c"] = _laws()
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         with tempfile.TemporaryDirectory(dir=folder, ignore_cleanup_errors=True) as place:
             for name, text in sources.items():
                 (Path(place) / name).write_text(text, encoding="utf-8")
             made = Path(place) / library.name
-            compile_library(Path(place), ["laws.c", "march.c"], target, made)
+            compile_library(Path(place), ["laws.c", "march.c", "response.c"], target, made)
             made.chmod(0o700)
             made.replace(library)
     return library

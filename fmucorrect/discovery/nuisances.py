@@ -135,5 +135,5 @@ def sensitivities(problem: Problem, model: Model, at: Float64[np.ndarray, " n"])
         replace(model, base=(*model.base[:i], model.base[i] + PERTURBED, *model.base[i + 1 :]))
         for i in range(len(model.base))
     ]
-    rows = [np.zeros_like(at) if y is None else (y - at) / PERTURBED for y in problem.many(models)]
+    rows = [np.zeros_like(at) if y is None else (y - at) / PERTURBED for y in problem.near(models, model)]
     return np.stack(rows, axis=1) if rows else np.zeros((len(at), 0))

@@ -15,6 +15,7 @@ from itertools import pairwise
 from pathlib import Path
 from queue import SimpleQueue
 from types import MappingProxyType, TracebackType
+from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Float64
@@ -32,6 +33,8 @@ from fmucorrect.pairs import Pair
 from fmucorrect.places import CORES
 from fmucorrect.study import Adjustable, Study
 
+T = TypeVar("T")
+R = TypeVar("R")
 LARGEST = 1e8
 """A response, in units of the noise, beyond which a model is not stable."""
 
@@ -42,7 +45,8 @@ class Problem:
 
     fmu: the study's, None where it has none. trials: their data. tolerated: adjustables that may differ by their tolerance
     anyway. workers: threads that simulate. substeps: couplings of laws and FMU in a communication step. kept: what was found
-    already. elsewhere: simulates large batches. budget: counts runs of the FMU. ledger: of all fits of this discovery.
+    already. elsewhere: simulates large batches. response: tells models near another one by its linear response, where a run of
+    the FMU is dear. budget: counts runs of the FMU. ledger: of all fits of this discovery.
     """
 
     study: Study
@@ -54,6 +58,7 @@ class Problem:
     substeps: int = 1
     kept: Kept | None = None
     elsewhere: Elsewhere | None = None
+    response: Nearby | None = None
     budget: Budget = field(default_factory=Budget)
     ledger: Ledger = field(default_factory=Ledger)
     _free: list[SimpleQueue[Runner]] = field(default_factory=lambda: [])
@@ -120,7 +125,7 @@ class Problem:
     @property
     def key(self) -> str:
         """Of everything that results depend on: the code, the study, the FMU, what drives it and what was measured."""
-        return digest([self._content, self.substeps])
+        return digest([self._content, self.substeps, self.response is None])
 
     @cached_property
     def _content(self) -> str:
@@ -239,8 +244,24 @@ class Problem:
     ) -> Iterator[np.ndarray | None]:
         """`stack(responses(model))` of many models, on all workers, in order; None where the solver gives up, or
         where the response grows beyond all measure."""
+        if self.response is not None and len(models) == 1:
+            return self.response(self, models, models[0], done)  # kept there, to go on from
+        return self.simulated(models, done)
+
+    def near(
+        self, models: Sequence[Model], around: Model, done: Callable[[int], object] = lambda _: None
+    ) -> Iterator[np.ndarray | None]:
+        """`many` of models near another one: to first order, from few runs of the FMU, where one is dear."""
+        return self.many(models, done) if self.response is None else self.response(self, models, around, done)
+
+    def simulated(self, models: Sequence[Model], done: Callable[[int], object]) -> Iterator[np.ndarray | None]:
+        """`many`, each a run of the FMU for every condition."""
         rows = self.elsewhere and self.elsewhere(self, models, done)
         return self._here(models, done) if rows is None else rows
+
+    def each(self, tasks: Sequence[T], work: Callable[[T], R]) -> Iterator[R]:
+        """What all workers make of the tasks, in their order."""
+        return self._pool.map(work, tasks)
 
     def _here(self, models: Sequence[Model], done: Callable[[int], object]) -> Iterator[np.ndarray | None]:
         queues = self._ready()
@@ -261,6 +282,8 @@ class Problem:
             yield None if any(row is None for row in rows) else np.concatenate(rows)  # type: ignore[arg-type]
 
 
+Nearby = Callable[[Problem, Sequence[Model], Model, Callable[[int], object]], Iterator[np.ndarray | None]]
+"""Problem.near by less than a run of the FMU each."""
 Elsewhere = Callable[[Problem, Sequence[Model], Callable[[int], object]], Iterator[np.ndarray | None] | None]
 """Problem.many on other machines; None where that is not worth the way."""
 
@@ -286,4 +309,4 @@ def load(
     for trial in trials:
         if fmu is not None and trial.condition.simulated is None:
             budget.add(trial.rows.stop * study.simulation.step_size)
-    return Problem(study, fmu, library, trials, tolerated, workers, 1, kept, elsewhere, budget).with_starts()
+    return Problem(study, fmu, library, trials, tolerated, workers, 1, kept, elsewhere, budget=budget).with_starts()

@@ -126,7 +126,7 @@ def starts(problem: Problem, setting: Setting, base: Fitted, curves: Sequence[Cu
     terms = [term for term in guessed if isinstance(term, ForceTerm)]
     models = [replace(base.model, terms=(*base.model.terms, term)) for term in terms]
     best: dict[str, tuple[float, Term]] = {}
-    for term, model, y in zip(terms, models, problem.many(models), strict=True):
+    for term, model, y in zip(terms, models, problem.near(models, base.model), strict=True):
         if y is not None:
             tried = judge_at(setting, base, model, y)
             key = f"{term.law.label} {term.where}"
@@ -148,7 +148,7 @@ def apart(
     begun = [terms for name, one in found.items() for terms in laws_of(one, [c for c in curves if c.where == name])]
     models = [replace(base.model, terms=(*base.model.terms, *terms)) for terms in begun]
     fits: list[Fitted] = []
-    for i, start in enumerate(tried(problem, setting, base, models)[:LIKELY]):
+    for i, start in enumerate(tried(problem, setting, base, models, LIKELY)[:LIKELY]):
         progress("apart", i, LIKELY)
         fitted = fit(problem, setting, start.model, LONG, start.at, first_of([base, *fits]).surprise, base)
         fits += [] if fitted is None else [fitted]

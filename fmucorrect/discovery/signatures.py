@@ -85,7 +85,7 @@ def signatures(
             if size not in rows[i] and term is not None:
                 asked.append((i, size))
                 models.append(replace(model, terms=(*model.terms, term)))
-        for (i, size), y in zip(asked, problem.many(models, done), strict=True):
+        for (i, size), y in zip(asked, problem.near(models, model, done), strict=True):
             if y is None:
                 highest[i] = min(highest[i], 0.7 * size)
             else:

@@ -119,6 +119,11 @@ class Simulator:
         return self._t_ns / NANOSECONDS
 
     @property
+    def step(self) -> float:
+        """s between rows."""
+        return self._step_ns / NANOSECONDS
+
+    @property
     def inputs(self) -> tuple[tuple[str, ...], Float64[np.ndarray, "T I"]]:
         """What drives the FMU: names, and a row a sample in the FMU's units."""
         return self._names, self._inputs

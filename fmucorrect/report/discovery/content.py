@@ -333,10 +333,11 @@ class NextTest:
 
 @dataclass(frozen=True)
 class Cost:
-    """runs of the FMU, and seconds that they simulated."""
+    """runs of the FMU, and seconds that they simulated. told_by_response: runs that its linear response stood in for."""
 
     runs: float
     seconds: float
+    told_by_response: float
 
 
 @dataclass(frozen=True)

@@ -76,7 +76,10 @@ def run_section(page: Page, report: Discovery) -> None:
     cost = report.cost
     if known(cost.runs) and known(cost.seconds) and cost.runs:
         runs = f"{cost.runs:,.0f}".replace(",", " ")
-        facts.append(("cost", f"{runs} runs of the FMU, {duration(cost.seconds)} simulated"))
+        text = f"{runs} runs of the FMU, {duration(cost.seconds)} simulated"
+        if known(cost.told_by_response) and cost.told_by_response:
+            text += f"; its linear response told of {cost.told_by_response:,.0f} more".replace(",", " ")
+        facts.append(("cost", text))
     if facts:
         page.section("Study")
         page.facts(facts)
