@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float32, Float64
+from scipy.signal import fftconvolve
 
 from fmucorrect.discovery.simulator import Simulator, spans
 from fmucorrect.discovery.terms import SignalTerm
 from fmucorrect.errors import FmuError
 
-PLACES = (0.1, 0.4)
-"""Where in a condition's motion pulses come, in shares of it. Eight places were no better than these two on a bogie: what is
-wrong then is that the response changes along the motion, not that it is met badly."""
+WHEN = 0.1
+"""Where in a condition's motion a pulse comes, in shares of it: moving, and most of it ahead."""
 PULSE, TRIES = 0.1, 4
 """What a pulse changes at most, in shares of what that sensor or joint goes through: between a solver's noise and what is no
 longer small; on a bogie 0.02 to 0.4 are equal. Runs until one is about as large."""
@@ -30,25 +30,32 @@ by too much of its width."""
 @dataclass(frozen=True)
 class Pulsed:
     """h of one force input. sensors: (J, S) for a unit of it, the row after its step first, as far as it lasts. near, far: the
-    same of the ports, as response.c has it. apart: by how much the responses to two pulses differ, rms over their mean."""
+    same of the ports, as response.c has it. error: of what it tells of a force that follows the joint's motion as a spring's
+    and a damper's do, in shares of what sensors show then; inf where no pulse shows."""
 
     sensors: Float64[np.ndarray, "J S"]
     near: Float32[np.ndarray, "P N"]
     far: Float32[np.ndarray, "P G K"]
-    apart: float
+    error: float
 
 
 class Identified:
     """Of a condition's FMU with some start values; each part when it is first asked for.
 
     simulator: shows sensors, `count` of them, and behind them ports. parameters: the start values that are not its own. forces:
-    the inputs at its joints, among those of the simulator. Raises FmuError where the FMU does not run so.
+    the inputs at its joints, among those of the simulator. along: of each the column of a displacement of its joint. Raises
+    FmuError where the FMU does not run so.
     """
 
     def __init__(
-        self, simulator: Simulator, count: int, forces: Sequence[str], parameters: Mapping[str, float]
+        self,
+        simulator: Simulator,
+        count: int,
+        forces: Sequence[str],
+        along: Sequence[int],
+        parameters: Mapping[str, float],
     ) -> None:
-        self._simulator, self._count, self._forces = simulator, count, forces
+        self._simulator, self._count, self._forces, self._along = simulator, count, forces, along
         self.parameters = parameters
         self._bare = np.array(simulator.run((), parameters))
         self._pulses: dict[int, Pulsed] = {}
@@ -57,7 +64,7 @@ class Identified:
     def to(self, f: int) -> Pulsed:
         """To the force input of that number."""
         if f not in self._pulses:
-            self._pulses[f] = self._pulsed(self._simulator.inputs[0].index(self._forces[f]))
+            self._pulses[f] = self._pulsed(self._simulator.inputs[0].index(self._forces[f]), self._along[f])
         return self._pulses[f]
 
     def knob(self, name: str, value: float) -> Float32[np.ndarray, "T R"]:
@@ -79,49 +86,63 @@ class Identified:
             moved = given.copy()
             for i in range(len(names)):
                 moved[:, i] = term.law.apply(given[:, i], step, values)
-            self._knobs[term.law.label] = ((self._simulator.run((), self.parameters, moved) - self._bare) / by).astype(
-                np.float32
-            )
+            changed = self._simulator.run((), self.parameters, moved) - self._bare
+            self._knobs[term.law.label] = (changed / by).astype(np.float32)
         return self._knobs[term.law.label]
 
-    def _pulsed(self, column: int) -> Pulsed:
-        """By pulses of one step in a column of the inputs."""
-        y, (_, given) = self._bare, self._simulator.inputs
+    def _pulsed(self, column: int, along: int) -> Pulsed:
+        """By a pulse of one step in a column of the inputs, tried out by a force that goes `along` another of what is shown."""
+        y = self._bare
         size = spans(y) + 1e-300
         begin = int(np.argmax((np.abs(y - y[0]) > 1e-3 * size).any(axis=1)))
-        push, found = 1.0, list[Float64[np.ndarray, "R S"]]()
-        for place in PLACES:
-            at = begin + round(place * (len(y) - 1 - begin))
-            for _ in range(TRIES):
-                pushed = given.copy()
-                pushed[at, column] += push
-                try:
-                    change = (np.array(self._simulator.run((), self.parameters, pushed)) - y)[at:].T
-                except FmuError:
-                    push *= 0.1
-                    continue
-                most = float((np.abs(change).max(axis=1) / size).max())
-                if 0.3 * PULSE < most < 3.0 * PULSE:
-                    break
-                push *= PULSE / max(most, 1e-6 * PULSE)
-            else:
+        at, push, change = begin + round(WHEN * (len(y) - 1 - begin)), 1.0, None
+        for _ in range(TRIES):
+            force = np.zeros(len(y))
+            force[at] = push
+            change = self._pushed(column, force)
+            if change is None:
+                push *= 0.1
                 continue
-            change[:, 1] += change[:, 0]  # what is passed on at once shows to a law where its force is still held
-            found.append(change[:, 1:] / push)
-        if not found:
-            return _of_ports(np.zeros((len(size), 1)), self._count, np.inf)
-        both = min(part.shape[1] for part in found)
-        shared = np.mean([part[:, :both] for part in found], axis=0)
-        scale = np.linalg.norm(shared, axis=1, keepdims=True) + 1e-300
-        apart = float(np.sqrt(np.mean([np.sum(((part[:, :both] - shared) / scale) ** 2, axis=1) for part in found])))
-        whole = found[0].copy()
-        whole[:, :both] = shared
-        ahead = np.cumsum(np.abs(whole[:, ::-1]), axis=1)[:, ::-1]  # of its area, from a row on
-        reach = int(np.count_nonzero((ahead > FADED * ahead[:, :1]).any(axis=0)))
-        return _of_ports(whole[:, :reach], self._count, apart)
+            most = float((np.abs(change).max(axis=0) / size).max())
+            if 0.3 * PULSE < most < 3.0 * PULSE:
+                break
+            push *= PULSE / max(most, 1e-6 * PULSE)
+        if change is None or not change.any():
+            return _of_ports(np.zeros((y.shape[1], 1)), self._count, np.inf)
+        change = change[at:].T / force[at]
+        change[:, 1] += change[:, 0]  # what is passed on at once shows to a law where its force is still held
+        change = change[:, 1:]
+        ahead = np.cumsum(np.abs(change[:, ::-1]), axis=1)[:, ::-1]  # of its area, from a row on
+        change = change[:, : int(np.count_nonzero((ahead > FADED * ahead[:, :1]).any(axis=0)))]
+        d = y[:, along] - y[0, along]
+        v = np.gradient(d)
+        force = d / max(float(d.std()), 1e-300) + v / max(float(v.std()), 1e-300)
+        told = convolved(change[: self._count], force)
+        force *= PULSE / max(float((np.abs(told).max(axis=0) / size[: self._count]).max()), 1e-300)
+        shown, told = self._pushed(column, force), convolved(change[: self._count], force)
+        if shown is None or not np.isfinite(force).all():
+            return _of_ports(change, self._count, np.inf)
+        seen = shown[:, : self._count] / size[: self._count]
+        error = np.linalg.norm(told / size[: self._count] - seen) / max(float(np.linalg.norm(seen)), 1e-300)
+        return _of_ports(change, self._count, float(error))
+
+    def _pushed(self, column: int, force: Float64[np.ndarray, " T"]) -> Float64[np.ndarray, "T R"] | None:
+        """What a force in a column of the inputs changes; None where the solver gives up."""
+        given = self._simulator.inputs[1].copy()
+        given[:, column] += force
+        try:
+            return self._simulator.run((), self.parameters, given) - self._bare
+        except FmuError:
+            return None
 
 
-def _of_ports(change: Float64[np.ndarray, "R S"], count: int, apart: float) -> Pulsed:
+def convolved(h: Float64[np.ndarray, "J S"], force: Float64[np.ndarray, " t"]) -> Float64[np.ndarray, "t J"]:
+    """What a force that is held for a step each changes, a row after it begins."""
+    found = fftconvolve(force[None], h, axes=1).T
+    return np.concatenate([np.zeros((1, len(h))), found[: len(force) - 1]])
+
+
+def _of_ports(change: Float64[np.ndarray, "R S"], count: int, error: float) -> Pulsed:
     """Of sensors, the first `count` rows of it, and ports."""
     ports, groups = change[count:], -(-max(change.shape[1] - NEAR, 0) // TOGETHER)
     whole = np.zeros((len(ports), NEAR + TOGETHER * (groups + 1)))
@@ -135,5 +156,5 @@ def _of_ports(change: Float64[np.ndarray, "R S"], count: int, apart: float) -> P
         np.ascontiguousarray(change[:count]),
         near[:, ::-1].astype(np.float32),
         np.stack(far, axis=1)[:, :, ::-1].astype(np.float32),
-        apart,
+        error,
     )

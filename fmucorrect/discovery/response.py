@@ -20,23 +20,23 @@ from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float64
-from scipy.signal import fftconvolve
 
 from fmucorrect.catalogue import PORTS
-from fmucorrect.discovery.identified import NEAR, TOGETHER, Identified, Pulsed
+from fmucorrect.discovery.identified import NEAR, TOGETHER, Identified, Pulsed, convolved
 from fmucorrect.discovery.model import Model, overrides, simulate, start_value
 from fmucorrect.discovery.motion import ports
 from fmucorrect.discovery.native import Road, Solver
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.simulator import LawAt, Simulator, place_of
-from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, SignalTerm
+from fmucorrect.discovery.terms import ForceTerm, SignalTerm
 from fmucorrect.discovery.trials import Trial
 from fmucorrect.errors import FmuError
 from fmucorrect.signals import NANOSECONDS, Channel
 
-UNLIKE = 0.25
-"""By how much the responses to two pulses may differ, rms over their mean, for a joint to be told of by them. A bogie: 0.05, and
-a law's change is 11 % wrong; one whose dampers have a third of their strength, so that it all but hunts: 0.2 to 0.8, and 50."""
+TOLD = 0.3
+"""Error of what the response tells of a force that is tried out, below which a joint is told of by it, and by that of the first
+joint parameters; what is not is simulated. A bogie: 0.1; one whose dampers have a third of their strength, so that it all but
+hunts: 0.4 and more."""
 ANEW, KEPT = 1.25, 2
 """Ratio of the values of a parameter with which the FMU is another one, and how many of these are kept."""
 MOST_MOVED = 0.25
@@ -72,7 +72,9 @@ class Response(Simulator):
         assert problem.library is not None
         study = problem.study
         self._count, self._ports = len(study.channels), ports(study.joints)
-        self._forces = list(dict.fromkeys(joint.force for joint in study.joints))
+        moved = {joint.force: joint.displacement for joint in study.joints}
+        self._forces = list(moved)
+        self._along_joint = [self._count + self._ports.index(name) for name in moved.values()]
         shown = tuple(Channel(f"at joints: {name}", "", simulation=name) for name in self._ports)
         self._study = replace(study, channels=(*study.channels, *shown))
         seconds = (trial.rows.stop - 1) * study.simulation.step_size
@@ -84,7 +86,6 @@ class Response(Simulator):
         self._force_at = {variables[name].reference: f for f, name in enumerate(self._forces)}
         self._functions = (c_void_p * 3).in_dll(ctypes.CDLL(str(problem.library)), "RESPONSE")
         self._runs: list[tuple[Model, Float64[np.ndarray, "T R"]]] = []
-        self._still = problem.nominal
         self._known: list[Identified] = []
 
     def covers(self, model: Model, around: Model) -> bool:
@@ -100,7 +101,8 @@ class Response(Simulator):
                 return False
         try:
             known = self._identified(around)
-            return all(known.to(f).apart < UNLIKE for f in {*self._used(model), *self._used(around)})
+            asked = {*self._used(model), *self._used(around)} or {0}
+            return all(known.to(f).error < TOLD for f in asked)
         except FmuError:
             return False
 
@@ -129,17 +131,16 @@ class Response(Simulator):
         return y
 
     def _identified(self, around: Model) -> Identified:
-        """With the parameters that `around` has moved by name, as about as they are: a damper that is off by two thirds makes
-        another FMU, whose response is asked anew, and one that is off by 5 % does not."""
+        """With the parameters that `around` has moved, about as they are: a damper that is off by two thirds makes another FMU,
+        whose response is asked anew, and one that is off by 5 % does not."""
         at = dict[str, float]()
-        offsets = tuple(term for term in around.terms if isinstance(term, OffsetTerm))
-        for name, value in self._set(replace(self._still, terms=offsets)).items():
+        for name, value in self._set(around).items():
             own = self._own(name)
             about = own * ANEW ** round(math.log(value / own, ANEW)) if own * value > 0.0 else float(f"{value:.0e}")
             if about != own:
                 at[name] = about
         found = next((one for one in self._known if one.parameters == at), None)
-        found = Identified(self, self._count, self._forces, at) if found is None else found
+        found = Identified(self, self._count, self._forces, self._along_joint, at) if found is None else found
         self._known = [*(one for one in self._known if one is not found), found][-KEPT:]
         return found
 
@@ -170,7 +171,7 @@ class Response(Simulator):
             pulsed = [known.to(f) for f in used]
             for one, force in zip(pulsed, self._forced(laws, rows, used, acted, pulsed), strict=True):
                 if force.any():
-                    found += _convolved(one.sensors, force)[early:]
+                    found += convolved(one.sensors, force)[early:]
         return found
 
     def _set(self, model: Model) -> Mapping[str, float]:
@@ -268,9 +269,3 @@ def _exciting(model: Model) -> list[SignalTerm]:
 
 def _laws(model: Model) -> list[LawAt]:
     return [law for term in model.terms if isinstance(term, ForceTerm) for law in term.laws]
-
-
-def _convolved(h: Float64[np.ndarray, "J S"], force: Float64[np.ndarray, " t"]) -> Float64[np.ndarray, "t J"]:
-    """What a force that is held for a step each changes, a row after it begins."""
-    found = fftconvolve(force[None], h, axes=1).T
-    return np.concatenate([np.zeros((1, len(h))), found[: len(force) - 1]])

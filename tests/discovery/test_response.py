@@ -115,7 +115,7 @@ def test_a_model_that_is_not_stable(problem):
 
 
 def test_a_joint_that_answers_every_time_differently_is_asked_by_runs(problem, monkeypatch):
-    monkeypatch.setattr(response, "UNLIKE", 0.0)
+    monkeypatch.setattr(response, "TOLD", 0.0)
     model = with_terms(problem, term(problem, "viscous_damping", 1, {"damping": 3.0}))
     (near,) = problem.near([model], problem.nominal)
     np.testing.assert_array_equal(near, problem.stack(problem.responses(model)))
@@ -145,5 +145,5 @@ def test_the_same_is_found_by_few_runs(found, tmp_path):
     assert (near["effect"], near["joint"]) == (exact["effect"], exact["joint"])
     own, other = near["parameters"]["cubic_stiffness"], exact["parameters"]["cubic_stiffness"]
     assert own["value"] == pytest.approx(other["value"], abs=0.5 * other["std"])
-    assert by_response["cost"]["runs"] < 0.33 * by_runs["cost"]["runs"]
+    assert by_response["cost"]["runs"] < 0.4 * by_runs["cost"]["runs"]
     assert by_response["cost"]["told_by_response"] > by_response["cost"]["runs"]
