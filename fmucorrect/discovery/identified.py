@@ -95,21 +95,20 @@ class Identified:
         y = self._bare
         size = spans(y) + 1e-300
         begin = int(np.argmax((np.abs(y - y[0]) > 1e-3 * size).any(axis=1)))
-        at, push, change = begin + round(WHEN * (len(y) - 1 - begin)), 1.0, None
+        at, push, found = begin + round(WHEN * (len(y) - 1 - begin)), 1.0, None
         for _ in range(TRIES):
-            force = np.zeros(len(y))
-            force[at] = push
-            change = self._pushed(column, force)
-            if change is None:
+            changed = self._pushed(column, np.where(np.arange(len(y)) == at, push, 0.0))
+            if changed is None:
                 push *= 0.1
                 continue
-            most = float((np.abs(change).max(axis=0) / size).max())
+            found = changed[at:].T / push
+            most = float((np.abs(changed).max(axis=0) / size).max())
             if 0.3 * PULSE < most < 3.0 * PULSE:
                 break
             push *= PULSE / max(most, 1e-6 * PULSE)
-        if change is None or not change.any():
+        if found is None or not found.any():
             return _of_ports(np.zeros((y.shape[1], 1)), self._count, np.inf)
-        change = change[at:].T / force[at]
+        change = found
         change[:, 1] += change[:, 0]  # what is passed on at once shows to a law where its force is still held
         change = change[:, 1:]
         ahead = np.cumsum(np.abs(change[:, ::-1]), axis=1)[:, ::-1]  # of its area, from a row on
