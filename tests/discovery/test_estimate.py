@@ -28,6 +28,17 @@ def test_runs_that_inspect_expects_are_about_those_that_discover_takes(found):
     assert cost["seconds_a_run"] < 0.5  # 6000 steps of a shipped FMU, not of a process that is asked for each
 
 
+def test_a_dear_solver_is_expected_to_take_fewer_runs(found, monkeypatch):
+    study = load_study(found[0] / "study.toml")
+    cheap = estimate.estimate(study, ())
+    monkeypatch.setattr(estimate, "DEAR", 0.0)
+    dear = estimate.estimate(study, ())
+    assert dear.few
+    assert not cheap.few
+    assert dear.runs[1] < 0.3 * cheap.runs[1]
+    assert "its linear response" in dear.text
+
+
 def test_candidates_are_counted_without_a_run(library, tmp_path):
     with load(load_study(write_study(tmp_path, cubic)), library, 2) as problem:
         _, base = begun(problem)
