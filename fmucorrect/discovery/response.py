@@ -4,10 +4,10 @@
 
 f the forces of laws, held for a step each, h the FMU's response to a unit of one for one step, * the convolution, and g its
 response to a parameter, or an error of what excites it, while forces stay as they were. The forces are not known beforehand:
-each law acts in the loop with what the forces before it did to its joint. h and g are of the model as the study has it, from
-two runs a force, with a pulse each, and one a parameter. What they leave out (contacts that stiffen with the motion, say)
-makes what a law changes on a bogie 11 % wrong in the median, 1 % of its energy in its direction: enough to rank by, and to
-tell which way to step; where a step led is simulated.
+each law acts in the loop with what the forces before it did to its joint. h and g (identified.py) are of the FMU without
+laws, its parameters about as the known model has them. What they leave out (contacts that stiffen with the motion, say) makes
+what a law changes on a bogie 11 % wrong in the median, 1 % of its energy in its direction: enough to rank by, and to tell
+which way to step; where a step led is simulated.
 """
 
 from __future__ import annotations
