@@ -25,7 +25,6 @@ from fmucorrect.discovery.look import around
 from fmucorrect.discovery.naming import name
 from fmucorrect.discovery.problem import load
 from fmucorrect.discovery.sets import share_of
-from fmucorrect.discovery.stepwise import stepwise
 from fmucorrect.study import load_study
 
 LAWS = ("cubic_stiffness", "quadratic_damping", "coulomb_friction")
@@ -134,8 +133,9 @@ sign = -1
 
 @pytest.mark.slow
 def test_both_find_the_friction_of_a_solver_that_is_not_ours(rubbing, tmp_path):
-    for search in (stepwise, exhaustive):
-        report = discover(rubbing, tmp_path / search.__name__, search=search)
+    ways = {"stepwise": {}, "by response": {"few_runs": True}, "exhaustive": {"search": exhaustive}}
+    for way, asked in ways.items():
+        report = discover(rubbing, tmp_path / way, **asked)
         assert report["verdict"] == "named", report["sentence"]
         assert named(report) == {("coulomb_friction", "guide")}
         assert report["effects"][0]["parameters"]["friction_force"]["value"] == pytest.approx(FRICTION, rel=0.05)
