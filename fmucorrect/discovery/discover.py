@@ -119,11 +119,12 @@ def discover(
         load(study, built, kept=kept, elsewhere=executor and by(executor), pairs=checked.pairs) as problem,
         closing(Responses()) as responses,
     ):
+        spent = digest(["cost", problem.key])
         if can_respond(problem) and (dear(problem) if few_runs is None else few_runs):
             problem.response = responses
         lap("load")
         problem.budget.until = ends
-        with _counted(kept, problem) as cost:
+        with _counted(kept, problem, spent) as cost:
             naming = name(problem, progress, search)
             decision = decide(naming)
             lap("name")
@@ -151,10 +152,10 @@ def discover(
 
 
 @contextmanager
-def _counted(kept: Kept, problem: Problem) -> Generator[dict[str, float]]:
-    """Filled at the end: runs of the FMU, s simulated in them, and runs that its linear response stood in for, with those of
-    calls that were broken off before."""
-    key, budget, cost = digest(["cost", problem.key]), problem.budget, dict[str, float]()
+def _counted(kept: Kept, problem: Problem, key: str) -> Generator[dict[str, float]]:
+    """Filled at the end, and kept under `key`: runs of the FMU, s simulated in them, and runs that its linear response stood in
+    for, with those of calls that were broken off before."""
+    budget, cost = problem.budget, dict[str, float]()
     ((runs, seconds, told),) = kept.read(key, []) or ((0, 0.0, 0),)
     try:
         yield cost

@@ -178,10 +178,11 @@ def _known(problem: Problem, setting: Setting, fitted: Fitted) -> Fitted:
     with all of its parameter's move in it. Sensors whose gain is right are preferred where that is about as likely: what they
     would take on, the FMU shall give."""
     exact = with_sensors(problem, setting, fitted.model, gain=0.0)
-    right = sharpened(problem, exact, judge(exact, fitted))
-    own = with_sensors(problem, setting, right.model)
-    right = judge(own, right)
-    last = sharpened(problem, own, right)
+    with problem.by_runs():
+        right = sharpened(problem, exact, judge(exact, fitted))
+        own = with_sensors(problem, setting, right.model)
+        right = judge(own, right)
+        last = sharpened(problem, own, right)
     told = whole(problem, own, last if last.surprise < right.surprise - ALIKE else right)
     return replace(told, covariance=spread(problem, own, told))
 

@@ -13,15 +13,14 @@ from fmucorrect.discovery.simulator import Simulator, spans
 from fmucorrect.discovery.terms import SignalTerm
 from fmucorrect.errors import FmuError
 
-WHEN = 0.1
-"""Where in a condition's motion a pulse comes, in shares of it: moving, and most of it ahead."""
 PULSE, TRIES = 0.1, 4
 """What a pulse changes at most, in shares of what that sensor or joint goes through: between a solver's noise and what is no
 longer small; on a bogie 0.02 to 0.4 are equal. Runs until one is about as large."""
 NEAR, TOGETHER = 128, 4
 """As response.c has them: rows after which a response is taken in groups of so many."""
-FADED = 0.01
-"""Share of the area under a response, without its sign, with which it has come to its end."""
+FADED, LAST_PART = 0.01, 0.1
+"""Share of the area under a response, without its sign, with which it has come to its end; and that part of it in which it must
+have less. The loop is told no more of it, sensors all."""
 SHIFTED, SHIFTED_STEPS = 0.01, 2.0
 """What a parameter, or the gain of what excites, is moved by, as a share of it; a lag, in steps. At 5 % a resonance has moved
 by too much of its width."""
@@ -29,13 +28,14 @@ by too much of its width."""
 
 @dataclass(frozen=True)
 class Pulsed:
-    """h of one force input. sensors: (J, S) for a unit of it, the row after its step first, as far as it lasts. near, far: the
-    same of the ports, as response.c has it. error: of what it tells of a force that follows the joint's motion as a spring's
-    and a damper's do, in shares of what sensors show then; inf where no pulse shows."""
+    """h of one force input. sensors: (J, S) for a unit of it, the row after its step first. near, far: the same of the ports,
+    as response.c has it. fades: whether all of it comes to an end within the record. error: of what it tells of a force that
+    follows the joint's motion as a spring's and a damper's do, in shares of what sensors show; inf where no pulse shows."""
 
     sensors: Float64[np.ndarray, "J S"]
     near: Float32[np.ndarray, "P N"]
     far: Float32[np.ndarray, "P G K"]
+    fades: bool
     error: float
 
 
@@ -91,11 +91,12 @@ class Identified:
         return self._knobs[term.law.label]
 
     def _pulsed(self, column: int, along: int) -> Pulsed:
-        """By a pulse of one step in a column of the inputs, tried out by a force that goes `along` another of what is shown."""
+        """By a pulse of one step in a column of the inputs, where the motion begins: all is seen that a force in it does. Tried
+        out by a force that goes `along` another of what is shown, and stays on for a while at first."""
         y = self._bare
         size = spans(y) + 1e-300
         begin = int(np.argmax((np.abs(y - y[0]) > 1e-3 * size).any(axis=1)))
-        at, push, found = begin + round(WHEN * (len(y) - 1 - begin)), 1.0, None
+        at, push, found = min(begin, len(y) - 3), 1.0, None
         for _ in range(TRIES):
             changed = self._pushed(column, np.where(np.arange(len(y)) == at, push, 0.0))
             if changed is None:
@@ -111,11 +112,10 @@ class Identified:
         change = found
         change[:, 1] += change[:, 0]  # what is passed on at once shows to a law where its force is still held
         change = change[:, 1:]
-        ahead = np.cumsum(np.abs(change[:, ::-1]), axis=1)[:, ::-1]  # of its area, from a row on
-        change = change[:, : int(np.count_nonzero((ahead > FADED * ahead[:, :1]).any(axis=0)))]
         d = y[:, along] - y[0, along]
         v = np.gradient(d)
         force = d / max(float(d.std()), 1e-300) + v / max(float(v.std()), 1e-300)
+        force[at : at + round(LAST_PART * (len(y) - at))] += 1.0
         told = convolved(change[: self._count], force)
         force *= PULSE / max(float((np.abs(told).max(axis=0) / size[: self._count]).max()), 1e-300)
         shown, told = self._pushed(column, force), convolved(change[: self._count], force)
@@ -143,9 +143,13 @@ def convolved(h: Float64[np.ndarray, "J S"], force: Float64[np.ndarray, " t"]) -
 
 def _of_ports(change: Float64[np.ndarray, "R S"], count: int, error: float) -> Pulsed:
     """Of sensors, the first `count` rows of it, and ports."""
-    ports, groups = change[count:], -(-max(change.shape[1] - NEAR, 0) // TOGETHER)
+    ahead = np.cumsum(np.abs(change[:, ::-1]), axis=1)[:, ::-1]  # of its area, from a row on
+    lasts = np.any(ahead > FADED * ahead[:, :1], axis=0)
+    fades = not lasts[round((1.0 - LAST_PART) * change.shape[1]) :].any()
+    ports = change[count:, : int(np.count_nonzero(lasts))]
+    groups = -(-max(ports.shape[1] - NEAR, 0) // TOGETHER)
     whole = np.zeros((len(ports), NEAR + TOGETHER * (groups + 1)))
-    whole[:, : change.shape[1]] = ports[:, : whole.shape[1]]
+    whole[:, : ports.shape[1]] = ports
     near = whole[:, : NEAR + TOGETHER - 1]
     far = [
         whole[:, NEAR + phase : NEAR + phase + TOGETHER * groups].reshape(len(ports), groups, TOGETHER).mean(axis=2)
@@ -155,5 +159,6 @@ def _of_ports(change: Float64[np.ndarray, "R S"], count: int, error: float) -> P
         np.ascontiguousarray(change[:count]),
         near[:, ::-1].astype(np.float32),
         np.stack(far, axis=1)[:, :, ::-1].astype(np.float32),
+        fades,
         error,
     )

@@ -7,8 +7,9 @@ one FmuError, and one that comes through is taken for harmless.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from itertools import pairwise
@@ -253,6 +254,15 @@ class Problem:
     ) -> Iterator[np.ndarray | None]:
         """`many` of models near another one: to first order, from few runs of the FMU, where one is dear."""
         return self.many(models, done) if self.response is None else self.response(self, models, around, done)
+
+    @contextmanager
+    def by_runs(self) -> Generator[None]:
+        """Meanwhile all is simulated."""
+        response, self.response = self.response, None
+        try:
+            yield
+        finally:
+            self.response = response
 
     def simulated(self, models: Sequence[Model], done: Callable[[int], object]) -> Iterator[np.ndarray | None]:
         """`many`, each a run of the FMU for every condition."""

@@ -102,7 +102,10 @@ class Response(Simulator):
         try:
             known = self._identified(around)
             asked = {*self._used(model), *self._used(around)} or {0}
-            return all(known.to(f).error < TOLD for f in asked)
+            pulsed = [known.to(f) for f in asked]
+            if self._begins_early([*_laws(model), *_laws(around)]) and not all(one.fades for one in pulsed):
+                return False
+            return all(one.error < TOLD for one in pulsed)
         except FmuError:
             return False
 
@@ -165,7 +168,7 @@ class Response(Simulator):
         before, laws = _laws(around), _laws(model)
         if before or laws:
             used = sorted(self._used(around) | self._used(model))
-            early = self._begins_early([*before, *laws], [known.to(f) for f in used])
+            early = self._begins_early([*before, *laws])
             acted = self._forced(before, np.concatenate([np.repeat(y[:1], early, axis=0), y]), used)
             rows = np.concatenate([np.repeat(shown[:1], early, axis=0), shown])
             pulsed = [known.to(f) for f in used]
@@ -188,12 +191,12 @@ class Response(Simulator):
                     return True
         return False
 
-    def _begins_early(self, laws: Sequence[LawAt], pulsed: Sequence[Pulsed]) -> int:
+    def _begins_early(self, laws: Sequence[LawAt]) -> int:
         """Rows before the record that loads have acted, as `run` has it."""
-        if self._trial.condition.free or not any(item.law.family == "load" for item in laws):
+        loads = [item.joint for item in laws if item.law.family == "load"]
+        if not loads or self._condition.free:
             return 0
-        fades = all(one.sensors.shape[1] < self._early for one in pulsed)
-        return self._early if fades and self._settles(None) else 0
+        return self._early if all(self._settles(joint) for joint in (None, *loads)) else 0
 
     def _forced(
         self,

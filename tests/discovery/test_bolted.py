@@ -57,7 +57,7 @@ def moved(slips):
     return np.array(rows)
 
 
-@pytest.mark.parametrize("joint", [Bolted, Rubber])
+@pytest.mark.parametrize("joint", [Bolted, pytest.param(Rubber, marks=pytest.mark.slow)])
 def test_what_slips_bit_by_bit_is_one_hysteresis(library, tmp_path, joint):
     text = MASS + JOINT + adjustable("m1") + adjustable("c1", tolerance=0.05) + SWEEP
     _, found = decided(tmp_path, library, text, moved(joint()), **{"mass1.f [N]": sweep(PUSH)})

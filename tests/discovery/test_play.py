@@ -31,7 +31,7 @@ def motion(damped):
     return integrated(rate, 2)[0]
 
 
-@pytest.mark.parametrize(("damped", "form"), [(False, "undamped"), (True, "")])
+@pytest.mark.parametrize(("damped", "form"), [pytest.param(False, "undamped", marks=pytest.mark.slow), (True, "")])
 def test_play_takes_the_dampers_force_too_or_leaves_it(library, tmp_path, damped, form):
     """As a coupling has it: between the flanks nothing is touched. No damper of the model's is off."""
     text = MASS + JOINT + adjustable("m1") + adjustable("c1", tolerance=0.05) + SWEEP

@@ -29,8 +29,11 @@ def sprung(x, v):
 
 @pytest.mark.parametrize(
     ("stop", "form", "main"),
-    [(pounded, "damped", "gap"), (buffered, "one_sided_damped", "limit"), (sprung, "", "gap")],
-    ids=["pounded", "buffered", "sprung"],
+    [
+        pytest.param(pounded, "damped", "gap", id="pounded"),
+        pytest.param(buffered, "one_sided_damped", "limit", id="buffered", marks=pytest.mark.slow),
+        pytest.param(sprung, "", "gap", id="sprung", marks=pytest.mark.slow),
+    ],
 )
 def test_a_stop_is_told_with_what_it_takes_of_a_blow(library, tmp_path, stop, form, main):
     x = integrated(lambda t, y: [y[1], (force(t) - K * y[0] - C * y[1] - stop(*y)) / M], 2)[0]

@@ -340,7 +340,7 @@ def test_an_ended_command_leaves_nothing(study: Path, number: signal.Signals):
         time.sleep(0.05)
         # the solver is in its loop when it has written its memory's clock
         files = list((study.parent / "temporary").glob("*/memory"))
-        if files and np.fromfile(files[0], np.float64, 1)[0] > 0.4:
+        if files and (np.fromfile(files[0], np.float64, 1) > 0.4).any():  # it may not have been filled yet
             break
     found = [int(child) for child in children.read_text().split()] if children.exists() else []
     process.send_signal(number)
