@@ -10,6 +10,7 @@ import pytest
 pytest.importorskip("ziglang")
 pytest.importorskip("sympy")
 
+import one_mass
 from test_discover import cubic, write_study
 
 from fmucorrect.catalogue import find
@@ -147,3 +148,17 @@ def test_the_same_is_found_by_few_runs(found, tmp_path):
     assert own["value"] == pytest.approx(other["value"], abs=0.5 * other["std"])
     assert by_response["cost"]["runs"] < 0.4 * by_runs["cost"]["runs"]
     assert by_response["cost"]["told_by_response"] > by_response["cost"]["runs"]
+
+
+@pytest.mark.parametrize(
+    ("effect", "value"), [("preload", {"force": 0.2}), ("coulomb_friction", {"friction_force": 0.2})]
+)
+def test_a_body_that_nothing_holds(tmp_path, library, effect, value):
+    """What a force does never ends, and a load does not settle before the record."""
+    one_mass.write(tmp_path / "force.csv", "mass1.f [N]", one_mass.sweep(2.0))
+    one_mass.write(tmp_path / "measured.csv", "x1 [mm]", 0.0 * one_mass.T)
+    free = one_mass.HEAD.replace("k1 = 1000.0", "k1 = 1e-6").replace("c1 = 10.0", "c1 = 0.5")
+    (tmp_path / "study.toml").write_text(free + one_mass.JOINT, encoding="utf-8")
+    with closing(Responses()) as responses, load(load_study(tmp_path / "study.toml"), library, 1) as item:
+        item.response = responses
+        assert off(item, with_terms(item, term(item, effect, 1, value)), item.nominal) < 0.03
