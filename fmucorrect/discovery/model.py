@@ -12,7 +12,7 @@ from jaxtyping import Float64
 
 from fmucorrect.discovery.budget import Budget
 from fmucorrect.discovery.logged import Logged
-from fmucorrect.discovery.simulator import Simulator
+from fmucorrect.discovery.simulator import LawAt, Simulator
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, SignalTerm, Term
 from fmucorrect.fmu import FmuDescription
 from fmucorrect.signals import Condition
@@ -31,6 +31,16 @@ class Model:
 
     terms: tuple[Term, ...] = ()
     base: tuple[float, ...] = ()
+
+    @property
+    def laws(self) -> list[LawAt]:
+        """What its forces are at each joint."""
+        return [law for term in self.terms if isinstance(term, ForceTerm) for law in term.laws]
+
+    @property
+    def exciting(self) -> list[SignalTerm]:
+        """Errors of what excites the FMU."""
+        return [term for term in self.terms if isinstance(term, SignalTerm) and not term.channels]
 
 
 def runner(
@@ -61,11 +71,10 @@ def simulate(
     """One condition with a model's terms in it, in the channels' units. starts: start values in place of the condition's own.
     more: added to what drives the FMU. Raises FmuError where the solver gives up."""
     changed = {**overrides(study, item.description, condition, model, tolerated), **starts}
-    laws = [law for term in model.terms if isinstance(term, ForceTerm) for law in term.laws]
     given, signals = _excited(study, item, model)
     if more is not None:
         given = (item.inputs[1] if given is None else given) + more
-    y = item.run(laws, changed, given)
+    y = item.run(model.laws, changed, given)
     for term in signals:
         y = y.copy() if y is item.nominal else y
         for j in term.channels or range(y.shape[1]):
@@ -80,11 +89,10 @@ def _excited(study: Study, item: Runner, model: Model) -> tuple[np.ndarray | Non
     """
     signals = [term for term in model.terms if isinstance(term, SignalTerm)]
     _, inputs = item.inputs
-    exciting = [term for term in signals if not term.channels]
-    if not exciting or not inputs.shape[1]:
+    if not model.exciting or not inputs.shape[1]:
         return None, signals
     inputs = inputs.copy()
-    for term in exciting:
+    for term in model.exciting:
         for i in range(inputs.shape[1]):
             inputs[:, i] = term.law.apply(inputs[:, i], study.simulation.step_size, term.values)
     return inputs, [term for term in signals if term.channels]

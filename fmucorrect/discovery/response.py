@@ -91,8 +91,8 @@ class Response(Simulator):
     def covers(self, model: Model, around: Model) -> bool:
         """Whether the response tells a model by what is known of another. What excites by no input is not seen."""
         if model == around:
-            return not _exciting(model) or self._condition.inputs is not None
-        if _exciting(model) != _exciting(around) and self._condition.inputs is None:
+            return not model.exciting or self._condition.inputs is not None
+        if model.exciting != around.exciting and self._condition.inputs is None:
             return False
         here, there = self._set(around), self._set(model)
         for name in {*here, *there}:
@@ -103,7 +103,7 @@ class Response(Simulator):
             known = self._identified(around)
             asked = {*self._used(model), *self._used(around)} or {0}
             pulsed = [known.to(f) for f in asked]
-            if self._begins_early([*_laws(model), *_laws(around)]) and not all(one.fades for one in pulsed):
+            if self._begins_early([*model.laws, *around.laws]) and not all(one.fades for one in pulsed):
                 return False
             return all(one.error < TOLD for one in pulsed)
         except FmuError:
@@ -159,13 +159,13 @@ class Response(Simulator):
             by = there.get(name, own) - here.get(name, own)
             if by != 0.0:
                 shown = shown + by * known.knob(name, own)
-        for sign, term in (*((1.0, term) for term in _exciting(model)), *((-1.0, term) for term in _exciting(around))):
+        for sign, term in (*((1.0, term) for term in model.exciting), *((-1.0, term) for term in around.exciting)):
             ((name, value),) = ((name, term.values[name]) for name in term.estimated)
             by = value - (term.parameter(name).neutral or 0.0)
             if by != 0.0:
                 shown = shown + sign * by * known.drive(term)
         found = shown[:, : self._count] - y[:, : self._count]
-        before, laws = _laws(around), _laws(model)
+        before, laws = around.laws, model.laws
         if before or laws:
             used = sorted(self._used(around) | self._used(model))
             early = self._begins_early([*before, *laws])
@@ -190,13 +190,6 @@ class Response(Simulator):
                 if port is not None and port.variable.reference == reference and name in needs:
                     return True
         return False
-
-    def _begins_early(self, laws: Sequence[LawAt]) -> int:
-        """Rows before the record that loads have acted, as `run` has it."""
-        loads = [item.joint for item in laws if item.law.family == "load"]
-        if not loads or self._condition.free:
-            return 0
-        return self._early if all(self._settles(joint) for joint in (None, *loads)) else 0
 
     def _forced(
         self,
@@ -264,11 +257,3 @@ class Response(Simulator):
         if not np.isfinite(change).all():
             raise FmuError("the linear response is not stable with these laws", where=str(self.description.path))
         return known.T if acted is None else change.astype(np.float64)
-
-
-def _exciting(model: Model) -> list[SignalTerm]:
-    return [term for term in model.terms if isinstance(term, SignalTerm) and not term.channels]
-
-
-def _laws(model: Model) -> list[LawAt]:
-    return [law for term in model.terms if isinstance(term, ForceTerm) for law in term.laws]

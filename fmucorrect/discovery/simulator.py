@@ -159,10 +159,9 @@ class Simulator:
         self, laws: Sequence[LawAt], parameters: Mapping[str, float], given: Float64[np.ndarray, "T I"]
     ) -> Float64[np.ndarray, "T J"]:
         condition = replace(self._condition, parameters={**self._condition.parameters, **parameters})
-        loads = [item for item in laws if item.law.family == "load"]
         known = not condition.free  # else it need not have rested before the record
-        if known and loads and all(self._settles(joint) for joint in (None, *(item.joint for item in loads))):
-            early = self._early
+        early = self._begins_early(laws)
+        if early:
             given = np.ascontiguousarray(np.concatenate([np.repeat(given[:1], early, axis=0), given]))
             return self._along(laws, condition, given, -early)[early:]
         rest = self._rest(given)
@@ -175,6 +174,13 @@ class Simulator:
     @property
     def _early(self) -> int:
         return round(RUN_IN * NANOSECONDS / self._step_ns)
+
+    def _begins_early(self, laws: Sequence[LawAt]) -> int:
+        """Rows before the record that loads among the laws have acted."""
+        loads = [item.joint for item in laws if item.law.family == "load"]
+        if not loads or self._condition.free:
+            return 0
+        return self._early if all(self._settles(joint) for joint in (None, *loads)) else 0
 
     def _settles(self, joint: Joint | None) -> bool:
         """Whether a small force at the joint moves the FMU to another place of rest in RUN_IN; None: whether it rests then
