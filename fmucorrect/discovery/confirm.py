@@ -18,7 +18,7 @@ from fmucorrect.discovery.nuisances import GAIN, LAG, holds
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.starts import fitted
 from fmucorrect.discovery.trials import lead_in, sensor_noise
-from fmucorrect.errors import SignalError
+from fmucorrect.errors import FmucorrectError, SignalError
 from fmucorrect.signals import Condition
 from fmucorrect.study import Adjustable, Study
 
@@ -71,6 +71,11 @@ class Gap:
         return self.noise_floor if np.isfinite(self.noise_floor) else 0.0
 
 
+def judged(checked: Sequence[Gap]) -> list[Gap]:
+    """Those that were held out, or all where none was."""
+    return [gap for gap in checked if gap.condition.role == "evaluation"] or [*checked]
+
+
 def carries_over(held: Sequence[Gap]) -> bool:
     """Whether what was found holds at these conditions: at each by itself, or at none the other way and at all together,
     by their energies above the noise floor."""
@@ -104,6 +109,21 @@ def gaps_of(
     """gaps() of a problem's study, as the problem simulates it. Raises FmuError likewise."""
     known = problem.tolerated, sensors, problem.substeps, problem.budget
     return gaps(problem.study, problem.library, conditions, model, *known)
+
+
+def all_gaps(problem: Problem, model: Model, sensors: Float64[np.ndarray, "J 2"]) -> tuple[list[Gap], list[str]]:
+    """All conditions with a model, and of those held out that cannot be shown why not: what was found elsewhere stands."""
+    checked, unseen = list[Gap](), list[str]()
+    for condition in problem.study.conditions:
+        try:
+            checked += gaps_of(problem, [condition], model, sensors)
+        except FmucorrectError as error:
+            if condition.role != "evaluation":
+                raise
+            unseen.append(
+                f"the other conditions alone: nothing could be checked at {condition.name}, which was held out ({error})"
+            )
+    return checked, unseen
 
 
 def _gap(

@@ -19,7 +19,7 @@ from threadpoolctl import threadpool_limits
 from fmucorrect import outputs, pairs
 from fmucorrect.discovery import output
 from fmucorrect.discovery.augmented import Found, found_of, write_model
-from fmucorrect.discovery.confirm import Gap, carries_over, gaps_of, sensors_told
+from fmucorrect.discovery.confirm import Gap, all_gaps, carries_over, gaps_of, judged, sensors_told
 from fmucorrect.discovery.decide import Decision, decide
 from fmucorrect.discovery.discrepancy import form_errors
 from fmucorrect.discovery.doubt import cautions, far_moves, much_left, not_named, rests, rounded, unsteady, wrong_signs
@@ -221,7 +221,7 @@ def _report(
     setting = with_sensors(problem, naming.setting, best.model)  # as what is told of sensors has to be of this response
     sensors = sensors_told(problem, setting, best.residual)
     progress("confirm", 0, len(study.conditions))
-    checked = gaps_of(problem, study.conditions, best.model, sensors)
+    checked, unseen = all_gaps(problem, best.model, sensors)
     verdict = confirmed(decision, checked, sizes)
     lap("confirm")
     by_joints, by_form = (
@@ -253,7 +253,9 @@ def _report(
     if verdict == "unexplained" and completeness["complete"] and study.fmu is not None:
         progress("learned law", 0, 1)
         law = learn(problem, naming.setting, naming.base.model, places)
-        row = None if law is None else learned_row(problem, naming.setting, law, _largest(problem), naming.base.model)
+        seen = [gap.condition for gap in checked]
+        bare = naming.base.model
+        row = None if law is None else learned_row(problem, naming.setting, law, seen, _largest(problem), bare)
         lap("learn")
     learned = None if row is None or not writable(row) else law
     known = base_std(problem, setting, best, doubt).tolist()
@@ -264,7 +266,7 @@ def _report(
     else:
         adjusted = output.adjusted(problem, learned.model.base)
     sensed = output.sensor_rows(study.channels, sensors)
-    own = _by_fmu(problem, best) if verdict != "unexplained" and study.fmu is not None else []
+    own = _by_fmu(problem, best, checked) if verdict != "unexplained" and study.fmu is not None else []
     alone = {gap.condition.name: {"nrmse_alone": gap.nrmse_after} for gap in own or ()}
     report: dict[str, Any] = {
         "format": 1,
@@ -280,6 +282,7 @@ def _report(
         "adjusted_std": {moved.name: moved.std for moved in adjusted if np.isfinite(moved.std)},
         "sensors": sensed,
         "cautions": [
+            *unseen,
             *wrong_signs(problem),
             *(
                 cautions(problem, best, less_known(best, by_joints), sensed)
@@ -364,15 +367,15 @@ def confirmed(decision: Decision, checked: Sequence[Gap], sizes: Sequence[Size] 
     return decision.verdict if kept or decision.verdict == "none" else "unexplained"
 
 
-def _by_fmu(problem: Problem, best: Fitted) -> list[Gap] | None:
-    """Conditions, the evaluation's where there are any, by an FMU with the forces and parameters alone, as it is written: no
-    lag, gain or offset of a sensor. None where its solver gives up."""
+def _by_fmu(problem: Problem, best: Fitted, checked: Sequence[Gap]) -> list[Gap] | None:
+    """The checked conditions, the evaluation's where there are any, by an FMU with the forces and parameters alone, as it is
+    written: no lag, gain or offset of a sensor. None where its solver gives up."""
     laws = tuple(term for term in best.model.terms if not isinstance(term, SignalTerm))
     if not laws and not any(best.model.base):
         return []
     study, model = problem.study, replace(best.model, terms=laws)
     sensors = np.zeros((len(study.channels), 2))
-    conditions = study.evaluation or study.conditions
+    conditions = [gap.condition for gap in judged(checked)]
     with suppress(FmuError):
         return gaps_of(problem, conditions, model, sensors)
     return None

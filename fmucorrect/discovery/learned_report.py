@@ -21,6 +21,7 @@ from fmucorrect.discovery.motion import acting
 from fmucorrect.discovery.pictures import picture, units_at
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.errors import FmuError
+from fmucorrect.signals import Condition
 
 HALF = 0.5
 """Share of the held-out gap that a learned law has to close to be written into an FMU."""
@@ -29,12 +30,17 @@ POINTS = 81
 
 
 def learned_row(
-    problem: Problem, setting: Setting, learned: Learned, condition: int, moved: Model
+    problem: Problem,
+    setting: Setting,
+    learned: Learned,
+    conditions: Sequence[Condition],
+    condition: int,
+    moved: Model,
 ) -> dict[str, Any] | None:
-    """`learned` of the report. condition: the number of the one whose picture is drawn. moved: the model whose parameters alone
-    have moved, beside which the force has to be worth something. None where the solver gives up with the law at a condition
-    that was held out."""
-    term, conditions = learned.term, problem.study.conditions
+    """`learned` of the report. conditions: at which it is shown. condition: the number of the one whose picture is drawn.
+    moved: the model whose parameters alone have moved, beside which the force has to be worth something. None where the solver
+    gives up with the law at a condition that was held out."""
+    term = learned.term
     sensors = sensors_told(problem, setting, learned.residual)
     with suppress(FmuError):
         checked, without = (gaps_of(problem, conditions, model, sensors) for model in (learned.model, moved))

@@ -15,7 +15,7 @@ from __future__ import annotations
 import ctypes
 import math
 from collections.abc import Mapping, Sequence
-from ctypes import Structure, c_double, c_long, c_void_p
+from ctypes import Structure, c_double, c_int, c_long, c_void_p
 from dataclasses import replace
 
 import numpy as np
@@ -252,7 +252,7 @@ class Response(Simulator):
             pushed.ctypes.data,
         )
         solver = Solver(ctypes.addressof(held), *self._functions, 2)
-        self._march(ctypes.byref(solver), ctypes.byref(road), placed, c_long(len(laws)))
+        self._march(ctypes.byref(solver), ctypes.byref(road), placed, c_long(len(laws)), ctypes.byref(c_int()))
         del kept
         if not np.isfinite(change).all():
             raise FmuError("the linear response is not stable with these laws", where=str(self.description.path))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Mapping, Sequence
-from ctypes import c_double, c_long, c_uint
+from ctypes import c_double, c_int, c_long, c_uint
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -261,9 +261,11 @@ class Simulator:
             pushed.ctypes.data,
         )
         self._budget.add(steps * self._step_ns / NANOSECONDS)
-        reached = self._march(ctypes.byref(solver), ctypes.byref(road), placed, c_long(len(laws)))
+        status = c_int()
+        reached = self._march(ctypes.byref(solver), ctypes.byref(road), placed, c_long(len(laws)), ctypes.byref(status))
         del kept
-        native.raise_error()
+        if reached != steps:
+            native.ended(status.value)
         if reached != steps or not np.isfinite(out).all():
             raise FmuError(
                 f"the solver gave up at t = {(begin + max(reached, 0) * self._step_ns) / NANOSECONDS:.6g} s",

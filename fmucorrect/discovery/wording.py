@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fmucorrect.discovery.confirm import Gap
+from fmucorrect.discovery.confirm import Gap, judged
 from fmucorrect.discovery.decide import BESIDE_REST, Decision
 from fmucorrect.discovery.discrepancy import TOO_MUCH, TOO_UNEVEN
 from fmucorrect.discovery.fitted import Setting, explains, stands_out
@@ -61,8 +61,7 @@ def _verdict(report: Discovery, checked: Sequence[Gap]) -> str:
         )
         nothing = "nothing in the catalogue" if report.complete else "nothing that was looked at"
         return f"Simulation and measurement disagree, and {nothing} explains it: {left}.{_learned(report)}"
-    held = [gap for gap in checked if gap.condition.role == "evaluation"] or list(checked)
-    worst = max(held, key=lambda gap: gap.nrmse_before)
+    worst = max(judged(checked), key=lambda gap: gap.nrmse_before)
     error = f"the error at {worst.condition.name} falls from {worst.nrmse_before:.3g} to {worst.nrmse_after:.3g} %"
     beside = [f"sensor noise {worst.noise_floor:.2g} %"] if known(worst.noise_floor) else []
     beside += [

@@ -105,7 +105,7 @@ class Instance(ABC):
         """A fresh instance: whatever an earlier run left behind is gone."""
         self.time.value = self.size.value = 0.0
         if self._component and self._description.one_instance:
-            if self._initialised:
+            if self._may_end:
                 self.call("Terminate")
             self.call("Reset")
         else:
@@ -119,7 +119,7 @@ class Instance(ABC):
                 names = (ctypes.c_char_p * len(categories))(*categories)
                 on = self.TYPES["Boolean"][1](1)
                 self.function("SetDebugLogging")(self._component, on, c_size_t(len(names)), names)
-        self._initialised = False
+        self._initialised, self._last_status = False, 0
 
     def set_start(self, values: Mapping[Variable, float]) -> None:
         """Set start values, one call a type; of an array the other elements get those of the description."""
@@ -218,12 +218,6 @@ class Instance(ABC):
         """Where a function of the library is, for C."""
         return ctypes.cast(self.function(name), c_void_p).value or 0
 
-    def raise_error(self) -> None:
-        """Raises what a step that C called had to keep for itself, as C knows no exceptions."""
-        error, self._kept = self._kept, None
-        if error is not None:
-            raise error
-
     @property
     def component(self) -> int:
         """The instance's own pointer, for C."""
@@ -249,13 +243,29 @@ class Instance(ABC):
         self._last_status = status
         return FmuError(f"{what}{self._log.said}", where=str(self._description.path))
 
+    def ended(self, status: int) -> None:
+        """Where a call that C made did not succeed: raises what it had to keep for itself, as C knows no exceptions."""
+        self._last_status = max(self._last_status, status)
+        error, self._kept = self._kept, None
+        if error is not None:
+            raise error
+
+    @property
+    def broken(self) -> bool:
+        """Whether the standard forbids any further call: after 'fatal'."""
+        return self._last_status == FATAL
+
+    @property
+    def _may_end(self) -> bool:
+        return self._initialised and self._last_status < DISCARD
+
     def _end(self) -> None:
         component = self._component
         if not component:
             return
-        if self._last_status < DISCARD and self._initialised:
+        if self._may_end:
             self.function("Terminate")(component)
-        if self._last_status != FATAL:  # the standard forbids any further call after it
+        if not self.broken:
             self.function("FreeInstance")(component)
         self._component.value = None
         self._initialised = False
@@ -268,6 +278,6 @@ class Instance(ABC):
             self._end()
         finally:
             # after a fatal error the library may still have threads running in it: it stays loaded
-            if self._last_status != FATAL:
+            if not self.broken:
                 fmpy.freeLibrary(self._library._handle)
             self._library = None

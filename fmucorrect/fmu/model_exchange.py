@@ -332,7 +332,7 @@ class ModelExchange(Instance):
 
     @cached_property
     def _for_c(self) -> Any:
-        """DoStep as a C function. Errors wait for raise_error()."""
+        """DoStep as a C function. Errors wait for ended()."""
         flags = [POINTER(c_bool)] * 3
         more = [c_bool, *flags, POINTER(c_double)] if self.COUNTED else [c_int]
 

@@ -39,14 +39,15 @@ class SolverState:
 @dataclass(frozen=True)
 class Native:
     """A running instance for loops in C: addresses of the instance and of its functions DoStep, GetReal or GetFloat64, SetReal
-    or SetFloat64. fmi: 2 or 3. raise_error: to be called where a step failed. Valid until the stepper is reset or closed."""
+    or SetFloat64. fmi: 2 or 3. ended: to be called with the status of a call that did not succeed; raises what
+    is known of it, and the stepper lets go of what must not be called any more. Valid until the stepper is reset or closed."""
 
     component: int
     step: int
     get: int
     set: int
     fmi: int
-    raise_error: Callable[[], None]
+    ended: Callable[[int], None]
 
 
 def finished(t_ns: Times, time: float, size: float) -> int:
@@ -261,7 +262,15 @@ class FmuStepper(Opened):
         instance = self._running()
         number = "Real" if instance.PREFIX == "fmi2" else "Float64"
         step, get, put = (instance.address(name) for name in ("DoStep", f"Get{number}", f"Set{number}"))
-        return Native(instance.component, step, get, put, int(instance.PREFIX[-1]), instance.raise_error)
+        return Native(instance.component, step, get, put, int(instance.PREFIX[-1]), self._ended)
+
+    def _ended(self, status: int) -> None:
+        instance = self._running()
+        try:
+            instance.ended(status)
+        finally:
+            if instance.broken:
+                self.close()
 
     def __enter__(self) -> FmuStepper:
         return self

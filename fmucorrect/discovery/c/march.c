@@ -10,6 +10,9 @@
 #include <stddef.h>
 #include <string.h>
 
+/* Of FMI's statuses the worst with which a solver goes on. */
+enum { WARNING = 1 };
+
 typedef int Step2(void *, double, double, int);
 typedef int Access2(void *, const unsigned[], size_t, double[]);
 typedef int Step3(void *, double, double, bool, bool *, bool *, bool *, double *);
@@ -102,8 +105,8 @@ static void given(const Road *road, const double row[])
 }
 
 /* The inputs of `row` are set, and forces of laws stay on top of them: what a force input passes on at once shows both.
- * Whether the solver went along. */
-static bool enter(const Solver *s, const Road *road, const double row[], const double pushed[])
+ * The solver's status. */
+static int enter(const Solver *s, const Road *road, const double row[], const double pushed[])
 {
     double values[road->n_inputs + 1];
     memcpy(values, row, (size_t)road->n_inputs * sizeof *row);
@@ -113,13 +116,13 @@ static bool enter(const Solver *s, const Road *road, const double row[], const d
         if (road->force_columns[f] >= 0)
             values[road->force_columns[f]] = road->force_values[f];
     }
-    return !road->n_inputs || set(s, road->input_references, (size_t)road->n_inputs, values) <= 1;
+    return road->n_inputs ? set(s, road->input_references, (size_t)road->n_inputs, values) : 0;
 }
 
 /* One sub-step of h s from t, with the inputs of `row`; the joints have been read. pushed: gets the laws' part of the force
- * inputs. Whether the solver went along. */
-static bool advance(const Solver *s, const Road *road, const double row[], double pushed[], Placed laws[], long n_laws,
-                    double t, double h)
+ * inputs. The solver's status. */
+static int advance(const Solver *s, const Road *road, const double row[], double pushed[], Placed laws[], long n_laws,
+                   double t, double h)
 {
     double ports[n_laws + 1][4], force[n_laws + 1], slope[n_laws + 1], answers[n_laws * n_laws + 1];
     for (long i = 0; i < n_laws; i++)
@@ -144,22 +147,21 @@ static bool advance(const Solver *s, const Road *road, const double row[], doubl
         pushed[laws[i].force] += laws[i].force_factor * force[i];
     for (long f = 0; f < road->n_forces; f++)
         road->force_values[f] += pushed[f];
-    if (road->n_forces && set(s, road->force_references, (size_t)road->n_forces, road->force_values) > 1)
-        return false;
-    return step(s, t, h) <= 1;
+    const int status = road->n_forces ? set(s, road->force_references, (size_t)road->n_forces, road->force_values) : 0;
+    return status > WARNING ? status : step(s, t, h);
 }
 
-/* Number of the first step that failed, or `steps` when all went well; rows up to it are filled. */
-__attribute__((visibility("default"))) long march(const Solver *s, const Road *road, Placed laws[], long n_laws)
+/* Number of the first step that failed, or `steps` when all went well; rows up to it are filled. status: of the last call. */
+__attribute__((visibility("default"))) long march(const Solver *s, const Road *road, Placed laws[], long n_laws, int *status)
 {
     const double h = road->size / (double)road->parts;
     double pushed[road->n_forces + 1];
     memset(pushed, 0, sizeof pushed);
     for (long k = 0; k <= road->steps; k++) {
         const double *row = road->inputs + k * road->n_inputs;
-        if (!enter(s, road, row, pushed))
+        if ((*status = enter(s, road, row, pushed)) > WARNING)
             return k;
-        if (get(s, road->read_references, (size_t)road->n_reads, road->reads) > 1)
+        if ((*status = get(s, road->read_references, (size_t)road->n_reads, road->reads)) > WARNING)
             return k;
         for (long j = 0; j < road->n_responses; j++)
             road->out[k * road->n_responses + j] = road->reads[j];
@@ -167,9 +169,9 @@ __attribute__((visibility("default"))) long march(const Solver *s, const Road *r
             break;
         const double t = road->start + (double)k * road->size;
         for (long part = 0; part < road->parts; part++) {
-            if (part && get(s, road->read_references, (size_t)road->n_reads, road->reads) > 1)
+            if (part && (*status = get(s, road->read_references, (size_t)road->n_reads, road->reads)) > WARNING)
                 return k;
-            if (!advance(s, road, row, pushed, laws, n_laws, t + (double)part * h, h))
+            if ((*status = advance(s, road, row, pushed, laws, n_laws, t + (double)part * h, h)) > WARNING)
                 return k;
         }
     }
