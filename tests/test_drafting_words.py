@@ -86,6 +86,12 @@ CRANE = """
         u["crane.trolley.s"] += h * u["vs"]
         u["crane.hoist.f_rope"] = p["crane.load.m"] * (9.81 + 8.0 * w * w - 4.9 * u["crane.hoist.phi"] ** 2)
 """
+CART = """
+    def move(self, u, p, h):
+        v = u.setdefault("speed", 0.0)
+        u["speed"] += h * (u["drive"] + u["dist"] - 1.5 * v) / 2.0
+        u["x"] += h * u["speed"]
+"""
 
 
 def plant(
@@ -418,3 +424,23 @@ def test_a_joint_is_where_a_word_of_its_force_is_though_another_moves_more(tmp_p
         "rope_force_extra": ("rope_stretch", "rope_stretch_rate"),
     }
     assert [kind(fmu.variables[name]) for name in ("q_drum", "w_drum")] == ["displacement", "velocity"]
+
+
+@pytest.mark.parametrize(("unit", "force", "untold"), [("N", "drive", False), ("", "dist", True)])
+def test_a_joint_is_where_something_pushes_by_the_logs_units_or_by_what_moves(
+    tmp_path: Path, unit: str, force: str, untold: bool
+):
+    """An FMU without units, whose inputs no word tells: the log says that its own is a force; or nobody says anything, and an
+    input that nothing drives and that moves the body is guessed to be one."""
+    fmu = plant(tmp_path, CART, ("drive", "dist"), ("x", "speed"), {})
+    driven = {"drive": 4.0 * waves(3), "dist": 0.0 * waves(4)}
+    shown = measured(fmu, driven, ("x", "speed"))
+    columns = {"drive": (unit, driven["drive"]), "x": ("", shown["x"]), "speed": ("", shown["speed"])}
+    found = draft(fmu, logged(tmp_path / "run.parquet", columns))
+    assert [(joint.force, joint.displacement, joint.velocity, joint.untold) for joint in found.joints] == [
+        (force, "x", "speed", untold)
+    ]
+    text = found.text(tmp_path / "study.toml")
+    assert ("nobody says that it is one" in text) == untold
+    (tmp_path / "study.toml").write_text(text, encoding="utf-8")
+    assert load_study(tmp_path / "study.toml").joints[0].sign == -1

@@ -114,10 +114,12 @@ def draft(
             remedy="Write the study by hand (fmucorrect/README.md), or give the columns the names of the outputs.",
         )
     progress(STEPS[2])
-    # what is missing may add to an input that is driven, where the model has no other place for it
-    joints = find_joints(model, tuple(inputs)) or find_joints(model, ())
-    units = joint_units(model, joints) | input_units(model, first, inputs)
+    units = input_units(model, first, inputs)
     units |= {guess.output: guess.variable_unit for guess in channels if guess.variable_unit}
+    told = model.known(units)
+    # what is missing may add to an input that is driven, where the model has no other place for it
+    joints = find_joints(told, tuple(inputs)) or find_joints(told, ()) or find_joints(told, tuple(inputs), untold=True)
+    units |= joint_units(told, joints)
     joints = loadable(joints, {name: v.unit for name, v in model.variables.items()} | units, model.defined)
     used = {*(guess.column for guess in channels), *inputs.values()}
     measured = [guess.column for guess in channels]

@@ -52,7 +52,7 @@ _ALL = frozenset().union(*_WORDS.values())
 
 @dataclass(frozen=True)
 class JointGuess:
-    """Names of variables, "" for none; sign as in a study."""
+    """Names of variables, "" for none; sign as in a study. untold: whether nobody says that its force is one."""
 
     name: str
     force: str
@@ -61,12 +61,16 @@ class JointGuess:
     nominal_force: str
     acceleration: str
     sign: int
+    untold: bool = False
 
 
-def find_joints(fmu: FmuDescription, driven: Sequence[str]) -> tuple[JointGuess, ...]:
+def find_joints(fmu: FmuDescription, driven: Sequence[str], *, untold: bool = False) -> tuple[JointGuess, ...]:
     """Every force input that is not `driven` and has a displacement of the same name's stem, or else the one that it moves
-    most, of its own component (`rack.f_ext`, `rack.flange_a.s`) where that has any. Raises FmuError of the pushes."""
-    forces = [v for v in fmu.of("input") if v.number and kind(v) == "force" and v.name not in driven]
+    most, of its own component (`rack.f_ext`, `rack.flange_a.s`) where that has any. untold: of the inputs that neither a unit
+    nor a name tells anything of, in their place. Raises FmuError of the pushes."""
+    wanted = "" if untold else "force"
+    forces = [v for v in fmu.of("input") if v.number and kind(v) == wanted and v.name not in driven]
+    forces = [v for v in forces if v.unit in units.UNSAID and not v.discrete] if untold else forces
     outputs = [v for v in fmu.of("output") if v.number and not v.discrete]
     moved = [v for v in outputs if kind(v) == "displacement"]
     if not forces or not moved:
@@ -95,6 +99,7 @@ def find_joints(fmu: FmuDescription, driven: Sequence[str]) -> tuple[JointGuess,
                 own["force"],
                 own["acceleration"],
                 -1 if answers[j, i] > 0.0 else 1,
+                untold,
             )
         )
     names = [joint.name for joint in found]
@@ -108,7 +113,7 @@ def joint_units(fmu: FmuDescription, joints: Sequence[JointGuess]) -> dict[str, 
         names = (joint.force, joint.displacement, joint.velocity, joint.nominal_force, joint.acceleration)
         own = [fmu.variables[name] for name in names if name]
         known = TURNING if any(map(turns, own)) else SI
-        found |= {variable.name: known[kind(variable)] for variable in own if not variable.unit}
+        found |= {variable.name: known[kind(variable) or "force"] for variable in own if not variable.unit}
     return found
 
 

@@ -84,6 +84,11 @@ class Draft:
             yield from self._channel(guess)
         for joint in self.joints:
             yield from self._joint(joint)
+        if not self.joints:
+            given = few([v.name for v in self.model.of("input")]) or "none"
+            yield ""
+            yield "# no [[joints]]: no input is known to push at a displacement that it shows, so that discovery can name"
+            yield f"# parameters and sensors alone. Its inputs: {one_line(given)}"
         for parameter in self.parameters:
             yield ""
             yield "[[adjustable]]"
@@ -149,7 +154,7 @@ class Draft:
         yield ""
         yield "[[joints]]"
         yield f"name = {toml(joint.name)}"
-        yield f"force = {toml(joint.force)}"
+        yield f"force = {toml(joint.force)}{'  # guess: nobody says that it is one' * joint.untold}"
         same = [
             one_line(other.name) for other in self.joints if other != joint and other.displacement == joint.displacement
         ]
