@@ -140,7 +140,7 @@ class Page:
         """Key figures: label, value before ("" without one), value, detail."""
         self._parts.append('<div class="tiles">')
         for label, before, value, detail in tiles:
-            old = f"<small>{escape(before)} → </small>" if before else ""
+            old = f"<small>{escape(before)} →</small> " if before else ""
             self._parts.append(
                 f'<div class="tile"><div class="label">{escape(label)}</div><div class="value">{old}<span>{escape(value)}'
                 f'</span></div><div class="detail">{escape(detail)}</div></div>'
