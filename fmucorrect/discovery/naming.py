@@ -61,20 +61,23 @@ class Naming:
 def name(problem: Problem, progress: Progress = lambda stage, done, total: None, search: Search = stepwise) -> Naming:
     """Searches, and fits what was found and its equivalents to their end. Raises FmuError when the FMU alone gives up.
 
-    Where its time is over before (Budget.until), what was fitted until then is compared, `stopped` says what was not looked
-    at, and the time is given back: what is still to be simulated is little.
+    Where its time is over before (Budget.until), what was fitted until then is compared, and `stopped` says what was not looked
+    at. The time is given back either way: a verdict takes little more.
     """
-    ledger, naming = problem.ledger, None
+    ledger, naming, ended = problem.ledger, None, None
     ledger.plan(ENDING)
     try:
         search(problem, ledger, problem.budget, progress)
         naming = _chosen(problem)
         progress("ending", 0, 1)
-        return _ended(problem, naming, progress)
+        ended = _ended(problem, naming, progress)
     except OutOfTime:
-        problem.budget.until = math.inf
-        stands = problem.of(problem.trials) if naming else _stands_on(problem)
-        return replace(naming or _so_far(stands), stopped=Stopped(stands, dict(ledger.ahead)))
+        pass
+    problem.budget.until = math.inf
+    if ended is not None:
+        return ended
+    stands = problem.of(problem.trials) if naming else _stands_on(problem)
+    return replace(naming or _so_far(stands), stopped=Stopped(stands, dict(ledger.ahead)))
 
 
 def _chosen(problem: Problem) -> Naming:
