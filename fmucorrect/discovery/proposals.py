@@ -5,10 +5,11 @@ Both are taken from the model without it, and mislead where the missing effect i
 that only the model has, a small force leaves a large signature. Here both are taken from the measurement instead: the force
 at the joint that explains it (located.py) is pushed there, and what the joint then goes through is looked at (`asked`).
 
-- `starts`: single laws begun from that force.
-- `apart`: the force taken apart into sets of laws. Where several hold a body together - friction and a constant force on a
-  slide that nothing else brings back - none alone comes nearer to the measurement. Along the measured motion the laws'
-  forces add up exactly.
+- `starts`: single laws begun from that force; those of several numbers also where they suit it best along that motion
+  (`suited`), which shows where a stop begins though no guess by the size of a motion does.
+- `apart`: the force taken apart into sets of laws, single ones likewise. Where several hold a body together - friction and a
+  constant force on a slide that nothing else brings back - none alone comes nearer to the measurement. Along the measured
+  motion the laws' forces add up exactly.
 - `joined`: of a set with several laws at one place, fewer whose sum along the set's own motion is about theirs: a play and a
   stop together nearly make a spring that hardens.
 - `begun_again`: a set's laws begun again as the catalogue guesses them: a fit may have ended in a local minimum. Beside the
@@ -17,12 +18,14 @@ at the joint that explains it (located.py) is pushed there, and what the joint t
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, product
+from typing import TypeGuard
 
 import numpy as np
 from jaxtyping import Float64
+from scipy.optimize import least_squares
 
 from fmucorrect.catalogue import PORTS
 from fmucorrect.catalogue.motion import Motion
@@ -38,10 +41,10 @@ from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.motion import Series, along, halfway, in_a_row, law_along, motion_of, peak
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.search import Progress
-from fmucorrect.discovery.sets import LONG
+from fmucorrect.discovery.sets import LONG, containing
 from fmucorrect.discovery.shortlist import ShortList
 from fmucorrect.discovery.signatures import Signatures
-from fmucorrect.discovery.terms import ForceTerm, Term
+from fmucorrect.discovery.terms import ForceTerm, Term, coordinates, moved, room
 from fmucorrect.discovery.worth import first_of
 from fmucorrect.errors import FmuError
 
@@ -65,6 +68,11 @@ LIKELY = 5
 """Of all joints, those sets that are fitted."""
 GUESSED = (0.1, 0.3, 1.0, 3.0)
 """Sizes at which a law that is begun again is looked at, in those that are guessed."""
+LENGTHS = (1.0, 0.5, 0.25, 0.1)
+"""Of a law's guessed displacements and velocities, shares that it is fitted along a motion from: a stop that the motion does
+not reach, by its guess, has no slope to follow. Below a tenth the motion is all beyond."""
+FITTED = 3
+"""Of these starts, the best that are fitted."""
 FEW = 2
 """Of laws that are begun again or joined, the likeliest starts that are fitted."""
 
@@ -120,10 +128,13 @@ def _pushed(problem: Problem, model: Model, item: Located) -> Asked | None:
 
 
 @move
-def starts(problem: Problem, setting: Setting, base: Fitted, curves: Sequence[Curve], most: int) -> list[Term]:
-    """Of forces at joints, as the curves guess them, the best start of each form, the `most` likely first."""
+def starts(
+    problem: Problem, setting: Setting, base: Fitted, found: Mapping[str, Asked], curves: Sequence[Curve], most: int
+) -> list[Term]:
+    """Of forces at joints, as the curves guess them and as they suit what is asked for, the best start of each form, the `most`
+    likely first."""
     guessed = [curve.term(size * curve.size) for curve in curves for size in PUSHED]
-    terms = [term for term in guessed if isinstance(term, ForceTerm)]
+    terms = [*(term for term in guessed if isinstance(term, ForceTerm)), *_all_suited(found, curves)]
     models = [replace(base.model, terms=(*base.model.terms, term)) for term in terms]
     best: dict[str, tuple[float, Term]] = {}
     for term, model, y in zip(terms, models, problem.near(models, base.model), strict=True):
@@ -146,6 +157,7 @@ def apart(
     """Sets of laws at one joint each, fitted in the loop. base: without any effect, what `found` was asked beside. curves:
     candidates with the scales of `found`."""
     begun = [terms for name, one in found.items() for terms in laws_of(one, [c for c in curves if c.where == name])]
+    begun += [(term,) for term in _all_suited(found, curves)]
     models = [replace(base.model, terms=(*base.model.terms, *terms)) for terms in begun]
     fits: list[Fitted] = []
     for i, start in enumerate(tried(problem, setting, base, models, LIKELY)[:LIKELY]):
@@ -162,8 +174,7 @@ def laws_of(one: Asked, curves: Sequence[Curve]) -> list[tuple[Term, ...]]:
     span: list[tuple[int, int]] = []
     sizes: list[tuple[float, ...]] = []
     columns: list[Float64[np.ndarray, " n"]] = []
-    parts = [_moving(part, REST * one.motion.v) for part in one.parts]
-    seen = in_a_row(parts)
+    parts, seen = _while_it_moves(one)
     asked = seen["force"]
     scale = EXACT * float(np.sqrt(np.mean(asked**2))) or 1.0
     for curve in curves:
@@ -186,10 +197,79 @@ def laws_of(one: Asked, curves: Sequence[Curve]) -> list[tuple[Term, ...]]:
     return [tuple(term for term in row if term is not None) for row in terms]
 
 
-def _moving(part: Series, least: float) -> Series:
-    """The rows in which the joint moves."""
-    rows = np.abs(part["velocity"]) > least
-    return {name: x[rows] for name, x in part.items()}
+def _all_suited(found: Mapping[str, Asked], curves: Sequence[Curve]) -> list[ForceTerm]:
+    every = [term for name, one in found.items() for term in suited(one, [c for c in curves if c.where == name])]
+    return [term for _, term in sorted(every, key=lambda row: row[0])]
+
+
+def suited(one: Asked, curves: Sequence[Curve]) -> list[tuple[float, ForceTerm]]:
+    """Of laws of several numbers and no memory, those numbers with which the force comes nearest to what is asked for along the
+    motion, with the share of its energy that they leave. What the model's own element, or a mass, could take is nobody's."""
+    _, seen = _while_it_moves(one)
+    own = np.stack([seen[name] for name in PORTS if name in seen and seen[name].any()], axis=1)
+    taken = np.linalg.qr(own / np.abs(own).max(axis=0))[0]
+
+    def beyond(x: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " n"]:
+        return x - taken @ (taken.T @ x)
+
+    asked = beyond(seen["force"])
+    size = float(np.linalg.norm(asked)) or 1.0
+
+    def shown(term: Term) -> Float64[np.ndarray, " n"]:
+        pushed = _along(seen, term)
+        return np.zeros_like(asked) if pushed is None else beyond(pushed) / size
+
+    def alike(term: Term) -> float:
+        """Cosine between the term's force and what is asked for."""
+        shape = shown(term)
+        return float(shape @ asked) / (float(np.linalg.norm(shape)) or 1.0)
+
+    def nearest(begun: Iterable[Term]) -> list[tuple[float, ForceTerm]]:
+        fits = [_descended(term, lambda one: asked / size - shown(one)) for term in begun if _suits(term)]
+        return sorted((fit for fit in fits if fit is not None), key=lambda row: row[0])[:1]
+
+    result: list[tuple[float, ForceTerm]] = []
+    for curve in curves:
+        for left, term in nearest(sorted(_of_lengths(curve), key=alike, reverse=True)[:FITTED]):
+            result += [(left, term), *(row for new in containing(term) for row in nearest([new]))]
+    return result
+
+
+def _suits(term: Term | None) -> TypeGuard[ForceTerm]:
+    """Whether it has several numbers and no memory."""
+    return isinstance(term, ForceTerm) and not term.law.states and len(term.estimated) > 1
+
+
+def _of_lengths(curve: Curve) -> Iterator[ForceTerm]:
+    """A law of several numbers and no memory at several sizes and displacements."""
+    for share in SHARES:
+        term = curve.term(share * curve.size)
+        if _suits(term):
+            lengths = [name for name in term.estimated if term.parameter(name).unit in ("D", "D/s")]
+            for length in LENGTHS if lengths else LENGTHS[:1]:
+                scaled = replace(term, values={**term.values, **{name: length * term.values[name] for name in lengths}})
+                if scaled.allowed():
+                    yield scaled
+
+
+def _descended(term: ForceTerm, off: Callable[[Term], Float64[np.ndarray, " n"]]) -> tuple[float, ForceTerm] | None:
+    """The term where its coordinates come nearest, and the square that `off` has there."""
+    scales = coordinates(term)
+    low, high = np.transpose(room(term, scales))
+    if not ((low < 0.0) & (high > 0.0)).all():  # it begins at a bound
+        return None
+    found = least_squares(lambda x: off(moved(term, scales, tuple(x))), np.zeros(len(scales)), bounds=(low, high))
+    there = moved(term, scales, tuple(found.x))
+    return (2.0 * float(found.cost), there) if isinstance(there, ForceTerm) else None
+
+
+def _while_it_moves(one: Asked) -> tuple[list[Series], Series]:
+    """The rows in which the joint moves, by condition and in a row."""
+    parts = []
+    for part in one.parts:
+        rows = np.abs(part["velocity"]) > REST * one.motion.v
+        parts.append({name: x[rows] for name, x in part.items()})
+    return parts, in_a_row(parts)
 
 
 def _along(seen: Series, term: Term | None) -> Float64[np.ndarray, " n"] | None:
@@ -240,11 +320,11 @@ def _pushing(problem: Problem, seen: Sequence[Series], part: Sequence[ForceTerm]
     """What these laws push together along the motions of their joints, one after another for every condition."""
     size, count = problem.study.simulation.step_size, len(part[0].joints)
     parts: list[Series] = []
-    for k, moved in enumerate(seen):
-        force = np.sum([law_along(term, moved, size) for term in part], axis=0)
+    for k, gone_through in enumerate(seen):
+        force = np.sum([law_along(term, gone_through, size) for term in part], axis=0)
         every = block(problem.trials[k // count])
-        parts.append({name: halfway(x)[::every] for name, x in moved.items()} | {"force": force[::every]})
-    whole = in_a_row([{name: moved[name] for name in PORTS if name in moved} for moved in seen])
+        parts.append({name: halfway(x)[::every] for name, x in gone_through.items()} | {"force": force[::every]})
+    whole = in_a_row([{name: row[name] for name in PORTS if name in row} for row in seen])
     most = count * peak(in_a_row(parts)["force"])  # a group's candidates share it out
     return Asked(replace(motion_of(whole, size), strength=most), tuple(parts))
 

@@ -48,7 +48,7 @@ def extended(problem: Problem, setting: Setting, found: Sequence[Fitted]) -> lis
     fits: list[Fitted] = []
     for old in sorted(found, key=lambda fitted: fitted.surprise)[:EXTENDED]:
         for t, term in enumerate(old.model.terms):
-            for new in _containing(term):
+            for new in containing(term):
                 terms = (*old.model.terms[:t], new, *old.model.terms[t + 1 :])
                 model, rival = replace(old.model, terms=terms), first_of([*found, *fits]).surprise
                 fitted = fit(problem, setting, model, LONG, rival=rival, parent=old)
@@ -56,7 +56,7 @@ def extended(problem: Problem, setting: Setting, found: Sequence[Fitted]) -> lis
     return fits
 
 
-def _containing(term: Term) -> Iterator[ForceTerm]:
+def containing(term: Term) -> Iterator[ForceTerm]:
     """Laws that contain a member's, with numbers that do about the same."""
     if isinstance(term, ForceTerm):
         for law in (law for forms in CATALOGUE.values() for law in forms if may_act(law, term.joints)):

@@ -166,8 +166,7 @@ def _looked(problem: Problem, progress: Progress) -> Compared:
 
 def _begun(looking: Around, setting: Setting, base: Fitted) -> list[Term]:
     """Laws begun from the force that the data ask for, where the model is far from the measurement."""
-    _, curves = looking.asked(base)
-    return starts(looking.problem, setting, base, curves, AFRESH)
+    return starts(looking.problem, setting, base, *looking.asked(base), AFRESH)
 
 
 def _ranked(setting: Setting, base: Fitted, found: list[Fitted]) -> list[Fitted]:

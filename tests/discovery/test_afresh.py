@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from one_mass import JOINT, MASS, SWEEP, sweep
+from test_exchange import C, K, M, adjustable, force, integrated, measured
 from test_nexttest import CONDITIONS, problem_of, setting_of, term
 
 from fmucorrect.discovery.candidates import candidates
 from fmucorrect.discovery.fit import fit
 from fmucorrect.discovery.form import FARTHEST, within_bounds
 from fmucorrect.discovery.motion import motions
-from fmucorrect.discovery.proposals import asked, is_far, starts
+from fmucorrect.discovery.proposals import asked, is_far, starts, suited
 from fmucorrect.discovery.sets import extended
 from fmucorrect.discovery.terms import coordinates, moved, room
 
@@ -44,14 +46,37 @@ def test_the_motion_that_was_measured_sets_the_scales(far):
 def test_starts_are_forces_each_form_once_the_likely_first(far):
     problem, setting, base = far
     moves = motions(problem.study, [trial.condition for trial in problem.trials])
-    seen = {name: one.motion for name, one in asked(problem, base, moves).items()}
+    found = asked(problem, base, moves)
+    seen = {name: one.motion for name, one in found.items()}
     curves = candidates(problem, seen, problem.responses(problem.nominal))
-    begun = starts(problem, setting, base, curves, 5)
+    begun = starts(problem, setting, base, found, curves, 5)
     assert len({item.law.label for item in begun}) == len(begun) == 5
     first, last = (fit(problem, setting, replace(base.model, terms=(begun[i],)), 0) for i in (0, -1))
     assert first is not None
     assert last is not None
     assert first.surprise < last.surprise
+
+
+def test_where_a_stop_begins_is_seen_in_the_force_that_is_asked_for(library, tmp_path):
+    """A valve whose seat is met at a sixth of its travel: a share of the travel is no guess of that."""
+    limit, stiffness, dissipation = 2e-4, 2e4, 5.0
+
+    def seat(x, v):
+        deep = max(x - limit, 0.0)
+        return stiffness * deep * max(1.0 + dissipation * v, 0.0)
+
+    x = integrated(lambda t, y: [y[1], (force(t) - K * y[0] - C * y[1] - seat(*y)) / M], 2)[0]
+    text = MASS + JOINT + adjustable("m1") + SWEEP
+    with measured(tmp_path, library, text, x, **{"mass1.f [N]": sweep(0.5)}) as problem:
+        base = fit(problem, setting_of(problem), problem.nominal, 8)
+        assert base is not None
+        found = asked(problem, base, motions(problem.study, [trial.condition for trial in problem.trials]))["joint 1"]
+        curves = candidates(problem, {"joint 1": found.motion}, problem.responses(problem.nominal))
+    left, best = min(suited(found, curves), key=lambda row: row[0])
+    assert best.law.label == "bump_stop_one_sided_damped"
+    assert best.values["limit"] == pytest.approx(limit, rel=0.2)
+    assert best.values["stiffness"] == pytest.approx(stiffness, rel=0.3)
+    assert left < 0.1
 
 
 def test_sensitivities_of_the_bare_model_do_not_hold_a_fit_up(far):
