@@ -14,7 +14,7 @@ from fmucorrect import metrics, pairs
 from fmucorrect.discovery.budget import Budget
 from fmucorrect.discovery.fitted import Setting
 from fmucorrect.discovery.model import Model, runner, simulate, start_value
-from fmucorrect.discovery.nuisances import GAIN, LAG, holds
+from fmucorrect.discovery.nuisances import GAIN, LAG, ahead, holds
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.starts import fitted
 from fmucorrect.discovery.trials import lead_in, sensor_noise
@@ -31,12 +31,21 @@ MOVES = 3.0
 
 
 @dataclass(frozen=True)
+class Chain:
+    """What stands between a model and the record of a machine. sensors: (J, 2) gain error and lag, s, of each channel. ahead: s
+    by which inputs act ahead of what a model answers that holds them for a step (nuisances.held)."""
+
+    sensors: Float64[np.ndarray, "J 2"]
+    ahead: float = 0.0
+
+
+@dataclass(frozen=True)
 class Gap:
     """One condition before and after, all measured rows; of a record that begins in motion what is looked at (trials.lead_in).
     t: (T,) s. measured, before, after: (T, J) in the channels' units.
     Errors in % of the measured range, means over the channels that vary; noise_floor: what the sensors' noise alone gives;
     it and sigma are NaN where that is not known. starts: values that the study leaves unknown, fitted to this record; before
-    and after begin from their own. nrmse_sensors: of the model as it is, seen through the same sensors as `after`."""
+    and after begin from their own. nrmse_sensors: of the model as it is, seen through the same chain as `after`."""
 
     condition: Condition
     t: Float64[np.ndarray, " T"]
@@ -92,31 +101,28 @@ def gaps(
     conditions: Sequence[Condition],
     model: Model,
     tolerated: Sequence[Adjustable],
-    sensors: Float64[np.ndarray, "J 2"],
+    chain: Chain,
     substeps: int = 1,
     budget: Budget | None = None,
 ) -> list[Gap]:
-    """Every condition as the study has it, and with `model`. sensors: gain error and lag (s) of each channel, as the
-    development conditions tell them: `after` is shown through such sensors. budget: counts runs. Raises FmuError where the
-    solver gives up."""
+    """Every condition as the study has it, and with `model`. chain: as the development conditions tell it: `after` is shown
+    through it. budget: counts runs. Raises FmuError where the solver gives up."""
     budget = budget or Budget()
-    return [_gap(study, library, condition, model, tolerated, sensors, substeps, budget) for condition in conditions]
+    return [_gap(study, library, condition, model, tolerated, chain, substeps, budget) for condition in conditions]
 
 
-def gaps_of(
-    problem: Problem, conditions: Sequence[Condition], model: Model, sensors: Float64[np.ndarray, "J 2"]
-) -> list[Gap]:
+def gaps_of(problem: Problem, conditions: Sequence[Condition], model: Model, chain: Chain) -> list[Gap]:
     """gaps() of a problem's study, as the problem simulates it. Raises FmuError likewise."""
-    known = problem.tolerated, sensors, problem.substeps, problem.budget
+    known = problem.tolerated, chain, problem.substeps, problem.budget
     return gaps(problem.study, problem.library, conditions, model, *known)
 
 
-def all_gaps(problem: Problem, model: Model, sensors: Float64[np.ndarray, "J 2"]) -> tuple[list[Gap], list[str]]:
+def all_gaps(problem: Problem, model: Model, chain: Chain) -> tuple[list[Gap], list[str]]:
     """All conditions with a model, and of those held out that cannot be shown why not: what was found elsewhere stands."""
     checked, unseen = list[Gap](), list[str]()
     for condition in problem.study.conditions:
         try:
-            checked += gaps_of(problem, [condition], model, sensors)
+            checked += gaps_of(problem, [condition], model, chain)
         except FmucorrectError as error:
             if condition.role != "evaluation":
                 raise
@@ -132,7 +138,7 @@ def _gap(
     condition: Condition,
     model: Model,
     tolerated: Sequence[Adjustable],
-    sensors: Float64[np.ndarray, "J 2"],
+    chain: Chain,
     substeps: int,
     budget: Budget,
 ) -> Gap:
@@ -147,24 +153,25 @@ def _gap(
 
     def begun(model: Model) -> tuple[np.ndarray, Mapping[str, float]]:
         """The whole response of a model, from the start values that suit the record where they are not known."""
+        driven = ahead(model, chain.ahead) if chain.ahead else model
 
         def respond(starts: Mapping[str, float]) -> Float64[np.ndarray, " n"]:
-            return (simulate(study, item, condition, model, tolerated, starts)[rows] / sigma).ravel()
+            return (simulate(study, item, condition, driven, tolerated, starts)[rows] / sigma).ravel()
 
         starts = fitted(respond, guess, (measured / sigma).ravel()) if guess else guess
-        return simulate(study, item, condition, model, tolerated, starts), starts
+        return simulate(study, item, condition, driven, tolerated, starts), starts
 
     try:
         new, starts = begun(model)
-        if guess:
-            before = begun(Model((), (0.0,) * len(tolerated)))[0][rows]
+        own = begun(Model((), (0.0,) * len(tolerated)))[0][rows] if guess or chain.ahead else before
+        before = own if guess else before
     finally:
         item.close()
 
     def through_sensors(y: Float64[np.ndarray, "N J"]) -> Float64[np.ndarray, "N J"]:
-        return y * (1.0 + sensors[:, 0]) - np.gradient(y, step, axis=0) * sensors[:, 1]
+        return y * (1.0 + chain.sensors[:, 0]) - np.gradient(y, step, axis=0) * chain.sensors[:, 1]
 
-    shown, seen = through_sensors(new)[rows], through_sensors(before)
+    shown, seen = through_sensors(new)[rows], through_sensors(own)
     skipped = lead_in(condition, rows.start, step)
     if skipped and (measured[:skipped].std(axis=0) > MOVES * sigma).any():
         t, measured, before, seen, shown = (x[skipped:] for x in (t, measured, before, seen, shown))
@@ -191,12 +198,13 @@ def _gap(
     )
 
 
-def sensors_told(problem: Problem, setting: Setting, residual: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, "J 2"]:
-    """`sensor_errors` as the residual of a model tells them. residual: (n,) of the development conditions."""
+def chain_told(problem: Problem, setting: Setting, residual: Float64[np.ndarray, " n"]) -> Chain:
+    """As the residual of a model tells it. residual: (n,) of the development conditions."""
     told = setting.sensors.believe(residual, setting.share).fitted
     free = sum(len(trial.condition.free) for trial in problem.trials) if problem.fmu else 0
     behind = free + holds(problem) + setting.drives.shape[1]
-    return sensor_errors(told, len(problem.study.channels), len(problem.trials), behind)
+    early = told[-1 - setting.drives.shape[1]] * problem.study.simulation.step_size / 2.0 if holds(problem) else 0.0
+    return Chain(sensor_errors(told, len(problem.study.channels), len(problem.trials), behind), float(early))
 
 
 def sensor_errors(

@@ -19,7 +19,7 @@ from threadpoolctl import threadpool_limits
 from fmucorrect import outputs, pairs
 from fmucorrect.discovery import output
 from fmucorrect.discovery.augmented import Found, found_of, write_model
-from fmucorrect.discovery.confirm import Gap, all_gaps, carries_over, gaps_of, judged, sensors_told
+from fmucorrect.discovery.confirm import Chain, Gap, all_gaps, carries_over, chain_told, gaps_of, judged
 from fmucorrect.discovery.decide import Decision, decide
 from fmucorrect.discovery.discrepancy import form_errors
 from fmucorrect.discovery.doubt import cautions, far_moves, much_left, not_named, rests, rounded, unsteady, wrong_signs
@@ -35,7 +35,6 @@ from fmucorrect.discovery.located import Located, hum, located
 from fmucorrect.discovery.motion import acting
 from fmucorrect.discovery.naming import Naming, Stopped, name
 from fmucorrect.discovery.nexttest import next_test
-from fmucorrect.discovery.nuisances import LAG, holds
 from fmucorrect.discovery.outputmap import output_maps
 from fmucorrect.discovery.pictures import free_picture, picture, units_at
 from fmucorrect.discovery.problem import Problem, load
@@ -54,9 +53,8 @@ from fmucorrect.screening import coarse, screen
 from fmucorrect.study import Study, load_study
 from fmucorrect.units import parse
 
-HALF_OF_IT = 0.3
-"""Of half a step, by which lags of all sensors may differ from it and still be what held inputs make; of a usual lag, what
-half a step has to be more than to be told from none."""
+TELLING = 0.5
+"""Of half a step, by which inputs that act earlier are told: less is what sensors' lags may be as well."""
 MODEL_FILES = ("effects.toml", "augmented.fmu", "study.toml")
 """What it writes where something was found that an FMU can take."""
 FILES = ("report.json", "report.html", *MODEL_FILES, ".progress/")
@@ -219,9 +217,9 @@ def _report(
     decision, sizes, left_out = lasting(problem, naming, decision)
     best = decision.best
     setting = with_sensors(problem, naming.setting, best.model)  # as what is told of sensors has to be of this response
-    sensors = sensors_told(problem, setting, best.residual)
+    chain = chain_told(problem, setting, best.residual)
     progress("confirm", 0, len(study.conditions))
-    checked, unseen = all_gaps(problem, best.model, sensors)
+    checked, unseen = all_gaps(problem, best.model, chain)
     verdict = confirmed(decision, checked, sizes)
     lap("confirm")
     by_joints, by_form = (
@@ -265,7 +263,7 @@ def _report(
         adjusted = output.adjusted(problem, best.model.base, std=known)
     else:
         adjusted = output.adjusted(problem, learned.model.base)
-    sensed = output.sensor_rows(study.channels, sensors)
+    sensed = output.sensor_rows(study.channels, chain.sensors)
     own = _by_fmu(problem, best, checked) if verdict != "unexplained" and study.fmu is not None else []
     alone = {gap.condition.name: {"nrmse_alone": gap.nrmse_after} for gap in own or ()}
     report: dict[str, Any] = {
@@ -374,10 +372,10 @@ def _by_fmu(problem: Problem, best: Fitted, checked: Sequence[Gap]) -> list[Gap]
     if not laws and not any(best.model.base):
         return []
     study, model = problem.study, replace(best.model, terms=laws)
-    sensors = np.zeros((len(study.channels), 2))
+    chain = Chain(np.zeros((len(study.channels), 2)))
     conditions = [gap.condition for gap in judged(checked)]
     with suppress(FmuError):
-        return gaps_of(problem, conditions, model, sensors)
+        return gaps_of(problem, conditions, model, chain)
     return None
 
 
@@ -454,26 +452,15 @@ def _notes(study: Study, problem: Problem, setting: Setting, decision: Decision)
         )
     elif not study.joints:
         notes.append("The study names no joints: with force ports more than parameters and sensors could be named.")
-    if holds(problem):
-        step = 1e3 * study.simulation.step_size
-        told = setting.sensors.believe(decision.best.residual, setting.share).fitted
-        early = told[-1 - setting.drives.shape[1]] * step / 2.0
+    half, early = study.simulation.step_size / 2.0, chain_told(problem, setting, decision.best.residual).ahead
+    if early > TELLING * half:
         notes.append(
-            f"Inputs are held for a step of {step:.3g} ms, so that the model answers half of it late: the search left room for "
-            f"inputs that act earlier, by {early:.2g} ms as these data ask for. No file has that."
+            f"Inputs are held for a step of {2e3 * half:.3g} ms, so that the model answers half of it late: the search left "
+            f"room for inputs that act earlier, by {1e3 * early:.2g} ms as these data ask for. No file has that."
         )
     if setting.drives.size:
         notes.append(
             "What was recorded of the inputs has noise that shows at the sensors: its slow waves were taken for noise, too."
-        )
-    half = study.simulation.step_size / 2.0
-    driven = study.fmu is not None and any(trial.condition.inputs for trial in problem.trials)
-    lags = sensors_told(problem, setting, decision.best.residual)[:, 1]
-    alike = bool((np.abs(lags + half) < HALF_OF_IT * half).all())
-    if driven and not holds(problem) and half > HALF_OF_IT * LAG and alike:
-        notes.append(
-            f"All sensors come out about {1e3 * half:.2g} ms early: an FMU that holds its inputs for a step answers half of it "
-            "late, and no sensor does that. No file has it; with a shorter step_size it is less."
         )
     if any(isinstance(term, SignalTerm) for term in decision.best.model.terms):
         notes.append("What sits in a sensor or in the excitation is not put into augmented.fmu.")

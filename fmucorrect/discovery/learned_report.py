@@ -13,7 +13,7 @@ from jaxtyping import Float64
 from fmucorrect.catalogue import learned as law_of
 from fmucorrect.catalogue.numeric import force
 from fmucorrect.discovery import output
-from fmucorrect.discovery.confirm import Gap, gaps_of, sensors_told
+from fmucorrect.discovery.confirm import Chain, Gap, chain_told, gaps_of
 from fmucorrect.discovery.fitted import Setting
 from fmucorrect.discovery.learned import Learned
 from fmucorrect.discovery.model import Model
@@ -41,10 +41,10 @@ def learned_row(
     moved: the model whose parameters alone have moved, beside which the force has to be worth something. None where the solver
     gives up with the law at a condition that was held out."""
     term = learned.term
-    sensors = sensors_told(problem, setting, learned.residual)
+    chain = chain_told(problem, setting, learned.residual)
     with suppress(FmuError):
-        checked, without = (gaps_of(problem, conditions, model, sensors) for model in (learned.model, moved))
-        alone = gaps_of(problem, conditions, learned.model, np.zeros_like(sensors))
+        checked, without = (gaps_of(problem, conditions, model, chain) for model in (learned.model, moved))
+        alone = gaps_of(problem, conditions, learned.model, Chain(np.zeros_like(chain.sensors)))
         held = [gap.condition.role == "evaluation" for gap in checked]
         rms, peak = acting(problem, learned.model, term)
         unit, length = units_at(problem, term.joints[0])

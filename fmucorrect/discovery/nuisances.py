@@ -24,8 +24,6 @@ LAG = 0.5e-3
 """Standard deviation, s, of a sensor's lag, and of how well two clocks are known to each other."""
 OFFSET = 0.3
 """Standard deviation of a sensor's offset, and of its drift over a run, in units of its noise: it was zeroed."""
-ROOM = 2.0
-"""Such lags that half a step may be: a usual step, of 1 ms or 2, asks for nothing of its own."""
 SLOW, SHOWS = 8, 0.3
 """Slowest waves of an input's noise that are looked at: of a sum of it (a random walk) they have 92 %; and the size, in
 units of the noise over a whole record, from which on one does."""
@@ -63,20 +61,25 @@ def sensors(
 
 
 def holds(problem: Problem) -> bool:
-    """Whether the FMU's inputs are held for longer than a lag of its sensors has room for."""
-    half = problem.study.simulation.step_size / 2.0
-    return problem.study.fmu is not None and half > ROOM * LAG and any(t.condition.inputs for t in problem.trials)
+    """Whether the FMU has inputs, which are held for a step."""
+    return problem.study.fmu is not None and any(trial.condition.inputs for trial in problem.trials)
 
 
 def held(problem: Problem, model: Model, at: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, "n m"]:
-    """One column where inputs are held for long (`holds`): what comes of their acting half a step earlier. An FMU that holds
-    its inputs for a step answers half of it late to what moves on meanwhile, and no machine does. at: the model's evidence."""
+    """One column where inputs are held (`holds`): what comes of their acting half a step earlier. An FMU that holds its inputs
+    for a step answers half of it late to what moves on meanwhile, and no machine does. That is no lag of the sensors: of a base
+    that shakes a body the displacement of the spring between has the base in it at once. Left to the laws, one that is as stiff
+    as the model's own element, and that element with as much less, mend it together. at: the model's evidence."""
     if not holds(problem):
         return np.zeros((len(at), 0))
-    (law,) = (law for law in SIGNALS["excitation_lag"] if not law.form)
-    early = SignalTerm(law, EXCITATION, (), law.complete({"lag": -problem.study.simulation.step_size / 2.0}))
-    (y,) = problem.many([replace(model, terms=(*model.terms, early))])
+    (y,) = problem.many([ahead(model, problem.study.simulation.step_size / 2.0)])
     return (np.zeros_like(at) if y is None else y - at)[:, None]
+
+
+def ahead(model: Model, seconds: float) -> Model:
+    """The model, its inputs acting so much earlier."""
+    (law,) = (law for law in SIGNALS["excitation_lag"] if not law.form)
+    return replace(model, terms=(*model.terms, SignalTerm(law, EXCITATION, (), law.complete({"lag": -seconds}))))
 
 
 def drives(

@@ -9,7 +9,7 @@ pytest.importorskip("sympy")
 from one_mass import HEAD, NOISE, STEP, T, sweep, write
 
 from fmucorrect import pairs
-from fmucorrect.discovery.confirm import gaps
+from fmucorrect.discovery.confirm import Chain, gaps
 from fmucorrect.discovery.learned_report import closed
 from fmucorrect.discovery.model import Model
 from fmucorrect.study import load_study
@@ -30,7 +30,7 @@ def test_how_a_record_began_before_the_excitation_is_no_error_of_the_model(libra
     y = pairs.simulate(true, true.conditions[0]).values[:, 0]
     write(tmp_path / "measured.csv", "x1 [mm]", y + NOISE * np.random.default_rng(2).normal(size=len(y)))
     study = load_study(tmp_path / "study.toml")
-    (gap,) = gaps(study, library, study.conditions, Model(), (), np.zeros((1, 2)))
+    (gap,) = gaps(study, library, study.conditions, Model(), (), Chain(np.zeros((1, 2))))
     assert gap.t[0] == pytest.approx(first, abs=STEP / 2)
     assert len(gap.t) == len(gap.measured) == len(gap.before) == len(gap.after)
     assert gap.nrmse_after == pytest.approx(gap.noise_floor, rel=0.05)
@@ -47,7 +47,7 @@ def test_what_a_late_sensor_explains_is_no_credit_of_what_was_found(library, tmp
     y = np.interp(T - late, T, pairs.simulate(study, study.conditions[0]).values[:, 0])
     write(tmp_path / "measured.csv", "x1 [mm]", y + NOISE * np.random.default_rng(3).normal(size=len(y)))
     study = load_study(tmp_path / "study.toml")
-    (gap,) = gaps(study, library, study.conditions, Model(), (), np.array([[0.0, late]]))
+    (gap,) = gaps(study, library, study.conditions, Model(), (), Chain(np.array([[0.0, late]])))
     assert gap.nrmse_before > 2.0 * gap.noise_floor
     assert gap.lacked == gap.nrmse_sensors < 1.2 * gap.noise_floor
     assert gap.lacked == pytest.approx(gap.nrmse_after)

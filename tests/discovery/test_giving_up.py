@@ -8,7 +8,7 @@ pytest.importorskip("sympy")
 
 from exported import by_pythonfmu
 
-from fmucorrect.discovery.confirm import all_gaps
+from fmucorrect.discovery.confirm import Chain, all_gaps
 from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.problem import load
 from fmucorrect.discovery.simulator import Simulator
@@ -87,7 +87,7 @@ def test_it_is_an_error_each_time_and_other_runs_go_on(study, library):
 
 def test_where_that_was_held_out_what_was_found_elsewhere_stands(study, library):
     with load(study, library, 1) as problem:
-        checked, unseen = all_gaps(problem, Model(), np.zeros((1, 2)))
+        checked, unseen = all_gaps(problem, Model(), Chain(np.zeros((1, 2))))
     assert [gap.condition.name for gap in checked] == ["weak"]
     (told,) = unseen
     assert "fatal" in told.partition("strong")[2]

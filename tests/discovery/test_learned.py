@@ -88,7 +88,8 @@ def learned_in(problem: Problem) -> tuple[Learned | None, dict]:
     residuals = [trial.measured - y for trial, y in zip(problem.trials, responses, strict=True)]
     found = located(problem, problem.nominal, residuals, problem.study.joints)
     learned = learn(problem, setting, problem.nominal, found)
-    row = None if learned is None else learned_row(problem, setting, learned, 0, problem.nominal)
+    conditions = problem.study.conditions
+    row = None if learned is None else learned_row(problem, setting, learned, conditions, 0, problem.nominal)
     return learned, row or {}
 
 
