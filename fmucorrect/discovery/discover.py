@@ -19,7 +19,7 @@ from threadpoolctl import threadpool_limits
 from fmucorrect import outputs, pairs
 from fmucorrect.discovery import output
 from fmucorrect.discovery.augmented import Found, found_of, write_model
-from fmucorrect.discovery.confirm import Chain, Gap, all_gaps, carries_over, chain_told, gaps_of, judged
+from fmucorrect.discovery.confirm import CLOSED, Chain, Gap, all_gaps, carries_over, chain_told, gaps_of, judged
 from fmucorrect.discovery.decide import Decision, decide
 from fmucorrect.discovery.discrepancy import form_errors
 from fmucorrect.discovery.doubt import cautions, far_moves, much_left, not_named, rests, rounded, unsteady, wrong_signs
@@ -49,7 +49,7 @@ from fmucorrect.errors import FmuError, StudyError, kept_when_broken_off
 from fmucorrect.inspection import study_problems
 from fmucorrect.report.base.words import quantity, short
 from fmucorrect.report.discovery.content import Discovery
-from fmucorrect.screening import coarse, screen
+from fmucorrect.screening import NOTHING_IN_COMMON, coarse, screen
 from fmucorrect.study import Study, load_study
 from fmucorrect.units import parse
 
@@ -136,7 +136,7 @@ def discover(
     if found is not None:
         progress("augmented FMU", 0, 1)
         written, notes = write_model(study, found, folder)
-    report["warnings"] = checked.told()
+    report["warnings"] = [found for found in checked.told() if not _refuted(found, report)]
     report["notes"] += notes
     report["files"] = ["report.json", "report.html", *written]
     lap("write")
@@ -171,6 +171,13 @@ def _completeness(study: Study, stopped: Stopped | None, limit: float | None) ->
     unseen = ", ".join(condition.name for condition in study.development if condition.name not in seen)
     ahead = [f"{told} ({unseen})" if name == "conditions" and unseen else told for name, told in stopped.ahead.items()]
     return {"complete": False, "time_limit": limit, "not_looked_at": ahead}
+
+
+def _refuted(warning: dict[str, str], report: dict[str, Any]) -> bool:
+    """Whether what was found says otherwise: a record that has nothing in common with the simulation as it was, and is met by
+    that with what was named."""
+    met = (row["nrmse_after"] <= (1.0 - CLOSED) * row["nrmse_before"] for row in report["gap"])
+    return warning["kind"] == NOTHING_IN_COMMON and bool(report["effects"]) and all(met)
 
 
 def _withdraw(folder: Path, written: Sequence[str]) -> None:
@@ -391,7 +398,7 @@ def _alone(best: Fitted, own: Sequence[Gap] | None) -> list[str]:
         f"{told} is farther from the measurement at {gap.condition.name} than the model "
         f"({gap.nrmse_before:.3g} -> {gap.nrmse_after:.3g} %)"
         for gap in own
-        if gap.nrmse_after > gap.nrmse_before
+        if float(f"{gap.nrmse_after:.3g}") > float(f"{gap.nrmse_before:.3g}")  # as it is told
     ]
 
 

@@ -24,11 +24,11 @@ from fmucorrect.screening.finding import Finding, together
 from fmucorrect.screening.load_cells import unfelt
 from fmucorrect.screening.recorded import of_records
 from fmucorrect.screening.repeatable import unrepeated
-from fmucorrect.screening.simulated import of_pairs
+from fmucorrect.screening.simulated import NOTHING_IN_COMMON, of_pairs
 from fmucorrect.signals import Condition
 from fmucorrect.study import Study
 
-__all__ = ["Finding", "Screened", "coarse", "of_pairs", "of_records", "screen", "together"]
+__all__ = ["NOTHING_IN_COMMON", "Finding", "Screened", "coarse", "of_pairs", "of_records", "screen", "together"]
 
 _log = logging.getLogger("fmucorrect")
 

@@ -53,6 +53,8 @@ HALF = 0.7
 """Correlation from which a channel follows its simulation: half of its variance."""
 MOST = 12
 """Channels whose signs are looked at together."""
+NOTHING_IN_COMMON = "nothing in common with its simulation"
+"""A kind of finding, which what is found later may refute."""
 UNRELATED = 0.25
 """Correlation of any measured with any simulated channel below which a record has next to nothing of its run. Records of other
 runs reach 0.2, over a hundred swings; of models that lack a good part of what acts the best channel has more than 0.5."""
@@ -242,7 +244,7 @@ def _unrelated(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
             means = "It is the record of another run, or its time is stretched: what is learned or found from it means nothing"
             remedy = "Look whether it was measured with these inputs, and what unit and sample rate its time has."
         where = f"condition {item.condition.name!r}"
-        yield Finding("nothing in common with its simulation", "warning", where, told, means, remedy)
+        yield Finding(NOTHING_IN_COMMON, "warning", where, told, means, remedy)
 
 
 def _shifts(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:

@@ -49,7 +49,8 @@ def next_section(page: Page, report: Discovery) -> None:
             if report.complete
             else "Let the search go on: the same command goes on where it stopped. As far as it came: "
         )
-        page.text_block(first + _advice(report.verdict, bool(fmu), "effects.toml" in files))
+        outside = all(item.effect.startswith(("sensor_", "excitation_")) for item in report.effects)
+        page.text_block(first + _advice(report.verdict, bool(fmu), "effects.toml" in files, outside))
     if report.notes:
         page.heading("Notes")
         page.items(report.notes)
@@ -93,14 +94,16 @@ def _test(test: NextTest) -> list[tuple[str, str]]:
     return [*facts, *([("sure of that", signed(test.confidence))] if test.confidence else [])]
 
 
-def _advice(verdict: str, fmu: bool, augmented: bool) -> str:
+def _advice(verdict: str, fmu: bool, augmented: bool, outside: bool) -> str:
+    """outside: whether all that was found is no part of the model."""
     if verdict == "named" and not fmu:
         return (
             "Set right what was found: scale, shift or refit what the effects above name. With an FMU in the "
             "study they could be built in and re-simulated."
         )
-    if verdict == "named" and not augmented:
-        return "What was found sits in sensors or in the excitation: mend the measuring chain or the log; the model may stay."
+    if verdict == "named" and outside:
+        told = "What was found sits in sensors or in the excitation: mend the measuring chain or the log; the model may stay."
+        return f"{told} augmented.fmu has no more than its parameters moved." if augmented else told
     if verdict == "named":
         return "Use the augmented model. A corrector trained on top of it takes up what is left."
     if verdict == "none":
