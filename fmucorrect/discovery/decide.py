@@ -14,7 +14,7 @@ from fmucorrect.discovery.naming import Naming
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.sets import MOST, has_room
 from fmucorrect.discovery.terms import OffsetTerm, Term, coordinates
-from fmucorrect.discovery.worth import AGREES, CLEAR, CLOSE, LEFT, OPEN, WORTH, left, names, remaining
+from fmucorrect.discovery.worth import AGREES, CLEAR, CLOSE, LEFT, OPEN, SMALL, WORTH, left, names, remaining
 
 TEMPER = 2.0
 """By what surprises are divided before they become probabilities: laws and sensors are never quite as assumed."""
@@ -52,6 +52,12 @@ class Decision:
     classed: tuple[float, ...] = ()
 
 
+def leaves(setting: Setting, best: Fitted, unexplained: float) -> bool:
+    """Whether a rest stays beside a set that another effect could be: above the noise, and no less than one is named from.
+    unexplained: as in Decision."""
+    return not explains(setting, best) and unexplained > SMALL**2
+
+
 def decide(naming: Naming) -> Decision:
     """The verdict that the development conditions give."""
     base = naming.base
@@ -61,9 +67,9 @@ def decide(naming: Naming) -> Decision:
         best = base
     behind = np.array([fitted.surprise - best.surprise for fitted in sets])
     weights = np.exp(-0.5 * np.maximum(behind, 0.0) / TEMPER)
-    weights *= (1.0 if explains(naming.setting, best) else BESIDE_REST) / weights.sum()
-    rivals = tuple(Rival(f, float(w), float(b)) for f, w, b in zip(sets, weights, behind, strict=True))
     unexplained = left(best, base, naming.setting.floor)
+    weights *= (BESIDE_REST if leaves(naming.setting, best, unexplained) else 1.0) / weights.sum()
+    rivals = tuple(Rival(f, float(w), float(b)) for f, w, b in zip(sets, weights, behind, strict=True))
 
     def probable(*any_of: Term) -> float:
         keys = {term.key for term in any_of}

@@ -50,6 +50,7 @@ from fmucorrect.inspection import study_problems
 from fmucorrect.report.base.words import quantity, short
 from fmucorrect.report.discovery.content import Discovery
 from fmucorrect.screening import NOTHING_IN_COMMON, coarse, screen
+from fmucorrect.signals import Condition
 from fmucorrect.study import Study, load_study
 from fmucorrect.units import parse
 
@@ -264,14 +265,15 @@ def _report(
         lap("learn")
     learned = None if row is None or not writable(row) else law
     known = base_std(problem, setting, best, doubt).tolist()
-    if rests(setting, best):
+    if rests(setting, best, decision.unexplained):
         known = [np.nan] * len(known)
     if learned is None:
         adjusted = output.adjusted(problem, best.model.base, std=known)
     else:
         adjusted = output.adjusted(problem, learned.model.base)
     sensed = output.sensor_rows(study.channels, chain.sensors)
-    own = _by_fmu(problem, best, checked) if verdict != "unexplained" and study.fmu is not None else []
+    held_out = [gap.condition for gap in judged(checked)]
+    own = _by_fmu(problem, best, held_out) if verdict != "unexplained" and study.fmu is not None else []
     alone = {gap.condition.name: {"nrmse_alone": gap.nrmse_after} for gap in own or ()}
     report: dict[str, Any] = {
         "format": 1,
@@ -297,7 +299,7 @@ def _report(
             *(_alone(best, own) if named else ()),
             *(unsteady(best.model.terms, sizes) if named else ()),
             *(rounded(problem, best, rows) if named else ()),
-            *(much_left(setting, best) if named else ()),
+            *(much_left(setting, best, decision.unexplained) if named else ()),
         ],
         "candidates": output.candidate_rows(problem, naming, decision),
         "learned": row,
@@ -372,15 +374,14 @@ def confirmed(decision: Decision, checked: Sequence[Gap], sizes: Sequence[Size] 
     return decision.verdict if kept or decision.verdict == "none" else "unexplained"
 
 
-def _by_fmu(problem: Problem, best: Fitted, checked: Sequence[Gap]) -> list[Gap] | None:
-    """The checked conditions, the evaluation's where there are any, by an FMU with the forces and parameters alone, as it is
-    written: no lag, gain or offset of a sensor. None where its solver gives up."""
+def _by_fmu(problem: Problem, best: Fitted, conditions: Sequence[Condition]) -> list[Gap] | None:
+    """Conditions by an FMU with the forces and parameters alone, as it is written: no lag, gain or offset of a sensor. None
+    where its solver gives up."""
     laws = tuple(term for term in best.model.terms if not isinstance(term, SignalTerm))
     if not laws and not any(best.model.base):
         return []
     study, model = problem.study, replace(best.model, terms=laws)
     chain = Chain(np.zeros((len(study.channels), 2)))
-    conditions = [gap.condition for gap in judged(checked)]
     with suppress(FmuError):
         return gaps_of(problem, conditions, model, chain)
     return None

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from fmucorrect.discovery.decide import Decision, strained
+from fmucorrect.discovery.decide import Decision, leaves, strained
 from fmucorrect.discovery.errorbars import JOINT_ERROR
-from fmucorrect.discovery.fitted import Fitted, Setting, explains
+from fmucorrect.discovery.fitted import Fitted, Setting
 from fmucorrect.discovery.form import FARTHEST
 from fmucorrect.discovery.lasting import Size
 from fmucorrect.discovery.model import Model, start_value, tolerance_of
@@ -54,9 +54,9 @@ def unsteady(terms: Sequence[Term], sizes: Sequence[Size]) -> Iterator[str]:
             yield f"the {plain(term.main)} of {at(*term.key)}, which {differs}"
 
 
-def much_left(setting: Setting, best: Fitted) -> Iterator[str]:
+def much_left(setting: Setting, best: Fitted, unexplained: float) -> Iterator[str]:
     """What stays beside names, where that is much more than noise."""
-    if rests(setting, best):
+    if rests(setting, best, unexplained):
         times = short(float(np.sqrt(best.s2 / setting.floor)), 2)
         yield (
             f"what is left, {times} times the noise: what is missing may be another law, or act at a place that is no joint of "
@@ -64,10 +64,10 @@ def much_left(setting: Setting, best: Fitted) -> Iterator[str]:
         )
 
 
-def rests(setting: Setting, best: Fitted) -> bool:
+def rests(setting: Setting, best: Fitted, unexplained: float) -> bool:
     """Whether a set leaves so much that its model is another one than the machine's: where its parameters had to move, nobody
     knows how far they are from the machine's."""
-    return best.s2 > OVER_NOISE**2 * setting.floor and not explains(setting, best)
+    return best.s2 > OVER_NOISE**2 * setting.floor and leaves(setting, best, unexplained)
 
 
 def rounded(problem: Problem, best: Fitted, rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from fmucorrect.discovery.confirm import Gap, judged
-from fmucorrect.discovery.decide import BESIDE_REST, Decision
+from fmucorrect.discovery.decide import BESIDE_REST, Decision, leaves
 from fmucorrect.discovery.discrepancy import TOO_MUCH, TOO_UNEVEN
-from fmucorrect.discovery.fitted import Setting, explains, stands_out
+from fmucorrect.discovery.fitted import Setting, stands_out
 from fmucorrect.discovery.sets import MOST
 from fmucorrect.discovery.terms import OFFSET
 from fmucorrect.discovery.worth import AGREES, OPEN, SMALL, WORTH
@@ -171,9 +171,8 @@ def rest(setting: Setting, decision: Decision, told: bool) -> list[str]:
         if told
         else "noise with it,"
     )
-    most = (
-        "" if explains(setting, decision.best) else f" Beside it no name is more than {100 * BESIDE_REST:g} % probable."
-    )
+    shaky = leaves(setting, decision.best, decision.unexplained)
+    most = f" Beside it no name is more than {100 * BESIDE_REST:g} % probable." if shaky else ""
     return [
         f"Something is left: {above} {amplitude:.2g} % of the amplitude of what was to be explained. Further effects are named"
         f" from {worth:g} % on, or from {small:g} % where one is nearly all that is left.{most}"

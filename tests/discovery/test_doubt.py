@@ -154,7 +154,7 @@ def test_forces_that_a_sensors_offset_makes_up_for_are_told(library, tmp_path):
 
         def told(*terms):
             best = replace(base, model=replace(problem.nominal, terms=terms))
-            return _alone(best, _by_fmu(problem, best))
+            return _alone(best, _by_fmu(problem, best, problem.study.conditions))
 
         (said,) = told(preload, offset)
         assert "not in augmented.fmu" in said
