@@ -93,6 +93,7 @@ def _record(contents: Contents) -> dict[str, Any]:
             "start": None if extent.start_ns is None else extent.start_ns / NANOSECONDS,
             "stop": None if extent.stop_ns is None else extent.stop_ns / NANOSECONDS,
             "mean step": None if step is None else step / NANOSECONDS,
+            **({} if item.topic.zero_ns is None else {"counts from": item.topic.begun}),
             "encoding": item.topic.encoding,
             "columns": {column.name: column.unit for column in item.topic.columns},
             "metadata": dict(item.topic.metadata),

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from fmucorrect import records, units
-from fmucorrect.clocks import Clock, begins, clock, measured_extents
+from fmucorrect.clocks import Clock, begins, clock, measured_topics
 from fmucorrect.errors import FmuError, RecordError, SignalError, StudyError, few
 from fmucorrect.fmu import FmuStepper, IsolatedStepper, Limits, Variable, input_record, open_fmu
 from fmucorrect.fmu.startvalues import own_starts
@@ -185,7 +185,8 @@ def extent(study: Study, condition: Condition, duration: float | None, known: Cl
     expected = f"at most {most:.0e} samples"
     if duration is not None:
         raise RecordError(what, where=f"condition {condition.name!r}", expected=expected)
-    longest = max(measured_extents(study, condition), key=lambda extent: (extent.stop_ns or 0) - (extent.start_ns or 0))
+    extents = [item.extent for item in measured_topics(study, condition)]
+    longest = max(extents, key=lambda extent: (extent.stop_ns or 0) - (extent.start_ns or 0))
     raise RecordError(
         f"{what}: its stamps go from {(longest.start_ns or 0) / NANOSECONDS:.13g} s to "
         f"{(longest.stop_ns or 0) / NANOSECONDS:.13g} s in {longest.rows} rows",

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime, timedelta
 from functools import cache
 from pathlib import Path
 
+import asammdf
+import nptdms
 import numpy as np
 import pytest
 
@@ -119,6 +122,78 @@ def test_clocks_that_have_nothing_in_common(tmp_path: Path):
     item = paired(tmp_path, inputs, measurement, records="[records]\nclock = 0.5")
     assert left(item) < 1e-9
     assert len(item.measured) == len(t) - 500
+
+
+MORNING = datetime(2024, 3, 1, 10, tzinfo=UTC)
+
+
+def recorded(path: Path, begun: datetime | None, **columns: np.ndarray) -> str:
+    """A file by the library of its format, every ms from 0 on, and when its recorder was started."""
+    named = {name.replace("__", "."): values for name, values in columns.items()}
+    if path.suffix == ".tdms":
+        wave: dict[str, object] = {"wf_increment": 1e-3, "wf_start_offset": 0.0, "unit_string": "m"}
+        if begun is not None:
+            wave["wf_start_time"] = np.datetime64(begun.replace(tzinfo=None), "us")
+        with nptdms.TdmsWriter(str(path)) as file:
+            file.write_segment([nptdms.ChannelObject("log", name, values, wave) for name, values in named.items()])
+        return path.name
+    with asammdf.MDF(version="4.10") as file:
+        if begun is not None:
+            file.header.start_time = begun
+        file.append([asammdf.Signal(v, np.arange(len(v)) * 1e-3, unit="m", name=name) for name, v in named.items()])
+        file.save(path, overwrite=True)
+    return path.name
+
+
+@pytest.mark.parametrize("suffix", ["tdms", "mf4"])
+@pytest.mark.parametrize("later", [0, 12, 500, -12])
+def test_stamps_count_from_when_the_files_were_begun(tmp_path: Path, suffix: str, later: int):
+    """Two recorders on one clock, the second triggered some ms later, or earlier. Either alone counts from 0."""
+    t, base, x = driven()
+    x = x[later:] if later >= 0 else np.concatenate([np.zeros(-later), x])
+    inputs = recorded(tmp_path / f"inputs.{suffix}", MORNING, base__d=base)
+    begun = MORNING + timedelta(milliseconds=later)
+    item = paired(tmp_path, inputs, recorded(tmp_path / f"measured.{suffix}", begun, x=x))
+    assert "2024-03-01T10:00:00" in item.clock
+    if later >= 0:
+        assert left(item) < 1e-3
+        assert len(item.measured) == pytest.approx(len(t) - later, abs=1)
+    else:
+        assert f"at {later / 1e3} to" in item.clock
+
+
+@pytest.mark.parametrize("suffix", ["tdms", "mf4"])
+@pytest.mark.parametrize("apart", [timedelta(hours=1, milliseconds=12), timedelta(days=40), timedelta(seconds=1)])
+def test_start_times_that_cannot_be_used_are_told(tmp_path: Path, suffix: str, apart: timedelta):
+    """Other days, other time zones, and whole seconds, which say nothing of milliseconds."""
+    _, base, x = driven()
+    inputs = recorded(tmp_path / f"inputs.{suffix}", MORNING, base__d=base)
+    item = paired(tmp_path, inputs, recorded(tmp_path / f"measured.{suffix}", MORNING + apart, x=x))
+    assert left(item) < 1e-9
+    assert "not counted from" in item.clock
+    assert "2024-03-01T10:00:00" in item.clock
+
+
+def test_stamps_since_1970_and_a_start_time(tmp_path: Path):
+    """A log with dates beside a file that says when it was begun."""
+    t, base, x = driven()
+    inputs = log(tmp_path / "inputs.csv", t, MORNING.timestamp(), base__d=base)
+    measurement = recorded(tmp_path / "measured.tdms", MORNING + timedelta(milliseconds=500), x=x[500:])
+    item = paired(tmp_path, inputs, measurement)
+    assert left(item) < 1e-9
+    assert len(item.measured) == len(t) - 500
+
+
+def test_when_a_file_was_made_is_no_start(tmp_path: Path):
+    """asammdf writes the time of its call into files whose start nobody told."""
+    _, base, x = driven()
+    inputs = recorded(tmp_path / "inputs.mf4", None, base__d=base)
+    item = paired(tmp_path, inputs, recorded(tmp_path / "measured.mf4", None, x=x))
+    assert left(item) < 1e-9
+    assert "begun" not in item.clock
+    for suffix in ("mf4", "tdms"):
+        written = log(tmp_path / f"ours.{suffix}", np.arange(9) * 1e-3, 0.0, x=np.arange(9.0))
+        assert describe(tmp_path / written).topics[0].topic.zero_ns is None
 
 
 def test_the_study_says_which_clock(tmp_path: Path):

@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
+import numpy as np
+
 from fmucorrect.brief import brief
 
 
@@ -40,7 +42,8 @@ class Topic:
     encoding: how a sample is written, in words. metadata: text by key, as the file gives it.
     note: why there are no columns, if the encoding cannot be read. time: the column that is the time of all; "" where it is
     none (the log's own time, a rate). counts: whether its times are numbers
-    of a unit (Reading.time_unit), and no stamps.
+    of a unit (Reading.time_unit), and no stamps. zero_ns: ns since 1970 where its stamps are 0, as the file says when it was
+    begun; None where it does not, or where stamps count from 1970 as they are.
     """
 
     name: str
@@ -50,6 +53,15 @@ class Topic:
     note: str = ""
     time: str = ""
     counts: bool = False
+    zero_ns: int | None = None
+
+    @property
+    def begun(self) -> str:
+        """`zero_ns` as a date and time; "" where it is not known."""
+        if self.zero_ns is None:
+            return ""
+        day, _, fraction = str(np.datetime64(self.zero_ns, "ns")).partition(".")
+        return f"{day}.{fraction}".rstrip("0").rstrip(".")
 
     def full_name(self, column: str) -> str:
         """`topic.column`: the topic's leading slash goes, inner slashes stay."""

@@ -35,6 +35,9 @@ _CHANNEL = b"##CN"
 """How the block of a channel begins, at a multiple of 8 bytes."""
 _FORMULA = 80
 """Characters of a formula that an error quotes."""
+_OWN_TOOL = "<tool_id>asammdf</tool_id>"
+_LATEST_NS = 2**62
+"""ns since 1970, in 2116: a header that says more is damaged."""
 _SYNCS = {0: "nothing", 2: "an angle", 3: "a distance", 4: "an index"}
 """What a master of MDF 4 counts, other than 1, the time."""
 
@@ -132,20 +135,26 @@ class Mdf4Source:
         return values
 
     def _stamps(self, topic: str) -> np.ndarray:
-        number, index, per = self._times[topic]
+        number = self._times[topic][0]
         group = self._file.groups[number]
-        if self._file.masters_db.get(number) == index:
-            times = np.asarray(self._file.get_master(number))
-        else:
-            times = np.asarray(self._file.get(group=number, index=index).samples)
+        times = self._counted(topic)
         stated = int(group.channel_group.cycles_nr)
         if len(times) != stated:
             raise RecordError(
                 f"the file is damaged: group {topic!r} holds {len(times)} of the {stated} rows that it states",
                 where=self.path,
             )
-        t_ns = seconds.whole_to_ns(times, per) if times.dtype.kind in "iu" else seconds.to_ns(times.astype(float), per)
-        return seconds.shifted(t_ns, _origin(group))
+        return seconds.shifted(times, _origin(group))
+
+    def _counted(self, topic: str, first: int = 0, rows: int | None = None) -> np.ndarray:
+        """(T,) the numbers of a group's time in ns, of `rows` rows from `first` on; None: of all that are there."""
+        number, index, per = self._times[topic]
+        if self._file.masters_db.get(number) == index:
+            times = np.asarray(self._file.get_master(number, record_offset=first, record_count=rows))
+        else:
+            signal = self._file.get(group=number, index=index, record_offset=first, record_count=rows)
+            times = np.asarray(signal.samples)
+        return seconds.whole_to_ns(times, per) if times.dtype.kind in "iu" else seconds.to_ns(times.astype(float), per)
 
     def _unlinked(self) -> Iterator[str]:
         """What stands in the file and no link leads to, as after damage to a link."""
@@ -191,7 +200,23 @@ class Mdf4Source:
         columns = tuple(Column(label, column.unit) for label, (_, column) in zip(names, found, strict=True))
         metadata = {**self._notes, **({"assumed": told} if told else {})}
         time = str(group.channels[master[0]].name)
-        return Topic(name, columns, "channel group", metadata, "" if columns else "no numbers", time)
+        note = "" if columns else "no numbers"
+        zero = None if _origin(group) else self._zero(name, int(group.channel_group.cycles_nr))
+        return Topic(name, columns, "channel group", metadata, note, time, zero_ns=zero)
+
+    def _zero(self, topic: str, rows: int) -> int | None:
+        """ns since 1970 at which the measurement was started, as the header says; None where that is not known.
+
+        asammdf writes the time of its own call where nobody told it a start. Such a record would end after its file was
+        written, which tells it.
+        """
+        zero = int(getattr(self._file.header, "abs_time", None) or 0)
+        if zero <= 0 or zero > _LATEST_NS:
+            return None
+        history = self._file.file_history if self._is_v4() else ()
+        written = [h.abs_time for h in history if _OWN_TOOL in str(h.comment)]
+        last = self._counted(topic, rows - 1, 1) if written and rows else ()
+        return None if len(last) and zero + int(last[0]) > min(written) else zero
 
     def _master(self, number: int, group: Any) -> tuple[tuple[int, int] | None, str]:
         """The channel that is the time, with ns in its unit; or None, and why there is none."""
@@ -249,6 +274,9 @@ class Mdf4Sink:
                 acq_name=self._topic.lstrip("/"),
                 comment=f"{_ORIGIN}{origin}" if origin else "",
                 common_timebase=True,
+            )
+            file.header.abs_time = (
+                origin  # else it is the time of this call, which a reader takes for the measurement's
             )
             if notes:
                 file.header.comment = _NOTES + json.dumps(dict(notes))

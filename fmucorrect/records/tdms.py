@@ -3,8 +3,9 @@
 Time is a channel `time` of the group, in its unit or as time stamps, or else the waveform properties wf_start_time,
 wf_start_offset and wf_increment. Waveforms of a group that differ in these or in length are topics of their own,
 `group/1`, `group/2` and so on. Stamps of waveforms count from the only wf_start_time of the file or, where there are
-several, from the earliest, so that they can be joined. A file that was appended to may have another wf_start_time in a later
-segment: its rows are stamped by that. Channels that do not fit, whose unit, scale or increment changes between segments, that
+several, from the earliest, so that they can be joined; by it a condition's files are laid on one clock (`clocks`). A file
+that was appended to may have another wf_start_time in a later segment: its rows are stamped by that. Channels that do not
+fit, whose unit, scale or increment changes between segments, that
 were missing in segments before their last, or whose scale is not known, are named in `left_out`.
 """
 
@@ -206,7 +207,9 @@ class TdmsSource:
             pieces = pieces or ((0, grid.offset_ns),)
             if max(abs(offset) for _, offset in pieces) + grid.step_ns * there >= 2**63 - 1:
                 raise RecordError(f"the times of {name!r} are beyond what can be counted in ns", where=self.path)
-            topic = Topic(name, _columns(channels), "waveform", told)
+            # 1904, the zero of the format, is what LabVIEW writes for a waveform whose start nobody set
+            zero = self._from_ns if grid.starts and self._from_ns and self._from_ns > 0 else None
+            topic = Topic(name, _columns(channels), "waveform", told, zero_ns=zero)
             every = {channel.name: channel for channel in channels}
             found.append(_Series(topic, group.name, every, there, pieces=pieces, step_ns=grid.step_ns))
         return found
