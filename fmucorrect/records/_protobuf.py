@@ -15,6 +15,7 @@ from google.protobuf.message import DecodeError
 
 from fmucorrect.records.bulk import Layout, Place
 from fmucorrect.records.decode import DEEPEST, LONGEST
+from fmucorrect.records.named import Entries, holds_names
 from fmucorrect.records.source import MOST_COLUMNS
 from fmucorrect.stepper import Status
 
@@ -121,6 +122,8 @@ class ProtobufDecoder:
         self._class: Any = message_factory.GetMessageClass(self._descriptor)
         self._units = _units(files)
         self._declares: list[tuple[str, str]] | None = None
+        self.left: dict[str, str] = {}
+        self.entries = Entries()
 
     def _add(self, pool: Any, waiting: dict[str, Any], name: str) -> None:
         file = waiting.pop(name)
@@ -170,32 +173,42 @@ class ProtobufDecoder:
         except DecodeError as error:
             raise ValueError(str(error)) from error
         found: dict[str, float] = {}
-        self._collect(message, "", found)
+        self._collect(message, "", found, None)
         return found
 
-    def _collect(self, message: Any, prefix: str, found: dict[str, float]) -> None:
+    def _collect(self, message: Any, prefix: str, found: dict[str, float], order: Sequence[int] | None) -> None:
+        """order: places of the entries of lists as long as it, by the names beside them or further up."""
+        named = next((field for field in message.DESCRIPTOR.fields if _names(field)), None)
+        if named is not None:
+            order = self.entries.order(f"{prefix}{named.name}", getattr(message, named.name)[: LONGEST + 1])
         for field in message.DESCRIPTOR.fields:
-            if field.type in _TEXT:
-                continue
             name = f"{prefix}{field.name}"
+            if field.type in _TEXT:
+                self.left[re.sub(r"\[\d+\]", "[]", name)] = (
+                    "text" if field.type == FieldDescriptor.TYPE_STRING else "bytes"
+                )
+                continue
             if _repeated(field):
                 entries = getattr(message, field.name)
                 if len(entries) > LONGEST or (
                     field.message_type is not None and field.message_type.GetOptions().map_entry
                 ):
                     continue
-                for i, entry in enumerate(entries):
-                    self._leaf(entry, field, f"{name}[{i}]", found)
+                ordered = (
+                    order is not None and len(order) == len(entries) and (named is not None or not field.message_type)
+                )
+                for i, entry in zip(order if ordered else range(len(entries)), entries, strict=True):
+                    self._leaf(entry, field, f"{name}[{i}]", found, order)
             elif not field.has_presence or message.HasField(field.name):
-                self._leaf(getattr(message, field.name), field, name, found)
+                self._leaf(getattr(message, field.name), field, name, found, order)
 
-    def _leaf(self, value: Any, field: Any, name: str, found: dict[str, float]) -> None:
+    def _leaf(self, value: Any, field: Any, name: str, found: dict[str, float], order: Sequence[int] | None) -> None:
         if field.message_type is None:
             found[name] = float(value)
         elif field.message_type.full_name in _TIMES:
             found[name] = value.seconds + value.nanos / 1e9
         else:
-            self._collect(value, f"{name}.", found)
+            self._collect(value, f"{name}.", found, order)
 
     def layout(self, payload: bytes) -> Layout | None:
         """The layout where all numbers are of fixed size; None for varints and what else has none."""
@@ -210,6 +223,10 @@ class ProtobufDecoder:
         except (ValueError, IndexError, struct.error, RecursionError):
             return None
         return layout if same else None
+
+
+def _names(field: Any) -> bool:
+    return field.type == FieldDescriptor.TYPE_STRING and _repeated(field) and holds_names(field.name)
 
 
 def _repeated(field: Any) -> bool:

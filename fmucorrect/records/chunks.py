@@ -16,6 +16,8 @@ from typing import IO, Any
 from mcap.opcode import Opcode
 from mcap.records import ChunkIndex
 
+from fmucorrect.records.timebase import seconds_text
+
 MAGIC = b"\x89MCAP0\r\n"
 LARGEST_CHUNK = 2**27
 """Bytes that a chunk may unpack to. Writers make chunks of 1 to 16 MB; eight times that is damage, or an attack on memory."""
@@ -194,7 +196,7 @@ def counted(index: bytes) -> tuple[int, int]:
 
 def stamps_words(start_ns: int, stop_ns: int) -> str:
     """An interval of time, in s."""
-    return f"{start_ns / 1e9:.9g} s to {stop_ns / 1e9:.9g} s"
+    return f"{seconds_text(start_ns)} s to {seconds_text(stop_ns)} s"
 
 
 def rows_words(there: Mapping[str, int], expected: Mapping[str, int], lost: Sequence[str] = ()) -> str:

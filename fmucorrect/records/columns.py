@@ -6,7 +6,7 @@ import difflib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from fmucorrect.errors import RecordError
+from fmucorrect.errors import RecordError, few
 from fmucorrect.records.contents import Column, Topic
 from fmucorrect.signals import AS_IT_IS, Reading
 
@@ -65,11 +65,13 @@ def find(
         there = ", ".join(topics[t].full_name(column.name) for t, column in matches)
         raise RecordError(f"column {wanted!r} may mean {there}", where=path, remedy="Write the full name.")
     ends = (f"'{wanted}': ", f".{wanted}': ")
+    none = not any(topic.columns for topic in topics)
+    unread = [f"{t.name}: {t.note}" for t in topics if t.note and (none or _plain(wanted).startswith(_plain(t.name)))]
     raise RecordError(
         f"there is no column {wanted!r}",
         where=path,
         expected=_near(topics, _plain(wanted)),
-        got=next((text for text in left_out if any(end in text for end in ends)), None),
+        got=next((text for text in left_out if any(end in text for end in ends)), few(unread) or None),
     )
 
 

@@ -11,6 +11,7 @@ from jaxtyping import Float64, Int64
 
 from fmucorrect.errors import unrepeated
 from fmucorrect.records.bulk import Layout, Messages
+from fmucorrect.records.named import Entries, holds_names
 from fmucorrect.records.source import MOST_COLUMNS
 
 LONGEST = 4096
@@ -25,7 +26,13 @@ _FIRST = 32
 
 @runtime_checkable
 class Decoder(Protocol):
-    """How the messages of one channel are read. `leaves` and the layout give the same numbers."""
+    """How the messages of a topic are read. `leaves` and the layout give the same numbers.
+
+    left: by path, what was met that is no number, with the reason. entries: where those of lists go that have names.
+    """
+
+    left: dict[str, str]
+    entries: Entries
 
     def declared(self) -> list[tuple[str, str]]:
         """Name and unit of the columns that the schema promises, before any message."""
@@ -45,13 +52,11 @@ class Decoder(Protocol):
 
 
 class JsonDecoder:
-    """JSON objects: numbers and truth values at any depth, entries of lists as name[i].
-
-    left: by path, what was met that is no number, with the reason.
-    """
+    """JSON objects: numbers and truth values at any depth, entries of lists as name[i]."""
 
     def __init__(self) -> None:
         self.left: dict[str, str] = {}
+        self.entries = Entries()
 
     def declared(self) -> list[tuple[str, str]]:
         """Nothing: JSON promises nothing."""
@@ -61,7 +66,7 @@ class JsonDecoder:
         """Every number by its path."""
         found: dict[str, float] = {}
         try:
-            _numbers(found, self.left, "", json.loads(payload, object_pairs_hook=unrepeated), DEEPEST)
+            self._numbers(found, "", json.loads(payload, object_pairs_hook=unrepeated), DEEPEST, None)
         except RecursionError:
             raise ValueError("the JSON is nested too deep") from None
         return found
@@ -74,30 +79,44 @@ class JsonDecoder:
         """False: JSON promises nothing."""
         return False
 
+    def _numbers(
+        self, found: dict[str, float], path: str, value: Any, deeper: int, order: Sequence[int] | None
+    ) -> None:
+        """Into `found` and `left`: a generator in generators would hand each number up through all of them. order: places of
+        the entries of lists as long as it, by the names beside them or further up."""
+        if not deeper:
+            raise ValueError(f"the JSON is nested more than {DEEPEST} deep")
+        left = self.left
+        if isinstance(value, dict):
+            members = cast(dict[str, Any], value)
+            for key, inner in members.items():
+                if holds_names(key) and _texts(inner):
+                    order = self.entries.order(f"{path}.{key}" if path else key, inner)
+                    break
+            for key, inner in members.items():
+                self._numbers(found, f"{path}.{key}" if path else key, inner, deeper - 1, order)
+        elif isinstance(value, list):
+            entries = cast(list[Any], value)
+            if len(entries) > LONGEST:
+                left[path or "value"] = f"a list of more than {LONGEST} entries"
+            else:
+                ordered = order is not None and len(order) == len(entries)
+                for i, inner in zip(order if ordered else range(len(entries)), entries, strict=True):
+                    self._numbers(found, f"{path}[{i}]", inner, deeper - 1, order)
+        elif isinstance(value, (bool, int, float)):
+            if path in found:
+                raise ValueError(f"the name {path!r} stands for two numbers")
+            try:
+                found[path or "value"] = float(value)
+            except OverflowError:
+                raise ValueError(f"the integer at {path or 'value'!r} is larger than any double") from None
+        elif len(left) < MOST_COLUMNS:
+            left[path or "value"] = "text" if isinstance(value, str) else "null"
 
-def _numbers(found: dict[str, float], left: dict[str, str], path: str, value: Any, deeper: int) -> None:
-    """Into `found` and `left`: a generator in generators would hand each number up through all of them."""
-    if not deeper:
-        raise ValueError(f"the JSON is nested more than {DEEPEST} deep")
-    if isinstance(value, dict):
-        for key, inner in cast(dict[str, Any], value).items():
-            _numbers(found, left, f"{path}.{key}" if path else key, inner, deeper - 1)
-    elif isinstance(value, list):
-        entries = cast(list[Any], value)
-        if len(entries) > LONGEST:
-            left[path or "value"] = f"a list of more than {LONGEST} entries"
-        else:
-            for i, inner in enumerate(entries):
-                _numbers(found, left, f"{path}[{i}]", inner, deeper - 1)
-    elif isinstance(value, (bool, int, float)):
-        if path in found:
-            raise ValueError(f"the name {path!r} stands for two numbers")
-        try:
-            found[path or "value"] = float(value)
-        except OverflowError:
-            raise ValueError(f"the integer at {path or 'value'!r} is larger than any double") from None
-    elif len(left) < MOST_COLUMNS:
-        left[path or "value"] = "text" if isinstance(value, str) else "null"
+
+def _texts(value: Any) -> bool:
+    """Whether it is a list of texts, no longer than one that makes columns."""
+    return isinstance(value, list) and 0 < len(value) <= LONGEST and all(isinstance(one, str) for one in value)  # pyright: ignore[reportUnknownArgumentType, reportUnknownVariableType]
 
 
 class Fields:
@@ -116,7 +135,8 @@ class Fields:
     def look(self, messages: Messages, rows: Int64[np.ndarray, " n"]) -> bool:
         """Take in the names of these messages; whether the channel is done."""
         try:
-            for part in (rows[:_FIRST], rows[_FIRST:]):
+            # the first message by itself: names of entries stand as there
+            for part in (rows[:1], rows[1:_FIRST], rows[_FIRST:]):
                 if not self.done:
                     self._take(messages, part)
                     self.done = self._decoder.complete(self.names)

@@ -14,6 +14,8 @@ from __future__ import annotations
 import struct
 import zlib
 from collections.abc import Collection, Iterator, Sequence
+from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import IO
 
@@ -57,7 +59,7 @@ class McapSource:
     def __init__(self, path: str) -> None:
         self.path = path
         self._streams: list[IO[bytes]] = []
-        self._decoders: dict[int, Decoder | str] = {}
+        self._decoders: dict[object, Decoder | str] = {}
         self._topics: tuple[Topic, ...] | None = None
         self._faults: dict[int, Fault] = {}
         self._surveyed, self._checked = False, False
@@ -84,12 +86,11 @@ class McapSource:
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """Topics that cannot be read, and fields of JSON that are no numbers."""
+        """Topics that cannot be read, and fields that are no numbers."""
         topics = [f"topic {topic.name}: {topic.note}" for topic in self.topics() if topic.note]
         fields: dict[str, None] = {}
         for i, found in self._fields.items():
-            decoder = self._decoder(i)
-            left = decoder.left if isinstance(decoder, JsonDecoder) else {}
+            left = self._decoder(i).left
             told = [
                 f"topic {self._channels[i].topic}: {name!r}: {why}"
                 for name, why in left.items()
@@ -128,7 +129,7 @@ class McapSource:
             for channel in self._channels.values():
                 topic = self._describe(channel, fields.get(channel.id))
                 by_name.setdefault(channel.topic, []).append((channel, topic))
-            self._topics = tuple(_one_topic(name, every, fields) for name, every in by_name.items())
+            self._topics = tuple(self._one_topic(name, every) for name, every in by_name.items())
         return self._topics
 
     def blocks(self, topic: str, columns: Sequence[str]) -> Iterator[Block]:
@@ -341,13 +342,17 @@ class McapSource:
         return decoder
 
     def _decoder_or_why(self, channel_id: int) -> Decoder | str:
-        if channel_id not in self._decoders:
-            channel = self._channels[channel_id]
+        """One for all channels of a topic that are written alike: names of entries stand in all as in the first."""
+        channel = self._channels[channel_id]
+        schema = self._schemas.get(channel.schema_id)
+        written = (schema.name, schema.encoding, schema.data) if schema else None
+        key = (channel.topic, channel.message_encoding, written)
+        if key not in self._decoders:
             try:
-                self._decoders[channel_id] = _decoder(channel, self._schemas.get(channel.schema_id))
+                self._decoders[key] = _decoder(channel, schema)
             except ValueError as error:
-                self._decoders[channel_id] = str(error)
-        return self._decoders[channel_id]
+                self._decoders[key] = str(error)
+        return self._decoders[key]
 
     def _values(self, rows: Rows, messages: Messages, which: np.ndarray, topic: str) -> np.ndarray:
         try:
@@ -373,6 +378,7 @@ class McapSource:
         except ValueError as error:
             return Topic(channel.topic, (), encoding, metadata, str(error))
         names = list(fields.names) if fields is not None else [field for field in units if not field.endswith("[")]
+        metadata |= decoder.entries.told()
         columns = tuple(
             Column(
                 channel.metadata.get(f"name.{field}", field),
@@ -382,16 +388,29 @@ class McapSource:
         )
         return Topic(channel.topic, columns, encoding, metadata)
 
-
-def _one_topic(name: str, every: Sequence[tuple[Channel, Topic]], fields: dict[int, Fields]) -> Topic:
-    """The topic of the channels that have this name: those with messages must hold the same columns."""
-    used = [(channel, topic) for channel, topic in every if channel.id in fields] or every
-    first = next((topic for _, topic in used if topic.columns), used[0][1])
-    if all(topic.columns == first.columns for _, topic in used):
-        return first
-    each = "; ".join(f"channel {c.id}: {', '.join(k.name for k in t.columns) or t.note}" for c, t in used)
-    note = f"{len(used)} channels with different columns have this name ({each}), so its rows cannot be told apart"
-    return Topic(name, (), first.encoding, first.metadata, note)
+    def _one_topic(self, name: str, every: Sequence[tuple[Channel, Topic]]) -> Topic:
+        """The topic of the channels that have this name: those with messages must hold the same columns, one after the
+        other."""
+        used = [(channel, topic) for channel, topic in every if channel.id in self._fields] or every
+        first = next((topic for _, topic in used if topic.columns), used[0][1])
+        if any(topic.columns != first.columns for _, topic in used):
+            each = "; ".join(f"channel {c.id}: {', '.join(k.name for k in t.columns) or t.note}" for c, t in used)
+            note = (
+                f"{len(used)} channels with different columns have this name ({each}), so its rows cannot be told apart"
+            )
+            return Topic(name, (), first.encoding, first.metadata, note)
+        if len(used) == 1 or not first.columns:
+            return first
+        spans = sorted(self._all()[c.id][1:] for c, _ in used if c.id in self._all())
+        each = "; ".join(stamps_words(*span) for span in spans)
+        if any(after[0] <= before[1] for before, after in pairwise(spans)):
+            note = f"{len(used)} channels have this name (several publishers) and overlap in time ({each}), so its rows cannot "
+            return Topic(name, (), first.encoding, first.metadata, f"{note}be told apart")
+        told = [
+            first.metadata.get("assumed", ""),
+            f"{len(used)} channels of this name are one, after each other ({each})",
+        ]
+        return replace(first, metadata={**first.metadata, "assumed": "; ".join(filter(None, told))})
 
 
 def _decoder(channel: Channel, schema: Schema | None) -> Decoder:

@@ -15,6 +15,7 @@ from pathlib import Path
 
 from fmucorrect.errors import RecordError
 from fmucorrect.records.contents import Extent, Topic
+from fmucorrect.records.named import ENTRIES
 from fmucorrect.records.source import NO_TIME, Block, Source
 
 MOST_PARTS = 200
@@ -26,6 +27,12 @@ GAP = 10
 _DIFFER = "its columns differ between the files"
 _METADATA = "metadata.yaml"
 _NUMBER = re.compile(r"(\d+)")
+
+
+def _columns(topic: Topic) -> list[str]:
+    """Columns with their units, and what names the entries of lists."""
+    named = [f"{key} {text}" for key, text in topic.metadata.items() if key.startswith(ENTRIES)]
+    return [*(f"{c.name} [{c.unit}]" for c in topic.columns), *named]
 
 
 def is_recording(path: Path) -> bool:
@@ -197,16 +204,14 @@ class PartsSource:
     def _joined(self, name: str, held: Sequence[tuple[int, Topic]]) -> Topic:
         """The topic of these files, whose order is kept by their first stamps."""
         used = [(i, topic) for i, topic in held if topic.columns] or list(held)
-        first, columns = used[0][1], {i: topic.columns for i, topic in used}
+        first, columns = used[0][1], {i: _columns(topic) for i, topic in used}
         started = [(self._first(i, name), i) for i in columns] if first.columns else [(0, i) for i in columns]
         self._order[name] = [i for _, i in sorted((start, i) for start, i in started if start is not None)]
         metadata = dict(first.metadata) | {"parts": self._told(name)}
-        other = next((i for i, its in columns.items() if its != first.columns), None)
+        other = next((i for i, its in columns.items() if its != columns[used[0][0]]), None)
         if other is None:
             return Topic(name, first.columns, first.encoding, metadata, first.note, first.time, first.counts)
-        each = [
-            f"{self._parts[i][0]}: {', '.join(f'{c.name} [{c.unit}]' for c in columns[i])}" for i in (used[0][0], other)
-        ]
+        each = [f"{self._parts[i][0]}: {', '.join(columns[i])}" for i in (used[0][0], other)]
         return Topic(name, (), first.encoding, metadata, f"{_DIFFER} ({'; '.join(each)})")
 
     def _first(self, part: int, topic: str) -> int | None:

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import re
 import struct
-from collections.abc import Collection
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 
 from fmucorrect.records.bulk import Layout, Place
 from fmucorrect.records.decode import DEEPEST, LONGEST
+from fmucorrect.records.named import Entries, holds_names
 from fmucorrect.records.source import MOST_COLUMNS
 
 _KINDS = {
@@ -33,7 +34,10 @@ class _Field:
 
 
 class RosDecoder:
-    """Payloads of one schema, whose language is "ros2msg" or "ros1msg". Raises ValueError when the schema cannot be used."""
+    """Payloads of one schema, whose language is "ros2msg" or "ros1msg". Raises ValueError when the schema cannot be used.
+
+    left: by path, what was met that is no number, with the reason.
+    """
 
     def __init__(self, name: str, schema: str, language: str = "ros2msg") -> None:
         self._language = language
@@ -49,6 +53,8 @@ class RosDecoder:
                 raise ValueError(f"the {language} schema of {name!r} has a section without 'MSG:'")
             self._types[_plain(head[4:].strip())] = _fields(body, language)
         self._fixed = self._all_fixed(self._root, ())
+        self.left: dict[str, str] = {}
+        self.entries = Entries()
 
     def _all_fixed(self, kind: str, above: tuple[str, ...]) -> bool:
         """Whether every message has the same numbers. Raises ValueError for a type that holds itself or lies too deep."""
@@ -64,7 +70,7 @@ class RosDecoder:
             plain = field.kind in _KINDS or field.kind in ("string", "wstring")
             if not plain and not (_TIME.match(field.kind) and _plain(field.kind) not in self._types):
                 fixed &= self._all_fixed(self._resolve(kind, field.kind), (*above, kind))
-            fixed &= not free
+            fixed &= not free and not _names(field)
         self._known_fixed[kind] = fixed
         return fixed
 
@@ -90,7 +96,7 @@ class RosDecoder:
             trace = _Trace(payload, "<" if payload[1] & 1 else ">", 8 if payload[1] < 2 else 4, 4)
             trace.fixed += (0, 1)
         try:
-            self._message(trace, self._root, "")
+            self._message(trace, self._root, "", None)
         except (IndexError, struct.error) as error:
             kind = "ROS 1" if self._packed else "CDR"
             raise ValueError(f"the {kind} payload of {len(payload)} bytes ends inside {self._root}") from error
@@ -98,29 +104,58 @@ class RosDecoder:
             raise ValueError(f"the ROS 1 payload of {len(payload)} bytes goes on behind {self._root}")
         return Layout(payload, tuple(trace.fixed), trace.places)
 
-    def _message(self, trace: _Trace, kind: str, prefix: str) -> None:
+    def _message(self, trace: _Trace, kind: str, prefix: str | None, order: Sequence[int] | None) -> None:
+        """A structure. prefix: of its paths; None: it makes no columns. order: places of the entries of lists as long as it,
+        by names further up."""
         fields = self._types[kind]
         trace.visit()
         if not fields and not self._packed:
             trace.take("u1")  # an empty structure has a dummy member
+        named = next((field for field in fields if _names(field)), None) if prefix is not None else None
+        if named is not None:
+            order = self.entries.order(f"{prefix}{named.name}", self._texts_ahead(trace, kind, named))
         for field in fields:
-            name = f"{prefix}{field.name}"
-            if not field.array:
-                self._value(trace, kind, field.kind, name)
-                continue
-            count = field.count if field.count is not None else trace.length()
-            keep = count <= LONGEST
-            if field.kind in self._kinds:
-                trace.row(self._kinds[field.kind], count, name if keep else None)
-            else:
-                for i in range(count):
-                    self._value(trace, kind, field.kind, f"{name}[{i}]" if keep else None)
+            self._field(
+                trace, kind, field, None if prefix is None else f"{prefix}{field.name}", order, named is not None
+            )
 
-    def _value(self, trace: _Trace, parent: str, kind: str, name: str | None) -> None:
+    def _field(
+        self, trace: _Trace, parent: str, field: _Field, name: str | None, order: Sequence[int] | None, beside: bool
+    ) -> None:
+        """beside: whether the names that order entries stand in the same structure: then structures, too, are ordered."""
+        if not field.array:
+            self._value(trace, parent, field.kind, name, order)
+            return
+        count = field.count if field.count is not None else trace.length()
+        if name is not None and count > LONGEST:
+            self.left[_unnumbered(name)] = f"a list of more than {LONGEST} entries"
+            name = None
+        plain = field.kind in self._kinds
+        placed = order if order is not None and len(order) == count and (plain or beside) else range(count)
+        if plain:
+            trace.row(self._kinds[field.kind], count, () if name is None else (f"{name}[{place}]" for place in placed))
+        elif _names(field) and name is not None:
+            trace.texts(count)
+            self.left[_unnumbered(name)] = "text"
+        else:
+            for place in placed:
+                self._value(trace, parent, field.kind, None if name is None else f"{name}[{place}]", order)
+
+    def _texts_ahead(self, trace: _Trace, kind: str, named: _Field) -> list[str]:
+        """The names in a structure that begins here."""
+        ahead = trace.copy()
+        fields = self._types[kind]
+        for field in fields[: fields.index(named)]:
+            self._field(ahead, kind, field, None, None, False)
+        return ahead.texts(named.count if named.count is not None else ahead.length())
+
+    def _value(self, trace: _Trace, parent: str, kind: str, name: str | None, order: Sequence[int] | None) -> None:
         if kind in _KINDS:
-            trace.row(self._kinds[kind], 1, name, single=True)
+            trace.row(self._kinds[kind], 1, () if name is None else (name,))
         elif kind == "string":
             trace.string()
+            if name is not None:
+                self.left[_unnumbered(name)] = "text"
         elif kind == "wstring":
             raise ValueError("wstring fields are not supported")
         elif _TIME.match(kind) and _plain(kind) not in self._types:
@@ -129,13 +164,8 @@ class RosDecoder:
             found = self._resolve(parent, kind)
             if _TIME.match(found) and "/" in found and found.startswith("builtin_interfaces/"):
                 trace.time(name, *self._time_kinds(kind))
-            elif name is None:
-                skipped = _Trace(trace.data, trace.order, trace.largest, trace.at, trace.visits)
-                self._message(skipped, found, "")
-                trace.at, trace.visits = skipped.at, skipped.visits
-                trace.fixed += skipped.fixed
             else:
-                self._message(trace, found, f"{name}.")
+                self._message(trace, found, None if name is None else f"{name}.", order)
 
     def _time_kinds(self, kind: str) -> tuple[str, str]:
         """Of seconds and nanoseconds."""
@@ -182,29 +212,52 @@ class _Trace:
             raise IndexError
         return start
 
-    def row(self, kind: str, count: int, name: str | None, single: bool = False) -> None:
+    def row(self, kind: str, count: int, labels: Iterable[str]) -> None:
+        """Numbers one behind another; labels: of each, () for none."""
         start = self.take(kind, count)
-        if name is not None:
-            for i in range(count):
-                label = name if single else f"{name}[{i}]"
-                self.places[label] = (Place(start + i * int(kind[1]), self.order + kind),)
+        for i, label in enumerate(labels):
+            self.places[label] = (Place(start + i * int(kind[1]), self.order + kind),)
 
     def length(self) -> int:
         start = self.take("u4")
         self.fixed += range(start, start + 4)
         return int(struct.unpack_from(f"{self.order}I", self.data, start)[0])
 
-    def string(self) -> None:
+    def string(self) -> int:
+        """The offset of a text's bytes, which end here then."""
         length = self.length()
+        start = self.at
         self.at += length
         if self.at > len(self.data):
             raise IndexError
+        return start
+
+    def texts(self, count: int) -> list[str]:
+        """Texts one behind another, which must be the same in another message."""
+        found: list[str] = []
+        for _ in range(count):
+            start = self.string()
+            self.fixed += range(start, self.at)
+            found.append(self.data[start : self.at].rstrip(b"\0").decode("utf-8", "replace"))
+        return found
+
+    def copy(self) -> _Trace:
+        """The same position, from which to look ahead."""
+        return _Trace(self.data, self.order, self.largest, self.at, self.visits)
 
     def time(self, name: str | None, seconds_kind: str, nanoseconds_kind: str) -> None:
         seconds, nanoseconds = self.take(seconds_kind), self.take(nanoseconds_kind)
         if name is not None:
             first = Place(seconds, self.order + seconds_kind)
             self.places[name] = (first, Place(nanoseconds, self.order + nanoseconds_kind, 1e9))
+
+
+def _names(field: _Field) -> bool:
+    return field.array and field.kind == "string" and holds_names(field.name)
+
+
+def _unnumbered(path: str) -> str:
+    return re.sub(r"\[\d+\]", "[]", path)
 
 
 def _plain(name: str) -> str:
