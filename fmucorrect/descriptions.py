@@ -169,7 +169,7 @@ def _item(key: str, value: Any, depth: int) -> Iterator[str]:
 
 def _plain(value: Any) -> str:
     if isinstance(value, float):
-        return f"{value:.9g}"
+        return f"{value:.9g}" if abs(value) < 1e6 else f"{value:.16g}"  # s since 1970
     if isinstance(value, list):
         return "[" + ", ".join(_plain(entry) for entry in value) + "]"
     if isinstance(value, Mapping):

@@ -174,10 +174,17 @@ def replay_log(
     if damage and not allow_damaged:
         raise records.damaged(str(log), damage)
     inputs = sources.log_inputs(
-        log, channels, topic=topic, repair=repair, unit=unit, reading=reading, allow_damaged=allow_damaged
+        log,
+        channels,
+        topic=topic,
+        repair=repair,
+        unit=unit,
+        reading=reading,
+        allow_damaged=allow_damaged,
+        step_ns=corrector.step_ns,
     )
     inputs, taken = sources.at_step(inputs, corrector.step_ns, progress or (lambda _: None))
-    repaired = sources.repaired(log, channels, topic=topic, repair=repair, reading=reading)
+    repaired = sources.repaired(log, channels, topic=topic, repair=repair, reading=reading, step_ns=corrector.step_ns)
     by = made(corrector)
     told = {"damage": damage, "repaired": repaired, "taken": taken}
     stepper = ReplayStepper(channels)
@@ -388,7 +395,7 @@ def _kept(recorder: _Recorder, growing: outputs.Growing, out: Path, error: BaseE
         where, says = growing.beside, "under that name since CSV has no place to say that it is not complete"
     if where == out:
         growing.finish()
-    rows = f"the {recorder.rows} finished rows, up to t = {recorder.last_ns / NANOSECONDS:.9g} s,"
+    rows = f"the {recorder.rows} finished rows, up to t = {recorder.last_ns / NANOSECONDS:.16g} s,"
     error.add_note(f"Kept: {rows} are in {where}, {says}.")
     return True
 

@@ -8,12 +8,14 @@ from itertools import chain
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Int64
 
 from fmucorrect import records, units
 from fmucorrect.clocks import Clock, begins, clock, measured_topics
 from fmucorrect.errors import FmuError, RecordError, SignalError, StudyError, few
 from fmucorrect.fmu import FmuStepper, IsolatedStepper, Limits, Variable, input_record, open_fmu
 from fmucorrect.fmu.startvalues import own_starts
+from fmucorrect.records.timebase import usual_step
 from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Channel, Condition, Reading, Record
 from fmucorrect.stepper import ReplayStepper, Stepper, grid
 from fmucorrect.study import Study, renamed_for_nothing
@@ -274,19 +276,27 @@ def log_inputs(
     reading: Reading = AS_IT_IS,
     allow_damaged: bool = False,
     known: Mapping[str, units.Unit] = units.NONE,
+    step_ns: int | None = None,
 ) -> Iterator[Record]:
     """The columns of a logged simulation that `channels` name (by `simulation` or `name`), in their units.
 
     topic: by default /simulation where the file has it, else wherever the columns are. known: units that the
-    FMU declares itself. Raises RecordError for a column
-    that is not there or a file that is not whole (unless `allow_damaged`), SignalError for a unit that does not fit or is
-    not said.
+    FMU declares itself. step_ns: the sample time to which the repair rule `resample` is to bring it. Raises RecordError for a
+    column that is not there or a file that is not whole (unless `allow_damaged`), SignalError for a unit that does not fit or
+    is not said.
     """
     chosen = topic or default_topic(log, reading)
     conversions: list[units.Conversion] | None = None
     names = columns(log, channels, chosen, reading)
     for chunk in records.stream(
-        log, names, topic=chosen, repair=repair, reading=reading, rows=ROWS, allow_damaged=allow_damaged
+        log,
+        names,
+        topic=chosen,
+        repair=repair,
+        reading=reading,
+        rows=ROWS,
+        allow_damaged=allow_damaged,
+        step_ns=step_ns,
     ):
         if conversions is None:
             pairs = list(zip(chunk.channels, channels, strict=True))
@@ -301,30 +311,44 @@ def at_step(
     rows: Iterator[Record], step_ns: int, left_out: Callable[[int], object] = lambda _: None
 ) -> tuple[Iterator[Record], str]:
     """A log whose samples come a whole number of times as fast, at that step: every n-th row, which is what a simulation that
-    is stepped so gives; any other as it is. Behind it what was taken, in words; "" for all. left_out: called with how many
-    rows were not, chunk by chunk."""
+    is stepped so gives; any other as it is. Stamps that are even as far as a double of seconds tells, far from 0, are even.
+    Behind it what was done, in words; "" for nothing. left_out: called with how many rows were not taken, chunk by chunk."""
     first = next(rows, None)
     if first is None:
         return rows, ""
     rows = chain([first], rows)
-    steps = np.diff(first.t_ns)
-    own = max(float(np.median(steps)), 1.0) if len(steps) else float(step_ns)
-    each = round(step_ns / own)
-    if each < 2 or abs(each * own - step_ns) > each:  # as far as stamps are rounded to ns
+    if len(first) < 2:
         return rows, ""
+    blur = float(np.spacing(np.abs(first.t_ns[-1]) / NANOSECONDS)) * NANOSECONDS
+    own = max(usual_step(first.t_ns), 1.0)
+    each = round(step_ns / own)
+    if each < 1 or abs(each * own - step_ns) > each * (1 + blur / (len(first) - 1)):  # as far as stamps are rounded
+        return rows, ""
+    start = int(first.t_ns[0])
+
+    def evened(t_ns: Int64[np.ndarray, " T"], row: int) -> Int64[np.ndarray, " T"]:
+        """The stamps of rows that are taken, from this one on; as they are behind the first that is off."""
+        even = start + step_ns * np.arange(row, row + len(t_ns))
+        off = np.maximum.accumulate(np.abs(t_ns - even) > blur)
+        return np.where(off, t_ns, even)
 
     def taken() -> Iterator[Record]:
-        begin = 0
+        begin, row = 0, 0
         for chunk in rows:
             kept = chunk.rows(begin, len(chunk))
-            kept = replace(kept, t_ns=kept.t_ns[::each], values=kept.values[::each])
-            begin = (begin - len(chunk)) % each
+            kept = replace(kept, t_ns=evened(kept.t_ns[::each], row), values=kept.values[::each])
+            begin, row = (begin - len(chunk)) % each, row + len(kept)
             left_out(len(chunk) - len(kept))
             if len(kept):
                 yield kept
 
-    last = {1: "st", 2: "nd", 3: "rd"}.get(each % 10 if each % 100 not in (11, 12, 13) else 0, "th")
-    return taken(), f"every {each}{last} row of the log, whose step is {step_ns / each / 1e6:g} ms"
+    said: list[str] = []
+    if each > 1:
+        last = {1: "st", 2: "nd", 3: "rd"}.get(each % 10 if each % 100 not in (11, 12, 13) else 0, "th")
+        said.append(f"every {each}{last} row of the log, whose step is {step_ns / each / 1e6:g} ms")
+    if (evened(first.t_ns[::each], 0) != first.t_ns[::each]).any():
+        said.append(f"stamps on even steps: as doubles of seconds they are known to {blur / 1e3:.2g} us")
+    return (taken(), "; ".join(said)) if said else (rows, "")
 
 
 def repaired(
@@ -334,13 +358,15 @@ def repaired(
     topic: str | None = None,
     repair: str | None = None,
     reading: Reading = AS_IT_IS,
+    step_ns: int | None = None,
 ) -> str:
-    """What repair rules change in these columns of a log, in words; "" for nothing. Reads the log once where there are any."""
+    """What repair rules change in these columns of a log, in words; "" for nothing. Reads the log once where there are any.
+    step_ns: as of log_inputs."""
     told = ""
     if repair:
         chosen = topic or default_topic(log, reading)
         names = columns(log, channels, chosen, reading)
-        for chunk in records.stream(log, names, topic=chosen, repair=repair, reading=reading):
+        for chunk in records.stream(log, names, topic=chosen, repair=repair, reading=reading, step_ns=step_ns):
             told = chunk.metadata.get("repaired", "")
     return told
 

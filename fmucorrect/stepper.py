@@ -442,7 +442,7 @@ class CorrectedStepper:
     def _not_finite(self, seen: np.ndarray, t_ns: np.ndarray) -> SignalError:
         row, column = np.argwhere(~np.isfinite(seen))[0]
         return SignalError(
-            f"channel {self._seen[column].name!r} is {seen[row, column]} at t = {t_ns[row] / NANOSECONDS:.9g} s",
+            f"channel {self._seen[column].name!r} is {seen[row, column]} at t = {t_ns[row] / NANOSECONDS:.16g} s",
             expected="finite numbers",
             remedy="Look at the simulation there; a corrector is never fed what the solver could not compute.",
         )
@@ -456,19 +456,19 @@ class CorrectedStepper:
         said |= {f"number {i} of the corrector's state": v for i, v in enumerate(state)}
         what = next(name for name, value in said.items() if not math.isfinite(value))
         return SignalError(
-            f"{what} is {said[what]} at t = {t_ns / NANOSECONDS:.9g} s",
+            f"{what} is {said[what]} at t = {t_ns / NANOSECONDS:.16g} s",
             expected="finite numbers",
             remedy="Look at the simulation up to there; the network cannot compute with it, or its state grows.",
         )
 
     def _wrong_step(self, got: int, t_ns: int) -> SignalError:
         return SignalError(
-            f"the step to t = {t_ns / NANOSECONDS:.9g} s does not fit the corrector's sample time",
+            f"the step to t = {t_ns / NANOSECONDS:.16g} s does not fit the corrector's sample time",
             expected=f"{self._step_ns / NANOSECONDS:.9g} s",
             got=f"{got / NANOSECONDS:.9g} s",
             remedy="Step the simulation at the corrector's sample time. Of a log that is a whole number of times as fast, "
-            "replay takes every n-th row; one of another rate has to be resampled to it beforehand. The repair rule 'resample' "
-            "puts a log that jitters on a grid of its own median step.",
+            "replay takes every n-th row, and its repair rule 'resample' puts one that jitters on the corrector's sample time; "
+            "one of another rate has to be resampled to it beforehand.",
         )
 
 

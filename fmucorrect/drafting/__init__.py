@@ -247,7 +247,7 @@ SENT = "header.stamp"
 
 
 def _steady(log: Run, measured: Sequence[str], columns: Collection[str]) -> Run:
-    """The log, its stamps at the median step where those of what is measured jitter: what is registered, filtered and trained
+    """The log, its stamps at the usual step where those of what is measured jitter: what is registered, filtered and trained
     on wants even ones. A gap is left to the user. columns: all that the file has."""
     there = [column for column in measured if column in log.columns]
     if not there:
@@ -257,7 +257,7 @@ def _steady(log: Run, measured: Sequence[str], columns: Collection[str]) -> Run:
     if not timebase.jitters(record):
         return log
     reading = replace(log.reading, repair=",".join(filter(None, [log.reading.repair, "resample"])))
-    why = "the stamps of what is measured jitter: straight lines to those of their median step"
+    why = "the stamps of what is measured jitter: straight lines to those of their usual step"
     if not log.reading.time and any(column.endswith(SENT) for column in columns):
         why += f"; they are of the log's writing, those of --time {SENT} of the sensors"
     return replace(log, reading=reading, filled="; ".join(filter(None, [log.filled, why])))

@@ -100,8 +100,10 @@ def stream(
     reading: Reading = AS_IT_IS,
     rows: int = 4096,
     allow_damaged: bool = True,
+    step_ns: int | None = None,
 ) -> Iterator[Record]:
-    """The same in chunks of at most `rows` rows, which joined equal `read`. Errors come when their row is reached.
+    """The same in chunks of at most `rows` rows, which joined equal `read`. Errors come when their row is reached. step_ns:
+    the sample time for which the repair rule `resample` makes its grid, where the record's own nearly is that, or a part.
 
     A chunk's metadata holds the damage that is known when it is read, the last one's all of it. With `allow_damaged` off
     no chunk comes from behind a damage.
@@ -113,7 +115,7 @@ def stream(
         raise RecordError("a chunk has at least one row", where=fspath(path), got=rows)
     source = _source(path, reading)
     try:
-        for chunk in assemble.chunks(source, columns, topic, repair, reading, rows):
+        for chunk in assemble.chunks(source, columns, topic, repair, reading, rows, step_ns):
             if not allow_damaged:
                 source.require_whole()
             yield chunk

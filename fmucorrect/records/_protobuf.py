@@ -13,7 +13,7 @@ from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from google.protobuf.descriptor import FieldDescriptor
 from google.protobuf.message import DecodeError
 
-from fmucorrect.records.bulk import Layout, Place
+from fmucorrect.records.bulk import REST, WHOLE, Layout, Place
 from fmucorrect.records.decode import DEEPEST, LONGEST
 from fmucorrect.records.named import Entries, holds_names
 from fmucorrect.records.source import MOST_COLUMNS
@@ -207,6 +207,7 @@ class ProtobufDecoder:
             found[name] = float(value)
         elif field.message_type.full_name in _TIMES:
             found[name] = value.seconds + value.nanos / 1e9
+            found[name + WHOLE], found[name + REST] = float(value.seconds), float(value.nanos)
         else:
             self._collect(value, f"{name}.", found, order)
 

@@ -49,8 +49,9 @@ def chunks(
     repair: str | Sequence[str] | None,
     reading: Reading,
     rows: int,
+    step_ns: int | None = None,
 ) -> Iterator[Record]:
-    """The same record in chunks of at most `rows` rows."""
+    """The same record in chunks of at most `rows` rows. step_ns: as of records.stream."""
     names = timebase.rules(repair or reading.repair)
     found = plan(with_units(source.topics(), reading), columns, topic, source.path, reading, source.left_out)
     if set(names) <= _STREAMED:
@@ -59,7 +60,7 @@ def chunks(
         for block in _one_ahead(blocks) if names else blocks:
             yield _record(source, found, block, repairs)
     else:
-        record = _repaired(source, found, names)
+        record = _repaired(source, found, names, step_ns)
         for start in range(0, len(record), rows):
             yield record.rows(start, min(start + rows, len(record)))
 
@@ -201,7 +202,7 @@ def _ended(source: Guarded, found: Plan, counts: Sequence[int], row: int) -> Rec
     )
 
 
-def _repaired(source: Guarded, found: Plan, names: tuple[str, ...]) -> Record:
+def _repaired(source: Guarded, found: Plan, names: tuple[str, ...], step_ns: int | None = None) -> Record:
     """Every topic in memory, mended rule by rule, then joined."""
     blocks: list[Block] = []
     every = _counting(found)
@@ -222,7 +223,8 @@ def _repaired(source: Guarded, found: Plan, names: tuple[str, ...]) -> Record:
     joined = _one_base(source, found, blocks, names, every)
     if "resample" in names:
         channels = tuple(Channel(name) for name in found.names)
-        mended = timebase.resample(Record(joined.t_ns, joined.values, channels), repairs=every[0])
+        step = timebase.step_for(joined.t_ns, step_ns) if step_ns else None
+        mended = timebase.resample(Record(joined.t_ns, joined.values, channels), step, every[0])
         joined = Block(mended.t_ns, mended.values)
     for repairs in every:
         repairs.require_known(source.path)

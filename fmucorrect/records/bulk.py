@@ -15,6 +15,10 @@ from functools import partial
 import numpy as np
 from jaxtyping import Bool, Float64, Int64, UInt8
 
+WHOLE, REST = "\0whole", "\0rest"
+"""Behind the name of a time: its whole seconds, and the nanoseconds above them. They are no columns of their own: a column's
+double holds a time since 1970 to 0.24 us."""
+
 MESSAGE = 5
 MESSAGE_INDEX = 7
 _Run = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]

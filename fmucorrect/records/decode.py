@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from fmucorrect.errors import unrepeated
-from fmucorrect.records.bulk import Layout, Messages
+from fmucorrect.records.bulk import REST, WHOLE, Layout, Messages
 from fmucorrect.records.named import Entries, holds_names
 from fmucorrect.records.source import MOST_COLUMNS
 
@@ -167,7 +167,7 @@ class Fields:
                 self._add(self._decoder.leaves(messages.payload(row)))
 
     def _add(self, leaves: dict[str, float]) -> None:
-        self.names |= dict.fromkeys(leaves)
+        self.names |= dict.fromkeys(name for name in leaves if not name.endswith((WHOLE, REST)))
         if len(self.names) > MOST_COLUMNS:
             self.names.clear()
             raise ValueError(f"there are more than {MOST_COLUMNS} numbers in it")

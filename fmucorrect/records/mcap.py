@@ -358,7 +358,7 @@ class McapSource:
         try:
             return rows.values(messages, which)
         except ValueError as error:
-            between = f"between t = {messages.log_ns[which[0]] / 1e9:g} s and {messages.log_ns[which[-1]] / 1e9:g} s"
+            between = f"from t = {stamps_words(*messages.log_ns[which[[0, -1]]].tolist())}"
             raise RecordError(
                 f"a message cannot be decoded: {error}", where=f"{self.path}, topic {topic}, {between}"
             ) from error

@@ -12,7 +12,7 @@ import struct
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 
-from fmucorrect.records.bulk import Layout, Place
+from fmucorrect.records.bulk import REST, WHOLE, Layout, Place
 from fmucorrect.records.decode import DEEPEST, LONGEST
 from fmucorrect.records.named import Entries, holds_names
 from fmucorrect.records.source import MOST_COLUMNS
@@ -248,8 +248,9 @@ class _Trace:
     def time(self, name: str | None, seconds_kind: str, nanoseconds_kind: str) -> None:
         seconds, nanoseconds = self.take(seconds_kind), self.take(nanoseconds_kind)
         if name is not None:
-            first = Place(seconds, self.order + seconds_kind)
-            self.places[name] = (first, Place(nanoseconds, self.order + nanoseconds_kind, 1e9))
+            first, kind = Place(seconds, self.order + seconds_kind), self.order + nanoseconds_kind
+            self.places[name] = (first, Place(nanoseconds, kind, 1e9))
+            self.places[name + WHOLE], self.places[name + REST] = (first,), (Place(nanoseconds, kind),)
 
 
 def _names(field: _Field) -> bool:

@@ -7,7 +7,8 @@ Rules, applied in the order that the user writes them (`"sort,drop"` or `("sort"
     interpolate  NaN and Inf become linear between their finite neighbours in time (not beyond the first and last finite
                  value: those stay, for `drop`); topics on different stamps are taken at those of the first, linear
     clock        rows before or behind a jump of the clock go: the longest stretch between jumps stays
-    resample     all columns linear on a uniform grid from the first stamp with the median step; bridges jitter and gaps
+    resample     all columns linear on a uniform grid from the first stamp with the usual step, in a replay with that of the
+                 corrector where the record is as fast, or a whole number of times; bridges jitter and gaps
 What a rule touched is counted in `Repairs`, with the longest stretch, and told with the record.
 """
 
@@ -213,11 +214,25 @@ def at_stamps(
     return np.stack(columns, axis=1) if columns else np.empty((len(t_ns), 0))
 
 
+def usual_step(t_ns: Int64[np.ndarray, " T"]) -> float:
+    """The mean of the steps in ns that are no gaps, at least two stamps: jitter leaves it as it is, not so the median."""
+    steps = np.diff(t_ns)
+    return float(np.mean(steps[steps <= GAP * np.median(steps)]))
+
+
+def step_for(t_ns: Int64[np.ndarray, " T"], wanted_ns: int) -> int | None:
+    """The step in ns for what wants samples at another one: that where the usual step is a whole part of it within JITTER,
+    else None."""
+    usual = usual_step(t_ns) if len(t_ns) > 1 else 0.0
+    fits = usual > 0.0 and abs(round(wanted_ns / usual) * usual - wanted_ns) <= JITTER * wanted_ns
+    return wanted_ns if fits else None
+
+
 def resample(record: Record, step_ns: int | None = None, repairs: Repairs | None = None) -> Record:
-    """On a uniform grid from the first stamp to the last, linear in time. step_ns: default the median step."""
+    """On a uniform grid from the first stamp to the last, linear in time. step_ns: default the usual step."""
     if len(record) < 2:
         return record
-    step = record.step_ns if step_ns is None else step_ns
+    step = max(round(usual_step(record.t_ns)), 1) if step_ns is None else step_ns
     count = int(record.t_ns[-1] - record.t_ns[0]) // step + 1
     grid = record.t_ns[0] + step * np.arange(count, dtype=np.int64)
     return replace(record, t_ns=grid, values=at_stamps(Block(record.t_ns, record.values), grid, repairs, "resample"))
@@ -245,7 +260,7 @@ def require_uniform(record: Record, step_ns: int | None = None, where: str | Non
         where=place,
         expected=f"an interval of {step / 1e6:g} ms",
         got=f"{interval / 1e6:g} ms ({int(wrong.sum())} of {len(wrong)} intervals differ)",
-        remedy="The repair rule 'resample' puts the record on its median step"
+        remedy="The repair rule 'resample' puts the record on its usual step"
         + (
             ", with straight lines over gaps; cut the log at a long one, for a run each."
             if interval > GAP * step

@@ -20,6 +20,7 @@ from fmucorrect import records
 from fmucorrect.errors import RecordError
 from fmucorrect.records import decode
 from fmucorrect.records._protobuf import ProtobufDecoder
+from fmucorrect.records.bulk import REST, WHOLE
 from fmucorrect.records.ros import RosDecoder
 
 F = descriptor_pb2.FieldDescriptorProto
@@ -254,7 +255,8 @@ def test_ros2_messages_of_changing_length() -> None:
     payloads = [ros(i, label=shapes[i % 5][0], free=shapes[i % 5][1]) for i in range(60)]
     assert len({len(p) for p in payloads}) < len(shapes)
     for i, payload in enumerate(payloads):
-        assert decoder.leaves(payload) == ros_leaves(i, shapes[i % 5][1])
+        found = {name: value for name, value in decoder.leaves(payload).items() if not name.endswith((WHOLE, REST))}
+        assert found == ros_leaves(i, shapes[i % 5][1])
     compare(decoder, payloads, walk)
 
 
@@ -297,7 +299,7 @@ def test_a_message_that_is_none(tmp_path: Path) -> None:
         for i in range(100):
             file.add_message(channel, 10**9 * i, b'{"x": 1}' if i != 70 else b'{"x": ', 0)
         file.finish()
-    with pytest.raises(RecordError, match=r"run.mcap, topic /a, between t = 0 s and 99 s: a message cannot be decoded"):
+    with pytest.raises(RecordError, match=r"run.mcap, topic /a, from t = 0 s to 99 s: a message cannot be decoded"):
         records.read(path)
 
 
