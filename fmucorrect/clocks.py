@@ -102,15 +102,14 @@ def _begun(what: str, given: Sequence[TopicContents], measured: Sequence[TopicCo
         return 0, f"both files say that they were begun at {first}" if zero is not None else ""
     theirs, (low, high) = _stamps(given), _stamps(measured)
     said = " and ".join(f"{who} at {text}" for who, text in ((what, first), ("the measurement", second)) if text)
-    both = zero is not None and other is not None
     if not overlapping(theirs, (low + ahead, high + ahead)):
         why = "counted from there they have nothing in common"
-    elif both and not (zero % NANOSECONDS or other % NANOSECONDS):
+    elif first and second and ahead % NANOSECONDS == 0 and (zero or 0) % NANOSECONDS == 0:
         why = "whole seconds do not tell where between two samples they begin"
     else:
         return ahead, f"counted from when the files say that they were begun, {said}"
     # what one file says alone, and has no use, is not worth a word
-    return 0, f"not counted from when the files say that they were begun, {said}: {why}" if both else ""
+    return 0, f"not counted from when the files say that they were begun, {said}: {why}" if first and second else ""
 
 
 def overlapping(one: tuple[int, int], other: tuple[int, int]) -> bool:

@@ -305,6 +305,10 @@ def log_inputs(
             conversions = [_conversion(have, want, log, unit, known) for have, want in pairs]
         scaling = units.Scaling.of(conversions)
         yield chunk if scaling is None else replace(chunk, values=scaling(chunk.values))
+    if conversions is None:
+        raise RecordError(
+            "the log has no rows" + (f" after the repair rules {repair}" if repair else ""), where=str(log)
+        )
 
 
 def at_step(

@@ -468,8 +468,14 @@ class CorrectedStepper:
             got=f"{got / NANOSECONDS:.9g} s",
             remedy="Step the simulation at the corrector's sample time. Of a log that is a whole number of times as fast, "
             "replay takes every n-th row, and its repair rule 'resample' puts one that jitters on the corrector's sample time; "
-            "one of another rate has to be resampled to it beforehand.",
+            "one of another rate has to be resampled to it beforehand." + _counted_in(got / self._step_ns),
         )
+
+
+def _counted_in(ratio: float) -> str:
+    """What a step so many times too long speaks of, where that is what a unit of time makes."""
+    unit = next((unit for unit, per in (("ms", 1e3), ("us", 1e6), ("ns", 1e9)) if abs(ratio / per - 1.0) < 0.01), "")
+    return f" It is so many times too long as a time in {unit} taken for s: --time-unit {unit}." if unit else ""
 
 
 def corrected_channels(channels: tuple[Channel, ...]) -> tuple[Channel, ...]:

@@ -88,6 +88,32 @@ def test_a_clock_that_jitters_is_brought_to_the_correctors_sample_time(
     assert steps(source) == {STEP}
 
 
+@pytest.mark.parametrize(("per", "unit"), [(1e3, "ms"), (1e6, "us"), (1e9, "ns")])
+def test_a_time_in_another_unit_is_told(model: Path, tmp_path: Path, per: float, unit: str) -> None:
+    source = save(tmp_path / "log.csv", np.arange(50) * STEP / 1e9 * per)
+    assert f"--time-unit {unit}" in replay(model, source).output
+    result = replay(model, source, "--time-unit", unit)
+    assert result.exit_code == 0, result.output
+    assert steps(source) == {STEP}
+
+
+def test_rows_that_are_left_out_can_be_bridged(model: Path, tmp_path: Path) -> None:
+    source = save(tmp_path / "log.csv", np.arange(200) * STEP / 1e9)
+    lines = source.read_text(encoding="utf-8").splitlines()
+    lines[100] = lines[100].rsplit(",", 1)[0] + ",nan"
+    source.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    assert "'drop,resample'" in replay(model, source).output
+    assert replay(model, source, "--repair", "drop,resample").exit_code == 0
+    assert steps(source) == {STEP}
+
+
+def test_a_log_without_rows_is_named(model: Path, tmp_path: Path) -> None:
+    source = save(tmp_path / "log.csv", np.empty(0))
+    result = replay(model, source)
+    assert result.exit_code == 2
+    assert "log.csv: the log has no rows" in result.output
+
+
 def test_a_log_of_another_rate_is_not_made_up(model: Path, tmp_path: Path) -> None:
     source = save(tmp_path / "log.h5", np.arange(ROWS) * 3 * STEP / 1e9)
     result = replay(model, source, "--repair", "resample")

@@ -194,10 +194,9 @@ class ProtobufDecoder:
                     field.message_type is not None and field.message_type.GetOptions().map_entry
                 ):
                     continue
-                ordered = (
-                    order is not None and len(order) == len(entries) and (named is not None or not field.message_type)
-                )
-                for i, entry in zip(order if ordered else range(len(entries)), entries, strict=True):
+                ordered = named is not None or field.message_type is None
+                placed = order if ordered and order is not None and len(order) == len(entries) else range(len(entries))
+                for i, entry in zip(placed, entries, strict=True):
                     self._leaf(entry, field, f"{name}[{i}]", found, order)
             elif not field.has_presence or message.HasField(field.name):
                 self._leaf(getattr(message, field.name), field, name, found, order)

@@ -100,8 +100,8 @@ class JsonDecoder:
             if len(entries) > LONGEST:
                 left[path or "value"] = f"a list of more than {LONGEST} entries"
             else:
-                ordered = order is not None and len(order) == len(entries)
-                for i, inner in zip(order if ordered else range(len(entries)), entries, strict=True):
+                placed = order if order is not None and len(order) == len(entries) else range(len(entries))
+                for i, inner in zip(placed, entries, strict=True):
                     self._numbers(found, f"{path}[{i}]", inner, deeper - 1, order)
         elif isinstance(value, (bool, int, float)):
             if path in found:

@@ -213,10 +213,10 @@ class Mdf4Source:
         zero = int(getattr(self._file.header, "abs_time", None) or 0)
         if zero <= 0 or zero > _LATEST_NS:
             return None
-        history = self._file.file_history if self._is_v4() else ()
+        history: list[Any] = list(self._file.file_history) if self._is_v4() else []
         written = [h.abs_time for h in history if _OWN_TOOL in str(h.comment)]
-        last = self._counted(topic, rows - 1, 1) if written and rows else ()
-        return None if len(last) and zero + int(last[0]) > min(written) else zero
+        last = self._counted(topic, rows - 1, 1) if written and rows else None
+        return zero if last is None or not len(last) or zero + int(last[0]) <= min(written) else None
 
     def _master(self, number: int, group: Any) -> tuple[tuple[int, int] | None, str]:
         """The channel that is the time, with ns in its unit; or None, and why there is none."""

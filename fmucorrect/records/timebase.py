@@ -89,8 +89,8 @@ def check(block: Block, names: Sequence[str], where: str, first_row: int = 0, af
         f"column {names[c]!r} is {block.values[i, c]} at row {row} (t = {seconds_text(now)} s)",
         where=where,
         expected="a finite number",
-        remedy=f"Choose a repair rule ({_HOW}): 'drop' leaves such rows out, 'interpolate' fills them in where values stand "
-        "before and after them.",
+        remedy=f"Choose a repair rule ({_HOW}): 'drop' leaves such rows out ('drop,resample' bridges them, where "
+        "samples must come evenly), 'interpolate' fills them in where values stand before and after them.",
     )
 
 
