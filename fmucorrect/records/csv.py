@@ -9,9 +9,12 @@ is an error; a last line without its end is left out as cut off unless it is sur
 from __future__ import annotations
 
 import csv
+import io
+import os
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from itertools import islice
 from pathlib import Path
 from typing import IO
 
@@ -238,30 +241,63 @@ def _behind_midnight(block: Block, days: int, last: int) -> tuple[Block, int, in
     return Block(t_ns, block.values), int(passed[-1]), int(known[-1])
 
 
+def written(path: str) -> Iterator[Block]:
+    """All rows of a finished file of CsvSink, to the last bit."""
+    with Path(path).open(encoding="utf-8", newline="") as stream:
+        lines = csv.reader(stream)
+        next(lines)
+        while rows := [*islice(lines, _LINES)]:
+            # without its point a time of nine decimals counts ns
+            t_ns = np.array([int(row[0].replace(".", "")) for row in rows], np.int64)
+            yield Block(t_ns, np.array([row[1:] for row in rows], np.float64))
+
+
 class CsvSink:
-    """A CSV file being written, flushed at every append."""
+    """A CSV file being written, flushed at every append; one that a full disk breaks off leaves no part of its rows."""
 
     def __init__(self, path: str) -> None:
         self._path = path
-        self._stream: IO[str] | None = None
+        self._stream: IO[bytes] | None = None
+        self._broken = False
 
     def append(self, topic: str, record: Record) -> None:
         """One line a row. The shortest decimals that give the same double back."""
         if self._stream is None:
-            self._stream = Path(self._path).open("w", encoding="utf-8", newline="")  # noqa: SIM115 (close() closes it)
+            self._stream = Path(self._path).open("wb")  # noqa: SIM115 (close() closes it)
             header = [
                 c.name if c.unit == "1" and naming.column(c.name).name == c.name else f"{c.name} [{c.unit}]"
                 for c in record.channels
             ]
-            csv.writer(self._stream, lineterminator="\n").writerow(["time", *header])
-        for start in range(0, len(record), _LINES):
-            part = record.rows(start, start + _LINES)
-            times = map(seconds.text, part.t_ns.tolist())
-            rows = zip(times, part.values.tolist(), strict=True)
-            self._stream.write("".join(f"{t},{','.join(map(repr, row))}\n" if row else f"{t}\n" for t, row in rows))
-        self._stream.flush()
+            line = io.StringIO()
+            csv.writer(line, lineterminator="\n").writerow(["time", *header])
+            self._write([line.getvalue()])
+        self._write(_lines(record))
 
     def close(self, notes: Mapping[str, str]) -> None:
-        """Close the file; CSV has no place for notes."""
+        """Close the file; CSV has no place for notes. Raises RecordError where rows are missing."""
         if self._stream is not None:
             self._stream.close()
+        if self._broken:
+            raise RecordError("the file could not be written to its end", where=self._path)
+
+    def _write(self, lines: Iterable[str]) -> None:
+        assert self._stream is not None
+        end = self._stream.tell()
+        try:
+            for text in lines:
+                self._stream.write(text.encode())
+            self._stream.flush()
+        except OSError:
+            self._broken = True
+            with suppress(OSError):  # what it holds cannot be written now either
+                self._stream.close()
+            os.truncate(self._path, end)
+            raise
+
+
+def _lines(record: Record) -> Iterator[str]:
+    for start in range(0, len(record), _LINES):
+        part = record.rows(start, start + _LINES)
+        times = map(seconds.text, part.t_ns.tolist())
+        rows = zip(times, part.values.tolist(), strict=True)
+        yield "".join(f"{t},{','.join(map(repr, row))}\n" if row else f"{t}\n" for t, row in rows)

@@ -282,8 +282,12 @@ class Mdf4Sink:
                 file.header.comment = _NOTES + json.dumps(dict(notes))
             # the library knows no other suffix for MDF 4, and would write beside
             saved = self._path if self._path.lower().endswith(".mf4") else f"{self._path}.mf4"
-            file.save(saved, overwrite=True)
-        Path(saved).replace(self._path)
+            try:
+                file.save(saved, overwrite=True)
+                Path(saved).replace(self._path)
+            except BaseException:
+                Path(saved).unlink(missing_ok=True)
+                raise
 
 
 def _noted(comment: str) -> dict[str, str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from types import MappingProxyType, TracebackType
 from typing import final
 
@@ -67,18 +67,21 @@ class Writer:
 
     def close(self, notes: Mapping[str, str] = MappingProxyType({})) -> None:
         """Finish the file. notes: go into its metadata, beside what the records brought; CSV has no place for them. May be
-        called twice."""
+        called twice. Raises RecordError where the disk is full."""
         try:
             for topic in [*self._empty]:
                 self._append(topic, self._empty.pop(topic))
         finally:
-            self._sink.close(notes)
+            self._told("the file", lambda: self._sink.close(notes))
 
     def _append(self, topic: str, record: Record) -> None:
+        self._told("rows", lambda: self._sink.append(topic, record))
+
+    def _told(self, what: str, write: Callable[[], None]) -> None:
         try:
-            self._sink.append(topic, record)
+            write()
         except OSError as error:  # a full disk has no name of a file
-            raise RecordError(f"rows cannot be written: {error.strerror or error}", where=self._path) from error
+            raise RecordError(f"{what} cannot be written: {error.strerror or error}", where=self._path) from error
 
     def __enter__(self) -> Writer:
         return self
