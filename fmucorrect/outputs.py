@@ -2,12 +2,13 @@
 
 A command calls `check_file` or `check_folder` before its first byte, with everything that it was told to read. What it then
 writes goes through `write` (beside the target, then renamed), or grows as a `Growing` file that keeps its rows whatever ends
-the run. That a command made what is there is known by its mark: a folder has a file `.fmucorrect`, a file carries
-`mark(command)` in itself, where its format has a place for it.
+the run. That a command made what is there, and that nobody has changed it since, is known by a file `.fmucorrect` in the same
+folder, which has the digest of each file. What is not noted there counts as the user's.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import secrets
@@ -15,36 +16,27 @@ import shutil
 import signal
 import stat
 import threading
-import zipfile
 from collections.abc import Generator, Iterable, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import final
+from typing import Any, final
 
 from fmucorrect.companions import files_of, names
-from fmucorrect.errors import OutputError
+from fmucorrect.errors import OutputError, few
 
 Inputs = Iterable[tuple[str, Path | None]]
 """What is read: what it is, as "the corrector", and its file; None where there is none."""
 
 MARKER = ".fmucorrect"
-"""The file in a folder that says which commands made it."""
+"""The file in a folder that says which commands made the folder, and what single files in it are as a command wrote them."""
 
 FACTS = "resources/fmucorrect.json"
 """The entry of a wrapped FMU in which `fmucorrect wrap` says what the solver and the corrector inside are."""
 
-_HEAD = 65536
-"""Bytes at the beginning of a file among which its mark stands: HTML's <head>, JSON's first keys, MCAP's header."""
-
-
-def mark(command: str) -> str:
-    """What a file that `command` made carries in itself; nothing that a text would say by chance."""
-    return f"fmucorrect:{command}"
-
 
 def check_file(out: Path, inputs: Inputs, command: str, overwrite: bool, parents: bool = False) -> None:
-    """Raises OutputError where `out` is an input, a folder, or there already and not made by `command`, and where there is no
-    folder for it. parents: that folder will be made."""
+    """Raises OutputError where `out` is an input, a folder, or there already and not as `command` wrote it, and where there is
+    no folder for it. parents: that folder will be made."""
     if out.is_dir():
         raise OutputError("this is a folder", where=str(out), expected="the name of the file to write")
     _none_is_read([(out, out)], inputs)
@@ -52,9 +44,9 @@ def check_file(out: Path, inputs: Inputs, command: str, overwrite: bool, parents
         raise OutputError(
             f"there is no folder {out.parent}", where=str(out), remedy="Make it, or choose another name for -o."
         )
-    if not overwrite and _is_there(out) and not _made_by(out, command):
+    if not overwrite and _is_there(out) and not (_as_written(out) and _note_of(out)["by"] == command):
         raise OutputError(
-            f"this file is there already, and may hold more than what `fmucorrect {command}` writes",
+            f"this file is there already, and nothing says that it is still as `fmucorrect {command}` wrote it",
             where=str(out),
             remedy="Choose another name for -o, or give --overwrite (overwrite=True in Python).",
         )
@@ -85,8 +77,9 @@ def check_folder(
     away_from: Path | None = None,
     of: Sequence[Path] = (),
 ) -> None:
-    """Raises OutputError where `out` is a file, where one of what it `writes` there is an input, and where it holds something
-    and neither `command` nor one of those it is `shared` with made it, or made it of other files than these.
+    """Raises OutputError where `out` is a file, where one of what it `writes` there is an input, where it holds something
+    and neither `command` nor one of those it is `shared` with made it, or made it of other files than these, and where one of
+    what it `writes` is there and was changed since it was written.
 
     writes: names in `out`; a folder's name ends with "/", and everything in it counts as written. away_from: a file beside
     which nothing is written at all. of: studies.
@@ -98,19 +91,28 @@ def check_folder(
             f"this folder holds {away_from.name} itself", where=str(out), remedy="Choose another folder for -o."
         )
     _none_is_read([(out / name, out / name) for name in (*writes, MARKER)], inputs)
-    if not overwrite and out.is_dir() and any(out.iterdir()) and {command, *shared}.isdisjoint(_makers(out)):
+    if overwrite or not out.is_dir() or all(item.name == MARKER for item in out.iterdir()):
+        return
+    remedy = "Choose another folder for -o, or give --overwrite: files of the same names in it are then replaced."
+    if {command, *shared}.isdisjoint(_makers(out)):
         raise OutputError(
-            f"this folder is not empty, and `fmucorrect {command}` did not make it",
-            where=str(out),
-            remedy="Choose another folder for -o, or give --overwrite: files of the same names in it are then replaced.",
+            f"this folder is not empty, and `fmucorrect {command}` did not make it", where=str(out), remedy=remedy
         )
     others = _noted(out, "of")
-    if not overwrite and of and others and {*others}.isdisjoint(_from(out, of)):
+    if of and others and {*others}.isdisjoint(_from(out, of)):
         raise OutputError(
             f"this folder holds what was made of {', '.join(others)}",
             where=str(out),
             expected=f"what was made of {', '.join(_from(out, of))}",
-            remedy="Choose another folder for -o, or give --overwrite: files of the same names in it are then replaced.",
+            remedy=remedy,
+        )
+    changed = [name for name in writes if _is_there(out / name) and not _as_written(out / name)]
+    if changed:
+        raise OutputError(
+            f"nothing says that {few(changed)} in it {'are' if len(changed) > 1 else 'is'} still as fmucorrect wrote "
+            f"{'them' if len(changed) > 1 else 'it'}",
+            where=str(out),
+            remedy=f"Keep what is yours in it under another name. {remedy}",
         )
 
 
@@ -119,21 +121,20 @@ def make_folder(out: Path, command: str, of: Sequence[Path] = ()) -> None:
     out.mkdir(parents=True, exist_ok=True)
     makers, others, ours = _makers(out), _noted(out, "of"), _from(out, of)
     left = [] if ours and {*others}.isdisjoint(ours) else others  # what is of others alone is written over
-    noted = {"made_by": [*dict.fromkeys([*makers, command])], "of": [*dict.fromkeys([*left, *ours])]}
-    if noted != {"made_by": makers, "of": others}:
-        write(out / MARKER, json.dumps({"format": 1, **noted}) + "\n")
+    _mark(out, made_by=[*dict.fromkeys([*makers, command])], of=[*dict.fromkeys([*left, *ours])])
 
 
-def write(path: str | Path, content: str | bytes) -> Path:
+def write(path: str | Path, content: str | bytes, by: str = "") -> Path:
     """Write a whole file, text as UTF-8: either the new one is there afterwards, or what was there before.
 
-    A link is followed. What is no regular file (a terminal, a pipe) is written to as it is. Raises OSError.
+    by: the command whose single file it is; "" for one of a folder's. A link is followed. What is no regular file (a
+    terminal, a pipe) is written to as it is. Raises OSError.
     """
     data = content.encode() if isinstance(content, str) else content
     if Path(path).exists() and not Path(path).is_file():
         Path(path).write_bytes(data)
         return Path(path)
-    with undisturbed(), Replacing(path) as beside:
+    with undisturbed(), Replacing(path, by) as beside:
         beside.write_bytes(data)
     return Path(path)
 
@@ -159,9 +160,12 @@ def undisturbed() -> Generator[None]:
 @final
 class Replacing:
     """`with Replacing(path) as beside:` gives a new file's name to write to, which becomes `path` at the end of the block, and
-    is gone after an exception. The file is this process's own: created here, under a name that was free."""
+    is gone after an exception. The file is this process's own: created here, under a name that was free. An OSError in the
+    block that names no file, as that of a full disk, names `path`."""
 
-    def __init__(self, path: str | Path) -> None:
+    def __init__(self, path: str | Path, by: str = "") -> None:
+        """by: as in `write`."""
+        self._path, self._by = path, by
         self._target = _real(Path(path))
         self._beside = self._target.with_name(f".{secrets.token_hex(6)}.partial{self._target.suffix}")
 
@@ -172,9 +176,11 @@ class Replacing:
     def __exit__(self, kind: type[BaseException] | None, error: object, traceback: object) -> None:
         with undisturbed():
             if kind is None:
-                _rename(self._beside, self._target)
+                _rename(self._beside, self._target, self._by)
             else:
                 self._beside.unlink(missing_ok=True)
+        if isinstance(error, OSError) and error.filename is None:
+            error.filename = str(self._path)
 
 
 @final
@@ -182,10 +188,10 @@ class Growing:
     """A file that is worth keeping before it is finished, at `beside`, `<stem>.partial<suffix>` in the target's folder; where
     that is taken, with a number behind `partial`. A killed process leaves it there."""
 
-    def __init__(self, path: Path) -> None:
-        """Creates the file. Raises OSError where it cannot."""
+    def __init__(self, path: Path, suffix: str) -> None:
+        """suffix: of `beside`. Creates the file. Raises OSError where it cannot."""
         self._target = _real(path)
-        stem, suffix = self._target.stem, self._target.suffix
+        stem = self._target.stem
         number = 1
         while True:
             self.beside = self._target.with_name(f"{stem}.partial{number if number > 1 else ''}{suffix}")
@@ -195,9 +201,9 @@ class Growing:
             except FileExistsError:
                 number += 1
 
-    def finish(self) -> None:
-        """It becomes the target."""
-        _rename(self.beside, self._target)
+    def finish(self, by: str) -> None:
+        """It becomes the target, a file of the command `by`."""
+        _rename(self.beside, self._target, by)
 
     def discard(self) -> None:
         """It is gone."""
@@ -213,10 +219,25 @@ def _create(path: Path) -> None:
     os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
 
 
-def _rename(beside: Path, target: Path) -> None:
+def _rename(beside: Path, target: Path, by: str) -> None:
     if target.exists():
         shutil.copymode(target, beside)
+    if target.name != MARKER and (by or any((folder / MARKER).is_file() for folder in target.parents)):
+        # a process that is killed before the file takes its place leaves the last one, whose digest stays with the new one
+        digests = [*_note_of(target)["sha256"][-1:], _digest(beside)]
+        with suppress(OSError):  # a file that is not noted is not written over unasked
+            _mark(target.parent, wrote={**_wrote(target.parent), target.name: {"by": by, "sha256": digests}})
     beside.replace(target)
+
+
+def _mark(folder: Path, **noted: Any) -> None:
+    """Note this in a folder's marker beside what it has. Raises OSError."""
+    marker = folder / MARKER
+    known = _marker(folder)
+    new = {"format": 1, **known, **noted}
+    if new != known:
+        with Replacing(marker) as beside:
+            beside.write_text(json.dumps(new) + "\n", encoding="utf-8")
 
 
 def _none_is_read(targets: Sequence[tuple[Path, Path]], inputs: Inputs) -> None:
@@ -256,17 +277,28 @@ def _is_there(out: Path) -> bool:
     return stat.S_ISREG(found.st_mode) and found.st_size > 0
 
 
-def _made_by(out: Path, command: str) -> bool:
-    wanted = mark(command).encode()
-    with out.open("rb") as stream:
-        head = stream.read(_HEAD)
-    if not head.startswith(b"PK"):
-        return wanted in head
-    try:
-        with zipfile.ZipFile(out) as archive:
-            return wanted in archive.open(FACTS).read(_HEAD)
-    except (OSError, zipfile.BadZipFile, KeyError, ValueError, NotImplementedError, RuntimeError):
-        return False  # no FMU of ours, whatever it is
+def _as_written(path: Path) -> bool:
+    """Whether a file is as its folder's marker has it."""
+    return _digest(path) in _note_of(path)["sha256"]
+
+
+def _digest(path: Path) -> str:
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def _note_of(path: Path) -> dict[str, Any]:
+    """What is noted of a file: `by`, its command, and `sha256`, the digests that it may have."""
+    real = _real(path)
+    found = _wrote(real.parent).get(real.name)
+    well = isinstance(found, dict) and isinstance(found.get("sha256"), list)
+    return {"by": "", "sha256": [], **(found if well else {})}
+
+
+def _wrote(folder: Path) -> dict[str, Any]:
+    """The notes of single files in a folder's marker."""
+    found = _marker(folder).get("wrote")
+    return found if isinstance(found, dict) else {}
 
 
 def _makers(out: Path) -> list[str]:
@@ -284,8 +316,14 @@ def _from(out: Path, of: Sequence[Path]) -> list[str]:
 
 def _noted(out: Path, key: str) -> list[str]:
     """A list of texts in a folder's marker; empty where it has none."""
+    found = _marker(out).get(key)
+    return [str(name) for name in found] if isinstance(found, list) else []
+
+
+def _marker(folder: Path) -> dict[str, Any]:
+    """What a folder's marker says; nothing where there is none that can be read."""
     try:
-        found = json.loads((out / MARKER).read_bytes())
-        return [str(name) for name in found[key]]
-    except (OSError, ValueError, TypeError, LookupError, RecursionError):
-        return []
+        found = json.loads((folder / MARKER).read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return found if isinstance(found, dict) else {}

@@ -294,6 +294,7 @@ class _Recorder:
     def __init__(
         self,
         file: Writer,
+        command: str,
         notes: Mapping[str, str],
         by: Mapping[str, str],
         added: int,
@@ -302,9 +303,11 @@ class _Recorder:
     ) -> None:
         """notes: metadata of what is written. by: what made it. added: columns of the correction, behind the simulation's.
         several: whether the file takes several topics."""
-        self._file, self._notes, self._by, self._added, self._several = file, notes, by, added, several
+        self._file, self._command = file, command
+        self._notes, self._by, self._added, self._several = notes, by, added, several
         self._progress = progress
         self.rows, self.first_ns, self.last_ns = 0, 0, 0
+        self._like: Record | None = None  # the channels and metadata of what is written, without rows
         self.counts = np.zeros(len(Status), np.int64)
 
     @property
@@ -314,8 +317,17 @@ class _Recorder:
         return (SIMULATION, CORRECTED) if self._several else (CORRECTED,)
 
     def close(self, notes: Mapping[str, str] = MappingProxyType({})) -> None:
-        """Finish the file, with these notes beside what made it."""
+        """Finish the file that grows, with these notes beside what made it. Raises RecordError."""
         self._file.close({**self._by, **notes})
+
+    def turn_into(self, out: Path, growing: outputs.Growing, notes: Mapping[str, str] = MappingProxyType({})) -> None:
+        """Make `out` of the closed file that grew, with the notes that it was closed with. Raises RecordError, OSError."""
+        if growing.beside.suffix == out.suffix:
+            growing.finish(self._command)
+        elif self._like is not None:
+            with outputs.Replacing(out, self._command) as whole:
+                records.rewrite(growing.beside, whole, self.topics[0], self._like, {**self._by, **notes}, becomes=out)
+            growing.discard()
 
     def take(self, result: Record) -> None:
         """Write rows down. Of rows with NaN or Inf, those before are written, then the file refuses the others."""
@@ -339,7 +351,8 @@ class _Recorder:
             self._file.write(CORRECTED, result.select(result.names[simulated:]))
         if self._added:
             self.counts += np.bincount(result["corrector_status"].astype(np.int64), minlength=len(Status))
-        self.first_ns = self.first_ns if self.rows else int(result.t_ns[0])
+        if not self.rows:
+            self._like, self.first_ns = result.rows(0, 0), int(result.t_ns[0])
         self.last_ns = int(result.t_ns[-1])
         self.rows += len(result)
         if self._progress is not None:
@@ -350,32 +363,35 @@ class _Recorder:
 def _recording(
     out: Path, command: str, notes: Mapping[str, str], by: Mapping[str, str], added: int, progress: Progress | None
 ) -> Generator[_Recorder]:
-    """A record file that grows beside `out` and takes its place at the end. What breaks the block off is noted in the file,
-    which takes its place all the same, and the error says how many rows there are and where."""
+    """A record file that grows beside `out` and takes its place at the end, or from which `out` is made, where that is of a
+    format that can only be written at its end. What breaks the block off is noted in the file, which takes its place all the
+    same, and the error says how many rows there are and where."""
     try:
-        growing = outputs.Growing(out)
+        growing = outputs.Growing(out, out.suffix if out.suffix.lower() in records.GROWING else ".csv")
     except OSError as error:
         raise RecordError(f"the file cannot be written: {error.strerror}", where=str(out)) from error
     recorder: _Recorder | None = None
+    whole = False
     try:
-        file = records.writer(growing.beside, made_by=outputs.mark(command), becomes=out)
-        recorder = _Recorder(file, notes, by, added, out.suffix.lower() == ".mcap", progress)
+        file = records.writer(growing.beside, becomes=out)
+        recorder = _Recorder(file, command, notes, by, added, out.suffix.lower() == ".mcap", progress)
         yield recorder
         if not recorder.rows:
             raise RecordError("there was nothing to run: the input has no rows", where=str(out))
+        whole = True
         with outputs.undisturbed():
             recorder.close()
-            growing.finish()
+            recorder.turn_into(out, growing)
     except BaseException as error:
         with outputs.undisturbed():
-            if recorder is None or not _kept(recorder, growing, out, error):
+            if recorder is None or not _kept(recorder, growing, out, error, whole):
                 growing.discard()
         raise
 
 
-def _kept(recorder: _Recorder, growing: outputs.Growing, out: Path, error: BaseException) -> bool:
+def _kept(recorder: _Recorder, growing: outputs.Growing, out: Path, error: BaseException, whole: bool) -> bool:
     """Close the file of a run that `error` broke off, with what it had finished: whether there was anything to keep. The
-    error's notes say how much, and where."""
+    error's notes say how much, and where. whole: all rows were written, and it is `out` that could not be made."""
     with suppress(FmucorrectError, OSError):  # of the rest, when it cannot be written either, the error is told already
         rows = finished_rows(error)
         if rows is not None:
@@ -384,17 +400,18 @@ def _kept(recorder: _Recorder, growing: outputs.Growing, out: Path, error: BaseE
         why = "ended from outside, by Ctrl-C or SIGTERM"
     else:
         why = str(error) or type(error).__name__
-    where, says = out, "which says that it is not complete"
-    try:
-        recorder.close({"complete": "false", "why": why})
-    except (FmucorrectError, OSError):  # a full disk: what was finished can be read without an end
-        where, says = growing.beside, "which has no end"
+    notes = {"complete": "false", "why": why}
+    same = growing.beside.suffix == out.suffix
+    where, says = growing.beside, "which has no end" if same else f"of which {out.name} could not be made"
+    if text := not whole and out.suffix.lower() == ".csv":
+        says = "under that name since CSV has no place to say that it is not complete"
+    with suppress(FmucorrectError, OSError):  # a full disk: what was finished can be read without an end
+        recorder.close(notes)
+        if recorder.rows and not (whole or text):
+            recorder.turn_into(out, growing, notes)
+            where, says = out, "which says that it is not complete"
     if not recorder.rows:
         return False
-    if out.suffix.lower() == ".csv":
-        where, says = growing.beside, "under that name since CSV has no place to say that it is not complete"
-    if where == out:
-        growing.finish()
     rows = f"the {recorder.rows} finished rows, up to t = {recorder.last_ns / NANOSECONDS:.16g} s,"
     error.add_note(f"Kept: {rows} are in {where}, {says}.")
     return True
@@ -432,7 +449,7 @@ def _write(
                 def sink(rows: Record) -> None:
                     rows = sources.solved(rows, source, len(plant.channels))
                     if live is not None and not recorder.rows:
-                        outputs.write(layout_path(out), live_layout(rows, outputs.mark(command)))
+                        outputs.write(layout_path(out), live_layout(rows), command)
                     recorder.take(rows)
                     if live is not None:
                         live.take(rows)

@@ -53,7 +53,7 @@ Corners = dict[str, tuple[float, float, float, float]]
 def seal(model: str | Path | onnx.ModelProto, study: Study, path: str | Path, *, overwrite: bool = False) -> Bundle:
     """Makes a bundle at `path` of `model`, with the channels, sample time, conditions and hash of `study`, and opens it. Warns
     (logging, "fmucorrect") where the network is worse than the simulation in a development condition. overwrite: whether a
-    file that is there and was not sealed is replaced.
+    file that is there and is not as `seal` wrote it is replaced.
 
     Raises BundleError where the network does not fit the study or the contract; OutputError where `path` is the network, what
     the study reads, or there already; StudyError for a study of which nothing sensible can be learned, and what simulation and
@@ -63,7 +63,7 @@ def seal(model: str | Path | onnx.ModelProto, study: Study, path: str | Path, *,
     where = str(model) if isinstance(model, str | Path) else str(path)
     outputs.check_ending(path, "a bundle is written", [".onnx"])
     own = Path(model) if isinstance(model, str | Path) else None
-    outputs.check_file(path, [("the network", own), *study.files()], "seal", overwrite or _was_sealed(path))
+    outputs.check_file(path, [("the network", own), *study.files()], "seal", overwrite)
     network = _Network.read(model, where, study)
     pairs = screen(study).pairs
     info = replace(about(study, pairs), rows=network.rows, state=network.state)
@@ -82,16 +82,8 @@ def seal(model: str | Path | onnx.ModelProto, study: Study, path: str | Path, *,
     if worse:
         _log.warning("%s: worse than the simulation at %s", path, ", ".join(worse))
     info = replace(info, evaluation={_SEALED: figures, f"{_SEALED}, simulated": bare})
-    outputs.write(path, bundle.completed(network.filled(info, _rms(left)), info, inputs, where))
+    outputs.write(path, bundle.completed(network.filled(info, _rms(left)), info, inputs, where), "seal")
     return bundle.load(path)
-
-
-def _was_sealed(path: Path) -> bool:
-    """Whether a file is a bundle that `seal` made: the same again, and not what took hours to train."""
-    try:
-        return path.is_file() and _SEALED in bundle.load(path).info.evaluation
-    except BundleError:
-        return False
 
 
 def evaluate(item: Pair, model: Bundle) -> Comparison:

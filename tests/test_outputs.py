@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -20,7 +22,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from fmucorrect import cli, outputs, records, runs
-from fmucorrect.errors import FmucorrectError, FmuError, OutputError, RecordError, SignalError
+from fmucorrect.errors import FmucorrectError, FmuError, MissingExtra, OutputError, RecordError, SignalError
 from fmucorrect.signals import Channel, Condition, Record
 from fmucorrect.stepper import CorrectedStepper, ReplayStepper, Step
 from fmucorrect.study import load_study
@@ -49,7 +51,10 @@ def place(tmp_path: Path) -> Path:
 
 
 def content(folder: Path) -> dict[Path, str]:
-    files = [path for path in folder.rglob("*") if path.is_file() and not path.is_symlink()]
+    """Digests of the files, but for what is noted of them."""
+    files = [
+        path for path in folder.rglob("*") if path.is_file() and not path.is_symlink() and path.name != outputs.MARKER
+    ]
     return {path: hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
 
 
@@ -241,7 +246,7 @@ def test_a_folder_is_known_by_its_mark(tmp_path: Path) -> None:
     out.mkdir()
     check("train")  # empty
     outputs.make_folder(out, "train")
-    (out / "page.html").write_text("")
+    outputs.write(out / "page.html", "")
     check("train")
     check("compare", "train")
     with pytest.raises(OutputError, match="--overwrite"):
@@ -260,7 +265,7 @@ def test_what_was_made_of_another_study_asks_for_overwrite(tmp_path: Path) -> No
         outputs.check_folder(out, ("page.html",), [], "train", overwrite, shared=("compare",), of=of)
 
     outputs.make_folder(out, "compare", [one])
-    (out / "page.html").write_text("")
+    outputs.write(out / "page.html", "figures")
     check(one)
     check(other, one)
     check(other, overwrite=True)
@@ -273,11 +278,91 @@ def test_what_was_made_of_another_study_asks_for_overwrite(tmp_path: Path) -> No
     check(other)
     with pytest.raises(OutputError, match="made of"):
         check(one)
-    (out / outputs.MARKER).write_text('{"format": 1, "made_by": ["train"]}')  # of an older version
-    check(one)
 
 
-@pytest.mark.parametrize("suffix", [".csv", ".mcap", ".mat"])
+def test_what_was_changed_in_a_folder_asks_for_overwrite(tmp_path: Path) -> None:
+    out, files = tmp_path / "out", ("card.md", "one/corrector.onnx", "work/")
+
+    def check(overwrite: bool = False) -> None:
+        outputs.check_folder(out, files, [], "train", overwrite)
+
+    outputs.make_folder(out, "train")
+    (out / "one").mkdir()
+    (out / "work").mkdir()
+    for name in files[:2]:
+        outputs.write(out / name, "first")
+        outputs.write(out / name, "second")
+    (out / "work" / "kept").write_text("what a command keeps for itself")
+    (out / "notes.txt").write_text("of no command")
+    check()
+    shutil.copytree(out, tmp_path / "copy")
+    outputs.check_folder(tmp_path / "copy", files, [], "train", False)
+    for name in files[:2]:
+        (out / name).write_text("MY NOTES")
+        with pytest.raises(OutputError, match=f"{name} in it is still as fmucorrect wrote it.*--overwrite"):
+            check()
+        check(overwrite=True)
+        outputs.write(out / name, "third")
+        check()
+    noted = (out / outputs.MARKER).read_bytes()
+    (out / outputs.MARKER).write_text('{"format": 1, "made_by": ["train"]}')  # an older version noted no files
+    with pytest.raises(OutputError, match=r"card\.md"):
+        check()
+    (out / outputs.MARKER).write_bytes(noted)
+    (out / "card.md").unlink()
+    check()
+
+
+def test_a_file_that_is_about_to_be_replaced_stays_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A process may be killed between its note and its file."""
+    path = tmp_path / "page.html"
+    outputs.write(path, "first", "diagnose")
+
+    def killed(self: Path, target: Path) -> None:
+        if target == path:
+            raise Stops
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "replace", killed)
+        with pytest.raises(Stops):
+            outputs.write(path, "second", "diagnose")
+    assert path.read_text() == "first"
+    outputs.check_file(path, [], "diagnose", False)
+    with pytest.raises(OutputError, match="--overwrite"):
+        outputs.check_file(path, [], "inspect", False)
+
+
+@pytest.mark.parametrize(
+    "told", ["[]", "{", '{"wrote": 1}', '{"wrote": {"a.txt": 1}}', '{"wrote": {"a.txt": {"sha256": 1}}}']
+)
+def test_a_marker_that_says_nothing_lets_nothing_be_written_over(tmp_path: Path, told: str) -> None:
+    (tmp_path / "a.txt").write_text("mine")
+    (tmp_path / outputs.MARKER).write_text(told)
+    with pytest.raises(OutputError, match="--overwrite"):
+        outputs.check_file(tmp_path / "a.txt", [], "inspect", False)
+    outputs.write(tmp_path / "a.txt", "ours", "inspect")
+    outputs.check_file(tmp_path / "a.txt", [], "inspect", False)
+
+
+@pytest.mark.parametrize("command", ["wrap", "inspect", "diagnose", "new"])
+def test_a_file_that_was_edited_asks_for_overwrite(place: Path, command: str) -> None:
+    fmu = place / "rig" / "roller_rig.fmu"
+    measured = place / "rig" / "A" / "measured_385.mcap"
+    arguments = (commands(place) | {"new": (["new", fmu, measured], [])})[command][0]
+    out = place / f"out{ {'wrap': '.fmu', 'diagnose': '.html', 'new': '.toml'}.get(command, '.txt') }"
+    for _ in range(2):
+        told = call(*arguments, "-o", out).output
+        assert "--overwrite" not in told, told
+    assert out.is_file()
+    mine = out.read_bytes() + b"\n# mine\n"
+    out.write_bytes(mine)
+    result = call(*arguments, "-o", out)
+    assert result.exit_code == 2
+    assert "--overwrite" in result.output
+    assert out.read_bytes() == mine
+
+
+@pytest.mark.parametrize("suffix", records.SUFFIXES)
 def test_a_record_of_somebody_else_asks_for_overwrite(place: Path, suffix: str) -> None:
     study, out = place / "rig" / "A" / "study.toml", place / f"theirs{suffix}"
     with records.writer(out) as file:  # made by this very library, but by no run
@@ -290,7 +375,11 @@ def test_a_record_of_somebody_else_asks_for_overwrite(place: Path, suffix: str) 
     assert out.read_bytes() == theirs
     assert call(*arguments, "--overwrite").exit_code == 0
     assert len(records.read(out)) == 11
-    assert (call(*arguments).exit_code == 0) == (suffix == ".mcap")  # which says that a run made it
+    assert call(*arguments).exit_code == 0  # nobody has changed it since
+    mine = out.read_bytes() + b"my notes"
+    out.write_bytes(mine)
+    assert call(*arguments).exit_code == 2
+    assert out.read_bytes() == mine
 
 
 def test_what_a_program_makes_of_a_run_is_no_run(place: Path) -> None:
@@ -405,14 +494,14 @@ def through(plant: object, out: Path, corrected: bool, place: Path, rows: int = 
 
 
 @pytest.mark.parametrize("corrected", [False, True])
-@pytest.mark.parametrize("suffix", [".mcap", ".csv", ".tdms", ".parquet"])
+@pytest.mark.parametrize("suffix", records.SUFFIXES)
 @pytest.mark.parametrize("row", [700, 1024, 2047])
 def test_every_row_before_a_failure_is_kept(place: Path, suffix: str, corrected: bool, row: int) -> None:
     out, whole = place / f"out{suffix}", place / f"whole{suffix}"
-    before = set(place.iterdir())
+    before = set(content(place))
     with pytest.raises(FmuError, match="gave up") as caught:
         through(Failing(row), out, corrected, place)
-    (made,) = set(place.iterdir()) - before
+    (made,) = set(content(place)) - before
     assert made.name == ("out.partial.csv" if suffix == ".csv" else out.name)
     (note,) = caught.value.__notes__
     assert f"{row} finished rows" in note
@@ -475,12 +564,79 @@ def test_an_error_carries_its_corrected_rows(place: Path) -> None:
     assert len(wrong.value.finished) == 2
 
 
+def figures(note: str) -> tuple[int, str]:
+    """How many rows were kept as a note says, and in which file."""
+    found = re.search(r"Kept: the (\d+) finished rows, .* are in (\S+), ", note)
+    assert found is not None, note
+    return int(found[1]), found[2]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="no limit of a file's size elsewhere")
+@pytest.mark.parametrize("older", [False, True])
+@pytest.mark.parametrize("suffix", records.SUFFIXES)
+def test_a_full_disk_leaves_the_older_file_and_the_rows_that_were_told(place: Path, suffix: str, older: bool) -> None:
+    import resource
+
+    out, whole = place / f"out{suffix}", place / "whole.mcap"
+    through(ReplayStepper(bundles.CHANNELS), whole, True, place, 20_000)
+    if older:
+        through(ReplayStepper(bundles.CHANNELS), out, True, place, 100)
+    before = content(place)
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, limits[1]))
+    try:
+        with pytest.raises(RecordError) as caught:
+            through(ReplayStepper(bundles.CHANNELS), out, True, place, 20_000)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert str(out) in str(caught.value)
+    rows, kept = figures(caught.value.__notes__[0])
+    assert ".partial" in kept
+    assert set(content(place)) - set(before) == {Path(kept)}
+    assert content(place).items() >= before.items()
+    read, wanted = records.read(kept, ["FW_corrected"]), records.read(whole, ["FW_corrected"])
+    assert len(read) >= rows > 0
+    assert np.array_equal(read.values, wanted.values[: len(read)])
+
+
+@pytest.mark.parametrize("suffix", [suffix for suffix in records.SUFFIXES if suffix not in records.GROWING])
+def test_rows_stay_where_the_file_cannot_be_made_of_them(
+    place: Path, suffix: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = place / f"out{suffix}"
+    through(ReplayStepper(bundles.CHANNELS), out, False, place, 100)
+    before = content(place)
+
+    def full(rows: Path, path: Path, *_: object, **__: object) -> None:
+        path.write_bytes(b"half of it")
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as patched:
+        patched.setattr(records, "rewrite", full)
+        with pytest.raises(OSError, match=re.escape(f"'{out}'")) as caught:
+            through(ReplayStepper(bundles.CHANNELS), out, False, place)
+    rows, kept = figures(caught.value.__notes__[0])
+    assert f"of which {out.name} could not be made" in caught.value.__notes__[0]
+    assert content(place).items() >= before.items()
+    assert len(records.read(kept)) == rows == 3000
+
+
+def test_what_a_library_is_missing_for_is_told_before_the_run(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    before = content(place)
+    with pytest.raises(MissingExtra, match="pyarrow"):
+        through(Failing(0), place / "out.parquet", False, place)
+    assert content(place) == before
+
+
+@pytest.mark.parametrize("suffix", [".mcap", ".mat"])
 @pytest.mark.parametrize(
     ("number", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, 130), (signal.SIGKILL, -signal.SIGKILL)]
 )
 @pytest.mark.skipif(os.name != "posix", reason="other signals elsewhere")
-def test_a_stopped_run_leaves_a_file_that_can_be_read(place: Path, number: int, code: int) -> None:
-    out, partial = place / "out.mcap", place / "out.partial.mcap"
+def test_a_stopped_run_leaves_a_file_that_can_be_read(place: Path, number: int, code: int, suffix: str) -> None:
+    out = place / f"out{suffix}"
+    partial = place / f"out.partial{suffix if suffix in records.GROWING else '.csv'}"
     study = place / "rig" / "A" / "study.toml"
     before = content(place)
     command = [
@@ -510,7 +666,8 @@ def test_a_stopped_run_leaves_a_file_that_can_be_read(place: Path, number: int, 
     kept = partial if number == signal.SIGKILL else out
     assert set(content(place)) - set(before) == {kept}
     contents = records.describe(kept)
-    assert contents.truncated == (number == signal.SIGKILL)
+    if suffix in records.GROWING:  # a last line of text may by chance be whole
+        assert contents.truncated == (number == signal.SIGKILL)
     rows = contents.topics[0].extent.rows
     assert rows > 1000
     if number != signal.SIGKILL:

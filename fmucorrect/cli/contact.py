@@ -93,7 +93,7 @@ def contact(
     table = make_contact_table(pair, np.arange(-half, half + 1) * step * 1e-3, smoothing)
     names = Path(wheel).name, Path(rail).name
     remarks = [*origin(*names, inclination, smooth, placement, smoothing), *findings(pair, table)]
-    write_contact_table(out, table, [outputs.mark("contact"), *remarks])
+    write_contact_table(out, table, remarks, "contact")
     say("\n".join([*remarks, f"{len(table.y)} rows written to {out}"]))
 
 

@@ -52,7 +52,7 @@ def new(
     with progress_bar(len(STEPS), "step", "drafting") as advance:
         found = draft(model, runs, references, lambda step: advance(1), reading)
     text = found.text(out)
-    outputs.write(out, text)
+    outputs.write(out, text, "new")
     inspected = inspection.inspect([out])
     say(inspected.text())
     guesses = text.count("  # guess:")  # behind a value; the head says what the mark means

@@ -269,16 +269,15 @@ def inspect(
         given = {name.replace("_", "-"): getattr(reading, name) or None for name in TOLD}
         ignored(given, "none of these is a record file; of a study's own records its [records] says so")
     found = inspection.inspect(paths, reading)
-    mark = {} if out is None else {"made_by": outputs.mark("inspect")}
     costs = _costs(found)
     if as_json:
-        text = json.dumps(mark | found.to_json() | {"discover": [cost.to_json() for cost in costs]}, indent=1)
+        text = json.dumps(found.to_json() | {"discover": [cost.to_json() for cost in costs]}, indent=1)
     else:
         text = "\n".join([found.text(), *(cost.text for cost in costs)])
     if out is None:
         say(text)
     else:
-        outputs.write(out, text + "\n")
+        outputs.write(out, text + "\n", "inspect")
     if found.misfits:
         raise UserError(f"{len(found.misfits)} thing{'s do' if len(found.misfits) > 1 else ' does'} not fit, see above")
 

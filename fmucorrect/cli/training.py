@@ -256,12 +256,11 @@ def diagnose(
         found = diagnosis.diagnose(the_study, advance)
     text = json.dumps(found.to_json(), indent=1)
     if out is not None and out.suffix == ".json":
-        marked = {"made_by": outputs.mark("diagnose")} | found.to_json()
-        outputs.write(out, json.dumps(marked, indent=1) + "\n")
+        outputs.write(out, text + "\n", "diagnose")
     elif out is not None:
         from fmucorrect.report.training import diagnosis_page
 
-        diagnosis_page.build(f"{the_study.name}: accelerometers", found).write(out)
+        diagnosis_page.build(f"{the_study.name}: accelerometers", found).write(out, "diagnose")
     say(text if as_json else diagnosis.table(found))
 
 

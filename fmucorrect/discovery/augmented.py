@@ -129,7 +129,8 @@ def write_model(study: Study, found: Found, out: Path) -> tuple[list[str], list[
     effects_file.write(found.effects, out / "effects.toml")
     written.append("effects.toml")
     try:
-        wrap(study.fmu, None, out / "augmented.fmu", effects_file=out / "effects.toml", made_by="discover")
+        model = out / "augmented.fmu"  # the folder was checked for it
+        wrap(study.fmu, None, model, effects_file=out / "effects.toml", overwrite=True, made_by="discover")
     except FmucorrectError as error:
         return written, [f"augmented.fmu was not written: {error}"]
     written.append("augmented.fmu")

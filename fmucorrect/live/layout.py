@@ -21,11 +21,9 @@ class Curve:
     label: str = ""
 
 
-def layout(
-    channels: Sequence[Channel], curves: Sequence[Curve], status: str = "", stamp: str = "", mark: str = ""
-) -> str:
+def layout(channels: Sequence[Channel], curves: Sequence[Curve], status: str = "", stamp: str = "") -> str:
     """The layout's JSON. status: `topic.field`, "" for none. stamp: the field that holds the sample time, where the time of
-    receipt does not say it. mark: what made the file."""
+    receipt does not say it."""
     panels: dict[str, dict[str, Any]] = {}
     for i, channel in enumerate(channels):
         panels[f"Plot!{i}"] = {
@@ -53,8 +51,7 @@ def layout(
             "isSynced": True,
         }
     config = {"configById": panels, "globalVariables": {}, "userNodes": {}, "playbackConfig": {"speed": 1}}
-    made = {"made_by": mark} if mark else {}
-    return json.dumps(made | config | {"layout": _stacked(list(panels))}, indent=1) + "\n"
+    return json.dumps(config | {"layout": _stacked(list(panels))}, indent=1) + "\n"
 
 
 def _timed(topic: str, stamp: str) -> dict[str, str]:

@@ -206,8 +206,8 @@ def _until(so: Callable[[], bool], seconds: float) -> None:
         time.sleep(0.01)
 
 
-def live_layout(result: Record, mark: str = "") -> str:
-    """The layout for a view of such results, as JSON; mark: what made it."""
+def live_layout(result: Record) -> str:
+    """The layout for a view of such results, as JSON."""
     topics = topics_of(result)
     fields = {topic: field_names(rows.names) for topic, rows in topics.items()}
     channels = topics[SIMULATION].channels
@@ -224,7 +224,7 @@ def live_layout(result: Record, mark: str = "") -> str:
             Curve(BAND, fields[BAND][:count], "band, lower end"),
             Curve(BAND, fields[BAND][count:], "band, upper end"),
         ]
-    return layout(channels, curves, status, _stamp(topics), mark)
+    return layout(channels, curves, status, _stamp(topics))
 
 
 def _stamp(topics: Mapping[str, Record]) -> str:

@@ -18,7 +18,7 @@ A path may be a folder (a bag of ROS 2, or MCAP files) or a pattern as `runs/*.m
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import _lru_cache_wrapper, lru_cache  # pyright: ignore[reportPrivateUsage]
 from os import PathLike, fspath
@@ -40,6 +40,9 @@ from fmucorrect.unchanged import state
 SUFFIXES = (".mcap", ".csv", ".parquet", ".mf4", ".mdf", ".tdms", ".mat")
 """The suffixes of files that can be read and written."""
 
+GROWING = (".mcap", ".csv", ".tdms")
+"""Those of files whose finished rows can be read while they are written; the others are files only at their end."""
+
 TEXT = (".txt", ".tsv", ".asc", ".tab", ".prn", ".csv.gz", ".txt.gz", ".tsv.gz", ".asc.gz", ".tab.gz")
 """Those of files that are read as CSV is; none is written."""
 
@@ -47,6 +50,7 @@ READ = (*SUFFIXES, *TEXT, ".lvm", ".h5", ".hdf5", ".hdf", ".nc", ".uff", ".unv",
 """The suffixes of files that can be read."""
 
 __all__ = [
+    "GROWING",
     "READ",
     "SUFFIXES",
     "damaged",
@@ -56,6 +60,7 @@ __all__ = [
     "has",
     "is_recording",
     "read",
+    "rewrite",
     "stream",
     "suffix_of",
     "topics",
@@ -125,22 +130,45 @@ def stream(
         source.close()
 
 
-def writer(path: str | PathLike[str], *, made_by: str = "", becomes: str | PathLike[str] | None = None) -> Writer:
+def writer(path: str | PathLike[str], *, becomes: str | PathLike[str] | None = None) -> Writer:
     """A file to write records to, over what may be there. To be used as a context manager.
 
-    made_by: what MCAP names as its writer, "fmucorrect" by default; other formats have no place for it. becomes: the name
-    that the file will have, for messages.
+    becomes: the name that the file will have, or that of the file that `rewrite` will make of it, for messages.
 
     MCAP takes several topics, the others one. A killed process leaves every finished `write` readable in MCAP, CSV and
-    TDMS; Parquet, MDF4 and .mat files are complete only once closed (the last two are held in memory until then). A
-    format other than MCAP makes no file when nothing is written.
+    TDMS (GROWING); Parquet, MDF4 and .mat files are complete only once closed (the last two are held in memory until
+    then): what must not be lost goes into CSV first, and through `rewrite`. A format other than MCAP makes no file when
+    nothing is written.
     """
     name = fspath(path if becomes is None else becomes)
-    suffix = _suffix(name, SUFFIXES)
+    suffix = _suffix(path, SUFFIXES)
+    if _suffix(name, SUFFIXES) != suffix:
+        _sink(_suffix(name, SUFFIXES), name)  # says now, and not at the end, that a library is missing
     try:
-        return Writer(_sink(suffix, fspath(path), made_by), name, topics=suffix == ".mcap")
+        return Writer(_sink(suffix, fspath(path)), name, topics=suffix == ".mcap")
     except OSError as error:
         raise RecordError(f"the file cannot be written: {error.strerror}", where=name) from error
+
+
+def rewrite(
+    rows: str | PathLike[str],
+    path: str | PathLike[str],
+    topic: str,
+    like: Record,
+    notes: Mapping[str, str],
+    *,
+    becomes: str | PathLike[str],
+) -> None:
+    """Write `path` with the rows of a CSV file that `writer` wrote, and the channels and metadata of `like`.
+
+    notes: as in `Writer.close`. becomes: as in `writer`. Raises RecordError.
+    """
+    from fmucorrect.records.csv import written
+
+    with writer(path, becomes=becomes) as file:
+        for block in written(fspath(rows)):
+            file.write(topic, replace(like, t_ns=block.t_ns, values=block.values))
+        file.close(notes)
 
 
 def topics(path: str | PathLike[str], reading: Reading = AS_IT_IS) -> tuple[Topic, ...]:
@@ -269,12 +297,10 @@ def _source(path: str | PathLike[str], reading: Reading) -> Guarded:
     return Guarded(name, lambda path: Opened(path, reading))
 
 
-def _sink(suffix: str, name: str, made_by: str) -> Sink:
+def _sink(suffix: str, name: str) -> Sink:
     if suffix == ".mcap":
-        from fmucorrect.records.mcap_writer import McapSink
-
-        return McapSink(name, made_by)
-    if suffix == ".csv":
+        from fmucorrect.records.mcap_writer import McapSink as Opened
+    elif suffix == ".csv":
         from fmucorrect.records.csv import CsvSink as Opened
     elif suffix == ".parquet":
         from fmucorrect.records.parquet import ParquetSink as Opened

@@ -244,12 +244,14 @@ def _behind_midnight(block: Block, days: int, last: int) -> tuple[Block, int, in
 def written(path: str) -> Iterator[Block]:
     """All rows of a finished file of CsvSink, to the last bit."""
     with Path(path).open(encoding="utf-8", newline="") as stream:
-        lines = csv.reader(stream)
-        next(lines)
-        while rows := [*islice(lines, _LINES)]:
+        columns = range(1, len(next(csv.reader(stream))))
+        while lines := [*islice(stream, _LINES)]:
             # without its point a time of nine decimals counts ns
-            t_ns = np.array([int(row[0].replace(".", "")) for row in rows], np.int64)
-            yield Block(t_ns, np.array([row[1:] for row in rows], np.float64))
+            t_ns = np.array([int(line.split(",", 1)[0].replace(".", "")) for line in lines], np.int64)
+            values = (
+                np.loadtxt(lines, delimiter=",", usecols=columns, ndmin=2) if columns else np.empty((len(lines), 0))
+            )
+            yield Block(t_ns, values)
 
 
 class CsvSink:

@@ -60,15 +60,14 @@ class _Written:
 class McapSink:
     """An MCAP file being written."""
 
-    def __init__(self, path: str, made_by: str = "") -> None:
-        """made_by: the header's `library`."""
+    def __init__(self, path: str) -> None:
         self._path = path
         self._topics: dict[str, _Written] = {}
         self._chunks: list[ChunkIndex] = []
         self._whole = True
         self._compressor = zstandard.ZstdCompressor(level=_LEVEL)
         self._stream = Path(path).open("wb")  # noqa: SIM115 (close() closes it)
-        self._stream.write(MAGIC + _bytes(Header(profile="", library=made_by or "fmucorrect")))
+        self._stream.write(MAGIC + _bytes(Header(profile="", library="fmucorrect")))
         self._stream.flush()
 
     def append(self, topic: str, record: Record) -> None:

@@ -201,9 +201,10 @@ def libraries(
     return files
 
 
-def write_fmu(path: Path, files: Mapping[str, bytes]) -> None:
-    """A zip file whose bytes depend on its content alone. It replaces an old one at once, never leaving half a file."""
-    with Replacing(path) as beside, zipfile.ZipFile(beside, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
+def write_fmu(path: Path, files: Mapping[str, bytes], by: str = "") -> None:
+    """A zip file whose bytes depend on its content alone. It replaces an old one at once, never leaving half a file. by: as in
+    `outputs.write`."""
+    with Replacing(path, by) as beside, zipfile.ZipFile(beside, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
         for name in sorted(files):
             entry = zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0))
             entry.create_system = 3

@@ -177,11 +177,9 @@ def wrap(
         notes += [*unsure, *_faults(parts.inner, made), *_start_notes(parts), *_condition_notes(parts)]
         progress("write")
         files |= _described(parts, outer, state.copy, state.serialise)
-        files[outputs.FACTS] = json.dumps(
-            {"made_by": outputs.mark(made_by)} | _facts(parts, proved, state), indent=1
-        ).encode()
+        files[outputs.FACTS] = json.dumps(_facts(parts, proved, state), indent=1).encode()
         out.parent.mkdir(parents=True, exist_ok=True)
-        compiler.write_fmu(out, files)
+        compiler.write_fmu(out, files, made_by)
     return Wrapped(out, parts.fmi, tuple(parts.platforms), proved, state, tuple(notes), out.stat().st_size)
 
 

@@ -28,13 +28,13 @@ def test_notes_given_at_the_end_are_metadata_of_what_is_read(tmp_path: Path, suf
     assert np.array_equal(read.values, record.values)
 
 
-def test_the_mcap_library_reads_notes_and_writer(tmp_path: Path) -> None:
+def test_the_mcap_library_reads_notes(tmp_path: Path) -> None:
     path = tmp_path / "file.mcap"
-    file = records.writer(path, made_by="fmucorrect:run")
+    file = records.writer(path)
     file.write("/x", Record(np.arange(3), np.zeros((3, 1)), (Channel("a"),)))
     file.close(NOTES)
     with path.open("rb") as stream:
         reader = make_reader(stream)
-        assert reader.get_header().library == "fmucorrect:run"
+        assert reader.get_header().library == "fmucorrect"
         assert [item.metadata for item in reader.iter_metadata()] == [NOTES]
         assert len(list(reader.iter_messages())) == 3

@@ -113,13 +113,14 @@ def make_contact_table(pair: WheelOnRail, y: Column, smoothing: Smoothing) -> Co
     )
 
 
-def write_contact_table(path: Path, table: ContactTable, comments: Sequence[str]) -> None:
-    """CSV: the comments as lines that begin with #, the columns' names, rows of numbers. Raises RecordError."""
+def write_contact_table(path: Path, table: ContactTable, comments: Sequence[str], by: str = "") -> None:
+    """CSV: the comments as lines that begin with #, the columns' names, rows of numbers. by: the command that
+    writes it, as in `outputs.write`. Raises RecordError."""
     rows = np.column_stack([getattr(table, name) for name in COLUMNS])
     lines = [f"# {line}" for line in comments] + [",".join(COLUMNS)]
     lines += [",".join(f"{value:.9g}" for value in row) for row in rows]
     try:
-        outputs.write(path, "\n".join(lines) + "\n")
+        outputs.write(path, "\n".join(lines) + "\n", by)
     except OSError as error:
         raise RecordError(f"the contact table cannot be written: {error.strerror}", where=str(path)) from error
 

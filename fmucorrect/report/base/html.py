@@ -116,10 +116,8 @@ class Row:
 class Page:
     """Collects parts in order; text() gives the file. Nothing that comes in is taken for HTML but Markup."""
 
-    def __init__(self, title: str, lead: str, kicker: str = "", made_by: str = "fmucorrect") -> None:
-        """lead: the sentence below the title, "" for none. made_by: what the page names as its generator; outputs.mark of a
-        command that writes pages by themselves."""
-        self._made_by = made_by
+    def __init__(self, title: str, lead: str, kicker: str = "") -> None:
+        """lead: the sentence below the title, "" for none."""
         self._title = title
         self._figures: dict[str, str] = {}
         self._sections: list[str] = []
@@ -318,7 +316,7 @@ class Page:
         parts = [f"<header>{top}</header>", self._contents(), f'<div class="body">{body}</div>']
         return (
             f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{escape(self._title)}</title>\n'
-            f'<meta name="generator" content="{escape(self._made_by)}">\n'
+            '<meta name="generator" content="fmucorrect">\n'
             '<meta name="viewport" content="width=device-width, initial-scale=1">\n<link rel="icon" href="data:,">\n'
             f"<style>\n{style}</style>\n</head>\n<body>\n<main>\n" + "\n".join(parts) + "\n</main>\n"
             f"{scripts}</body>\n</html>\n"
@@ -332,9 +330,9 @@ class Page:
         )
         return f'<nav aria-label="Contents"><ol>{links}</ol></nav>'
 
-    def write(self, path: Path) -> None:
-        """The whole file. Raises OSError where it cannot be written."""
-        outputs.write(path, self.text())
+    def write(self, path: Path, by: str = "") -> None:
+        """The whole file; by: as in `outputs.write`. Raises OSError where it cannot be written."""
+        outputs.write(path, self.text(), by)
 
 
 def _compact(view: View) -> str:

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from plotly import graph_objects as go
 
-from fmucorrect import outputs
 from fmucorrect.diagnosis import COHERENT, LOW_PASS, SEGMENT, Agreement, Diagnosis
 from fmucorrect.report.base.figures import colours, line, panels
 from fmucorrect.report.base.html import Page, Row
@@ -25,7 +24,7 @@ PROOF = (
 
 def build(title: str, diagnosis: Diagnosis) -> Page:
     """The page, ready to be written."""
-    page = Page(title, recommendation(diagnosis), kicker="fmucorrect diagnose", made_by=outputs.mark("diagnose"))
+    page = Page(title, recommendation(diagnosis), kicker="fmucorrect diagnose")
     page.warnings([finding.to_json() for finding in diagnosis.warnings])
     page.section(
         "Measured acceleration against the displacement's second derivative",
