@@ -1,5 +1,6 @@
 """Whole runs from a source to a record file: an FMU at a condition of a study, or a logged simulation, each chunk written
-as soon as it is there. Memory does not grow with the length, and a run that is broken off leaves its finished rows."""
+as soon as it is there. Memory does not grow with the length until .mf4, .mdf or .mat is made of all rows, and a run that is
+broken off leaves its finished rows."""
 
 from __future__ import annotations
 
@@ -116,8 +117,8 @@ def run_study(
     """Simulate a condition, through `corrector` where there is one, into a record file.
 
     duration: s from time zero, by default as long as the condition was measured; a simulated record is taken whole.
-    overwrite: whether `out` may be there already where nothing says that a run made it; an input it never may be
-    (OutputError). Whatever breaks a run off, its finished rows are in a file that says so: the error's notes name it.
+    overwrite: whether `out` may be there already where nothing says that it is still as a run wrote it; an input it never may
+    be (OutputError). Whatever breaks a run off, its finished rows are in a file that the error's notes name.
     live: shows the run while it runs, with a layout for Foxglove beside `out`; closed when the run is done.
     """
     _check(out, [*study.files(), ("the corrector", _path(corrector))], "run", overwrite, live)

@@ -95,7 +95,7 @@ def _reading_of(**told: Any) -> Reading:
 OVERWRITE = click.option(
     "--overwrite",
     is_flag=True,
-    help="Write over what is at -o already and this command did not make; never over an input.",
+    help="Write over what is at -o already and this command did not make, or was changed since; never over an input.",
 )
 
 

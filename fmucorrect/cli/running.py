@@ -129,8 +129,10 @@ def run(
 ) -> None:
     """Run the FMU of a STUDY at a condition, through a corrector, into a record file.
 
-    Topics /simulation and /corrected (the latter with a corrector only). While it runs the file is
-    called NAME.partial.SUFFIX; whatever breaks it off, the finished rows stay, in a file that says that it is not complete.
+    Topics /simulation and /corrected (the latter with a corrector only). While it runs the rows are in NAME.partial.SUFFIX;
+    for .parquet, .mf4, .mdf and .mat, which can only be written at their end, in NAME.partial.csv. Whatever breaks it off, the
+    finished rows stay: after an error, Ctrl-C or SIGTERM under NAME, in a file that says that it is not complete (CSV cannot,
+    and stays NAME.partial.csv); after SIGKILL, or where the disk is full, in the partial file, and NAME is what it was.
 
     Example: fmucorrect run study.toml --condition 385 --corrector corrector.onnx -o run.mcap
     """
@@ -192,7 +194,8 @@ def replay(
     as_json: bool,
     **features: float | None,
 ) -> None:
-    """Send a logged simulation through a corrector, as if it ran live; memory does not grow with the LOG.
+    """Send a logged simulation through a corrector, as if it ran live; memory does not grow with the LOG, but where .mf4, .mdf
+    or .mat is made of all rows at the end. What breaks it off leaves the same as with `run`.
 
     The operating condition comes from --study and --condition, else from the log itself (those that fmucorrect writes
     carry it); --speed, --amplitude, --frequency and --start go before both. Needed are only those that some condition
