@@ -44,7 +44,7 @@ def check_file(out: Path, inputs: Inputs, command: str, overwrite: bool, parents
         raise OutputError(
             f"there is no folder {out.parent}", where=str(out), remedy="Make it, or choose another name for -o."
         )
-    if not overwrite and _is_there(out) and not (_as_written(out) and _note_of(out)["by"] == command):
+    if not overwrite and _is_there(out) and not (_note_of(out)[0] == command and _as_written(out)):
         raise OutputError(
             f"this file is there already, and nothing says that it is still as `fmucorrect {command}` wrote it",
             where=str(out),
@@ -224,7 +224,7 @@ def _rename(beside: Path, target: Path, by: str) -> None:
         shutil.copymode(target, beside)
     if target.name != MARKER and (by or any((folder / MARKER).is_file() for folder in target.parents)):
         # a process that is killed before the file takes its place leaves the last one, whose digest stays with the new one
-        digests = [*_note_of(target)["sha256"][-1:], _digest(beside)]
+        digests = [*_note_of(target)[1][-1:], _digest(beside)]
         with suppress(OSError):  # a file that is not noted is not written over unasked
             _mark(target.parent, wrote={**_wrote(target.parent), target.name: {"by": by, "sha256": digests}})
     beside.replace(target)
@@ -279,7 +279,7 @@ def _is_there(out: Path) -> bool:
 
 def _as_written(path: Path) -> bool:
     """Whether a file is as its folder's marker has it."""
-    return _digest(path) in _note_of(path)["sha256"]
+    return _digest(path) in _note_of(path)[1]
 
 
 def _digest(path: Path) -> str:
@@ -287,12 +287,14 @@ def _digest(path: Path) -> str:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
-def _note_of(path: Path) -> dict[str, Any]:
-    """What is noted of a file: `by`, its command, and `sha256`, the digests that it may have."""
+def _note_of(path: Path) -> tuple[str, list[str]]:
+    """What is noted of a file: the command whose it is, and the digests (SHA-256) that it may have."""
     real = _real(path)
-    found = _wrote(real.parent).get(real.name)
-    well = isinstance(found, dict) and isinstance(found.get("sha256"), list)
-    return {"by": "", "sha256": [], **(found if well else {})}
+    found = _wrote(real.parent).get(real.name, {})
+    try:
+        return str(found["by"]), [str(digest) for digest in found["sha256"]]
+    except (TypeError, LookupError):
+        return "", []
 
 
 def _wrote(folder: Path) -> dict[str, Any]:
