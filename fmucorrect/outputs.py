@@ -222,12 +222,20 @@ def _create(path: Path) -> None:
 def _rename(beside: Path, target: Path, by: str) -> None:
     if target.exists():
         shutil.copymode(target, beside)
-    if target.name != MARKER and (by or any((folder / MARKER).is_file() for folder in target.parents)):
-        # a process that is killed before the file takes its place leaves the last one, whose digest stays with the new one
-        digests = [*_note_of(target)[1][-1:], _digest(beside)]
-        with suppress(OSError):  # a file that is not noted is not written over unasked
-            _mark(target.parent, wrote={**_wrote(target.parent), target.name: {"by": by, "sha256": digests}})
+    if target.name == MARKER or not (by or any((folder / MARKER).is_file() for folder in target.parents)):
+        beside.replace(target)
+        return
+    digest = _digest(beside)
+    # a process that is killed between these lines leaves a file that is noted, the last one or the new one
+    _note(target, by, [*_note_of(target)[1][-1:], digest])
     beside.replace(target)
+    _note(target, by, [digest])
+
+
+def _note(path: Path, by: str, digests: Iterable[str]) -> None:
+    note = {"by": by, "sha256": [*dict.fromkeys(digests)]}
+    with suppress(OSError):  # a file that is not noted is not written over unasked
+        _mark(path.parent, wrote={**_wrote(path.parent), path.name: note})
 
 
 def _mark(folder: Path, **noted: Any) -> None:

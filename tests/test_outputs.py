@@ -330,6 +330,10 @@ def test_a_file_that_is_about_to_be_replaced_stays_known(tmp_path: Path, monkeyp
     outputs.check_file(path, [], "diagnose", False)
     with pytest.raises(OutputError, match="--overwrite"):
         outputs.check_file(path, [], "inspect", False)
+    outputs.write(path, "second", "diagnose")
+    path.write_text("first")
+    with pytest.raises(OutputError, match="--overwrite"):
+        outputs.check_file(path, [], "diagnose", False)
 
 
 @pytest.mark.parametrize(
