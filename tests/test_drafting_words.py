@@ -444,3 +444,33 @@ def test_a_joint_is_where_something_pushes_by_the_logs_units_or_by_what_moves(
     assert ("nobody says that it is one" in text) == untold
     (tmp_path / "study.toml").write_text(text, encoding="utf-8")
     assert load_study(tmp_path / "study.toml").joints[0].sign == -1
+
+
+LATCH = """
+    def move(self, u, p, h):
+        u["bolt_j"] += h * (u["f_coil"] + u["f_stop"] - 4.0 * u["bolt_j"] - 900.0 * u["bolt_i"]) / 0.5
+        u["bolt_i"] += h * u["bolt_j"]
+        u["bolt_k"] = (u["f_coil"] + u["f_stop"] - 4.0 * u["bolt_j"] - 900.0 * u["bolt_i"]) / 0.5
+"""
+"""Its outputs, in an order that tells nothing, are displacement, velocity and acceleration of a bolt; nothing says which."""
+
+
+def test_what_a_force_moves_as_a_displacement_is_the_joints(tmp_path: Path):
+    fmu = open_fmu(plant(tmp_path, LATCH, ("f_coil", "f_stop"), ("bolt_j", "bolt_k", "bolt_i"), {}))
+    found = find_joints(fmu, ("f_coil",))
+    assert [(joint.force, joint.displacement, joint.by_push) for joint in found] == [("f_stop", "bolt_i", True)]
+
+
+def test_equal_names_are_enough_where_the_model_lacks_nearly_all(tmp_path: Path):
+    """A stop that the model lacks lets the bolt do something else: its name tells what it is, and the unit a force."""
+    shown = ("bolt_j", "bolt_k", "bolt_i")
+    fmu = plant(tmp_path, LATCH, ("f_coil", "f_stop"), shown, {"springRate": (900.0, ""), "massFlow": (3.0, "")})
+    coil = {"f_coil": 40.0 * waves(5), "f_stop": 0.0 * waves(5)}
+    free = measured(fmu, coil, shown)["bolt_i"]
+    stopped = 0.25 * free + 3.0 * free.std() * waves(11) / waves(11).std()
+    log = logged(tmp_path / "run.parquet", {"coil force": ("N", coil["f_coil"]), "bolt i": ("mm", 1e3 * stopped)})
+    found = draft(fmu, log)
+    assert abs(np.corrcoef(free, stopped)[0, 1]) < 0.3
+    assert pairs(found) == ({"f_coil": "coil force"}, {"bolt_i": "bolt i"})
+    assert [(joint.force, joint.displacement) for joint in found.joints] == [("f_stop", "bolt_i")]
+    assert [parameter.name for parameter in found.parameters] == ["springRate"]

@@ -151,7 +151,7 @@ def _further(plant: Plant, log: Run, known: Driving, step_ns: int) -> Driving | 
             trial = try_out(plant, log, inputs, step_ns)
         except (FmuError, SignalError):  # the model does not bear this column: it is not its input
             continue
-        found = _shown(fmu, log, known, trial, column, shown)
+        found = _shown(fmu, log, known, trial, column, shown, told=_of_one_kind(fmu, log, variable, column) is True)
         if found is None:
             continue
         gain, response = found
@@ -212,23 +212,30 @@ def _possible(fmu: FmuDescription, log: Run, known: Driving) -> Iterator[tuple[V
     for variable in _undriven(fmu, driven):
         found: list[str] = []
         for column, unit in log.columns.items():
-            theirs = kind_by_name(column) if unit in units.UNSAID else quantity(unit)
-            theirs = "displacement" if theirs == "angle" else theirs
-            alike = not (kind(variable) and theirs) or theirs == kind(variable)
-            fits = alike and may_be(variable.unit, unit, fmu.defined)
+            fits = _of_one_kind(fmu, log, variable, column) is not False and may_be(variable.unit, unit, fmu.defined)
             if fits and moving.get(column) and column not in outputs and may_drive(log, column, variable):
                 found.append(column)
         commands = [column for column in found if log.role(column) == COMMAND == role(variable.name)]
         yield from ((variable, column) for column in commands or found)
 
 
+def _of_one_kind(fmu: FmuDescription, log: Run, variable: Variable, column: str) -> bool | None:
+    """Whether a column and an input are of one kind, by units or else words; None where one of them does not tell."""
+    unit = log.columns[column]
+    theirs = kind_by_name(column) if unit in units.UNSAID else quantity(unit, fmu.defined)
+    theirs = "displacement" if theirs == "angle" else theirs
+    return theirs == kind(variable) if theirs and kind(variable) else None
+
+
 def _shown(
-    fmu: FmuDescription, log: Run, known: Driving, trial: Trial, column: str, shown: Mapping[str, float]
+    fmu: FmuDescription, log: Run, known: Driving, trial: Trial, column: str, shown: Mapping[str, float], *, told: bool
 ) -> tuple[float, ChannelGuess] | None:
     """By how much the responses are explained better with this column as an input, and the response that shows it best; None
     where that is not enough: once something drives the model, a further input explains most of what was left of them, or a
     response that nothing explained before. What the column itself showed of an output before is lost: a response that is
-    taken for an input makes others look explained. shown: what each column showed before."""
+    taken for an input makes others look explained. Where nothing drives the model yet, a column that is `told` to be of the
+    input's kind needs no more than a response by its own name that is no chance: what the model lacks may keep both apart.
+    shown: what each column showed before."""
     driven = known.trial.measured[: len(trial.simulated), [known.trial.columns.index(column)]]
     copied = np.abs(correlations(known.trial.measured[: len(driven)], driven))[:, 0]
     others = [c for c, r in zip(known.trial.columns, copied, strict=True) if r < (NEARLY if known.inputs else COPY)]
@@ -238,7 +245,8 @@ def _shown(
     before = {guess.column: guess.shown for guess in find_channels(fmu, log, known.trial.only(others))}
     after = find_channels(fmu, log, replace(trial.only(others), simulated=np.where(echoed, 0.0, trial.simulated)))
     best = max(after, key=lambda guess: abs(guess.shown), default=None)
-    if best is None or abs(best.shown) < max(SHOWS, CHANCE / np.sqrt(len(trial.measured))):
+    enough = 0.0 if told and not known.inputs and best is not None and log.same(best.column, best.output) else SHOWS
+    if best is None or abs(best.shown) < max(enough, CHANCE / np.sqrt(len(trial.measured))):
         return None
     left = sum(1.0 - guess.shown**2 for guess in after)
     was = sum(1.0 - before.get(guess.column, 0.0) ** 2 for guess in after)

@@ -6,8 +6,12 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+from jaxtyping import Bool
+
 from fmucorrect import units
 from fmucorrect.drafting.guess import DERIVATIVE, quantity, si, words
+from fmucorrect.errors import FmuError
 from fmucorrect.fmu import FmuDescription, Variable
 from fmucorrect.fmu.feedthrough import feedthrough
 from fmucorrect.study import joint_ports
@@ -15,6 +19,8 @@ from fmucorrect.study_places import like
 
 PUSH_NS = 20_000_000
 """For how long an input is pushed: long enough to be seen in a displacement, short against any period."""
+BRIEF_NS = 2_500_000
+"""And to see how an output begins to move: a displacement that swings with 70 Hz still goes with the square of the time."""
 SI = {"displacement": "m", "velocity": "m/s", "force": "N", "acceleration": "m/s2"}
 TURNING = {"displacement": "rad", "velocity": "rad/s", "force": "N.m", "acceleration": "rad/s2"}
 """Units of what has none, by its kind: of what moves along, and of what turns."""
@@ -52,7 +58,8 @@ _ALL = frozenset().union(*_WORDS.values())
 
 @dataclass(frozen=True)
 class JointGuess:
-    """Names of variables, "" for none; sign as in a study. untold: whether nobody says that its force is one."""
+    """Names of variables, "" for none; sign as in a study. untold: whether nobody says that its force is one. by_push: whether
+    nobody says that its displacement is one, but the force moves it as one."""
 
     name: str
     force: str
@@ -62,26 +69,34 @@ class JointGuess:
     acceleration: str
     sign: int
     untold: bool = False
+    by_push: bool = False
 
 
 def find_joints(fmu: FmuDescription, driven: Sequence[str], *, untold: bool = False) -> tuple[JointGuess, ...]:
     """Every force input that is not `driven` and has a displacement of the same name's stem, or else the one that it moves
-    most, of its own component (`rack.f_ext`, `rack.flange_a.s`) where that has any. untold: of the inputs that neither a unit
-    nor a name tells anything of, in their place. Raises FmuError of the pushes."""
+    most, of its own component (`rack.f_ext`, `rack.flange_a.s`) where that has any. Where it moves no displacement that is
+    known, outputs that neither a unit nor a name tells anything of count if it moves them as one. untold: of the inputs that
+    neither a unit nor a name tells anything of, in their place. Raises FmuError of the pushes."""
     wanted = "" if untold else "force"
     forces = [v for v in fmu.of("input") if v.number and kind(v) == wanted and v.name not in driven]
     forces = [v for v in forces if v.unit in units.UNSAID and not v.discrete] if untold else forces
     outputs = [v for v in fmu.of("output") if v.number and not v.discrete]
-    moved = [v for v in outputs if kind(v) == "displacement"]
+    known = [v for v in outputs if kind(v) == "displacement"]
+    moved = [*known, *(v for v in outputs if v.unit in units.UNSAID and not kind(v))]
     if not forces or not moved:
         return ()
-    answers = feedthrough(fmu.path, [v.name for v in forces], [v.name for v in moved], PUSH_NS)
+    pushed = [v.name for v in forces], [v.name for v in moved]
+    answers = feedthrough(fmu.path, *pushed, PUSH_NS)
+    moves = answers != 0.0
+    moves[len(known) :] = False
+    if len(moved) > len(known) and not moves.any(axis=0).all():
+        moves |= ~moves.any(axis=0) & _as_displacements(fmu, *pushed)
     found: list[JointGuess] = []
     for i, force in enumerate(forces):
         belonging = [j for j, v in enumerate(moved) if _belong(force, v)]
         mine = [j for j in belonging if stem(moved[j].name) == stem(force.name)]
         candidates = mine or [j for j in belonging if _component(moved[j].name, force.name)] or belonging
-        gives = [j for j in candidates if answers[j, i] != 0.0]
+        gives = [j for j in candidates if moves[j, i]]
         if not gives:
             continue
         own_words = set(words(force.name))
@@ -100,10 +115,23 @@ def find_joints(fmu: FmuDescription, driven: Sequence[str], *, untold: bool = Fa
                 own["acceleration"],
                 -1 if answers[j, i] > 0.0 else 1,
                 untold,
+                j >= len(known),
             )
         )
     names = [joint.name for joint in found]
     return tuple(joint if names.count(joint.name) == 1 else replace(joint, name=joint.force) for joint in found)
+
+
+def _as_displacements(fmu: FmuDescription, forces: Sequence[str], outputs: Sequence[str]) -> Bool[np.ndarray, "O I"]:
+    """Which outputs move with the square of the time while a force pushes, as displacements do; velocities go with the time
+    itself, and accelerations are there at once. None of an FMU that does not bear such short steps."""
+    try:
+        brief, twice = (np.abs(feedthrough(fmu.path, forces, outputs, ns)) for ns in (BRIEF_NS, 2 * BRIEF_NS))
+    except FmuError:
+        return np.zeros((len(outputs), len(forces)), dtype=bool)
+    moving = (brief > 0.0) & (twice > 0.0)
+    power = np.log2(np.where(moving, twice, 1.0) / np.where(moving, brief, 1.0))
+    return moving & (np.abs(power - 2.0) < 0.5)
 
 
 def joint_units(fmu: FmuDescription, joints: Sequence[JointGuess]) -> dict[str, str]:
@@ -113,7 +141,8 @@ def joint_units(fmu: FmuDescription, joints: Sequence[JointGuess]) -> dict[str, 
         names = (joint.force, joint.displacement, joint.velocity, joint.nominal_force, joint.acceleration)
         own = [fmu.variables[name] for name in names if name]
         known = TURNING if any(map(turns, own)) else SI
-        found |= {variable.name: known[kind(variable) or "force"] for variable in own if not variable.unit}
+        untold = {joint.displacement: "displacement"}
+        found |= {v.name: known[kind(v) or untold.get(v.name, "force")] for v in own if not v.unit}
     return found
 
 

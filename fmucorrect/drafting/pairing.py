@@ -12,7 +12,7 @@ from jaxtyping import Float64
 
 from fmucorrect import records, units
 from fmucorrect.clocks import overlapping
-from fmucorrect.drafting.guess import SENSED, WITHIN, likeness, quantity, role, si, words
+from fmucorrect.drafting.guess import SENSED, WITHIN, likeness, meanings, quantity, role, si, words
 from fmucorrect.drafting.joints import kind, kind_by_name, unit_of, written_out
 from fmucorrect.drafting.vocabulary import COMMAND, MEASURED, meaning
 from fmucorrect.errors import RecordError, few
@@ -95,6 +95,10 @@ class Run:
         """Likeness of a column's name, its topic's too, to that of a variable, 0 to 1: 1 where the column's own is the same."""
         with_topic = likeness(self.topics[column], variable) if column in self.topics else 0.0
         return max(likeness(column, variable), min(with_topic, WITHIN))
+
+    def same(self, column: str, variable: str) -> bool:
+        """Whether a column is named as a variable: in the same words, or in others that mean the same."""
+        return likeness(column, variable) == 1.0 or meanings(column) == meanings(variable)
 
     def role(self, column: str) -> str:
         """Whether a column's name, or else that of its topic, says that it is a command or measured."""
@@ -421,8 +425,9 @@ def find_channels(fmu: FmuDescription, log: Run, trial: Trial) -> tuple[ChannelG
         for c in trial.columns
     ]
     score = np.where(np.reshape(fits, shown.shape), np.abs(shown) + alike, -1.0)
-    # word for word its name is enough, of what moves, in a log without numbers that look like lost samples
-    by_name = (alike == 1.0) & (correlation != 0.0) & (not log.stand_ins)
+    # its own name is enough, of what moves, in a log without numbers that look like lost samples
+    same = np.array([[log.same(c, o.name) for o in trial.outputs] for c in trial.columns]).reshape(shown.shape)
+    by_name = same & (correlation != 0.0) & (not log.stand_ins)
     said = by_name | ((alike >= NAMED) & (np.abs(shown) >= HINTS))
     sure = (score >= 0.0) & ((np.abs(shown) >= SHOWS) | said)
     pairs = [(int(c), int(o)) for c, o in zip(*linear_sum_assignment(-score), strict=True) if sure[c, o]]

@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from fmucorrect.drafting.guess import words
 from fmucorrect.errors import SignalError
 from fmucorrect.fmu import FmuDescription, Variable
 from fmucorrect.units import parse
@@ -84,7 +85,9 @@ def _why(variable: Variable) -> str:
         return ""
     if _DESCRIBED.search(variable.description):
         return "described as one of stiffness, damping or mass"
-    return "named as one of stiffness, damping or mass" if _NAMED.search(variable.name) else ""
+    said = " ".join(words(variable.name))  # spring_rate, contactStiffness
+    named = _NAMED.search(variable.name) or (_DESCRIBED.search(said) and not _NUMBER.search(said))
+    return "named as one of stiffness, damping or mass" if named else ""
 
 
 def _has_one_of(unit: str, known: Sequence[str]) -> bool:

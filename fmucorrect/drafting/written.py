@@ -159,7 +159,8 @@ class Draft:
             one_line(other.name) for other in self.joints if other != joint and other.displacement == joint.displacement
         ]
         also = f", as at {' and '.join(same)}: one of them moves otherwise, or they are one joint" if same else ""
-        yield f"displacement = {toml(joint.displacement)}  # guess: it gives way when the force pushes{also}"
+        told = ", with the square of the time, though nobody says that it is one" * joint.by_push
+        yield f"displacement = {toml(joint.displacement)}  # guess: it gives way when the force pushes{told}{also}"
         for key in ("velocity", "nominal_force", "acceleration"):
             if name := getattr(joint, key):
                 own = ": the spring's and damper's own there, not a drive's" if key == "nominal_force" else ""
