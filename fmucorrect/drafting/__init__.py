@@ -40,6 +40,7 @@ from fmucorrect.drafting.pairing import (
 )
 from fmucorrect.drafting.parameters import find_parameters
 from fmucorrect.drafting.starts import find_starts, in_motion
+from fmucorrect.drafting.steps import at_shorter_step
 from fmucorrect.drafting.vocabulary import COMMAND
 from fmucorrect.drafting.written import Draft, DraftedRun
 from fmucorrect.errors import FmuError, RecordError, SignalError, few
@@ -54,7 +55,7 @@ EVALUATION = frozenset("eval evaluation validation valid val check verification 
 """Words in the name of a run that is held out."""
 CLEAR = 0.9
 """Correlation from which nothing is gained by looking at another run."""
-STEPS = ("reading", "simulating", "pushing")
+STEPS = ("reading", "simulating", "pushing", "at half the step")
 """What draft() does, as it tells `progress`."""
 
 
@@ -67,8 +68,9 @@ def draft(
 ) -> Draft:
     """What a study of these runs, or of this one, would say. references: simulated records, one a run, which replace running
     the FMU for it. reading: what is known of all logs beside what they say. The model runs over the first run, once for each
-    column that is tried as an input, and over others while it is not clear what their columns show. Raises FmuError and
-    RecordError for files that cannot be used, and where no column shows any output.
+    column that is tried as an input, and over others while it is not clear what their columns show; and over the shortest run
+    with half the step, which is written shorter where that shows. Raises FmuError and RecordError for files that cannot be
+    used, and where no column shows any output.
     """
     runs, references = ([it] if isinstance(it, str | PathLike) else it for it in (runs, references))
     if not runs:
@@ -148,7 +150,7 @@ def draft(
         )
         for i, log in enumerate(logs)
     ]
-    return Draft(
+    found = Draft(
         model=model,
         step_ns=step_ns,
         why_step=why,
@@ -176,6 +178,8 @@ def draft(
             and (own := model.variables[guess.variable].unit) not in UNSAID
         },
     )
+    progress(STEPS[3])
+    return at_shorter_step(found, logs)
 
 
 def _held_out(names: Sequence[str]) -> set[int]:
