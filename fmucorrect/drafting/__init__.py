@@ -6,8 +6,9 @@
 Columns that are named as inputs of the FMU drive it, and where no name tells, those with which the model does what was
 measured (`driving`). Measured columns are paired with outputs by name, unit and what they show, sign included (`pairing`).
 Words of English and German logs are known by what they mean, which was asked for and which was measured too (`vocabulary`).
-Joints are inputs that push and outputs that give way; the sign is found by pushing (`joints`). `parameters` are those of
-stiffness, damping and inertia, `written` is the text.
+A unit may be spelled by a column's name (`headers`). Joints are inputs that push and outputs that give way; the sign is found
+by pushing (`joints`). `parameters` are those of stiffness, damping and inertia, `steps` looks whether the step shows, `written`
+is the text.
 """
 
 from __future__ import annotations
@@ -177,6 +178,7 @@ def draft(
             and first.columns[guess.column] in UNSAID
             and (own := model.variables[guess.variable].unit) not in UNSAID
         },
+        spelled=frozenset(first.spelled),
     )
     progress(STEPS[3])
     return at_shorter_step(found, logs)

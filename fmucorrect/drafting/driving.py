@@ -131,7 +131,9 @@ def find_driving(fmu: FmuDescription, log: Run, step_ns: int) -> Driving:
         if alone := _alone(fmu, log, driving):
             inputs = (*driving.inputs, *alone)
             driving = replace(driving, inputs=inputs, trial=_run(plant, log, inputs, step_ns))
-        return _sized(plant, log, driving, step_ns)
+        driving = _sized(plant, log, driving, step_ns)
+    spelled = [replace(g, column_unit=log.columns[g.column]) if g.column in log.spelled else g for g in driving.inputs]
+    return replace(driving, inputs=tuple(spelled))
 
 
 def _run(plant: Plant, log: Run, inputs: Sequence[InputGuess], step_ns: int) -> Trial:

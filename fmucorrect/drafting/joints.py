@@ -181,6 +181,11 @@ def _rated(name: str, what: str) -> str:
     return _RATE.get(what, "") if DERIVATIVE.match(name) else what
 
 
+def turning(parts: Sequence[str]) -> bool:
+    """Whether one of these words is of what turns."""
+    return not _TURNS.isdisjoint(parts)
+
+
 def turns(variable: Variable) -> bool | None:
     """Whether it is a torque or of an angle: by its unit, else by that word of its name. None where neither tells."""
     if variable.unit in units.UNSAID:

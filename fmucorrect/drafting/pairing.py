@@ -13,6 +13,7 @@ from jaxtyping import Float64
 from fmucorrect import records, units
 from fmucorrect.clocks import overlapping
 from fmucorrect.drafting.guess import SENSED, WITHIN, likeness, meanings, quantity, role, si, words
+from fmucorrect.drafting.headers import spelled
 from fmucorrect.drafting.joints import kind, kind_by_name, unit_of, written_out
 from fmucorrect.drafting.vocabulary import COMMAND, MEASURED, meaning
 from fmucorrect.errors import RecordError, few
@@ -26,6 +27,7 @@ from fmucorrect.screening.stand_ins import stand_ins
 from fmucorrect.signals import AS_IT_IS, NANOSECONDS, QUANTITIES, Channel, Condition, Reading, Record
 from fmucorrect.stepper import grid, run
 from fmucorrect.study_places import like
+from fmucorrect.units import UNSAID
 
 NAMED = 0.8
 """Likeness of names from which a column is what it is named as."""
@@ -57,6 +59,10 @@ HEARD = 0.5
 resonance is elsewhere than the machine's answers a random excitation with quite another series."""
 SIZED = 1.0
 """Powers of ten by which it may be larger or smaller; what is only related to the output is off by more."""
+MOST_OF_SIZE = 0.5
+"""What their sizes take at most from the correlation of a column and an output and the likeness of their names, where both say
+their units, as many as powers of ten are between them: letters that happen to be alike are worth less, and outputs that go
+alike are told apart by it."""
 ROUNDED = 1e-12
 """Share of a column's swing by which it differs from another one that is the same: what converting leaves, and no noise."""
 TIED = 0.05
@@ -90,14 +96,16 @@ class Run:
     heard: bool = False
     stand_ins: tuple[str, ...] = ()
     topics: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    spelled: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
 
     def alike(self, column: str, variable: str) -> float:
         """Likeness of a column's name, its topic's too, to that of a variable, 0 to 1: 1 where the column's own is the same."""
         with_topic = likeness(self.topics[column], variable) if column in self.topics else 0.0
-        return max(likeness(column, variable), min(with_topic, WITHIN))
+        return max(likeness(self.spelled.get(column, column), variable), min(with_topic, WITHIN))
 
     def same(self, column: str, variable: str) -> bool:
         """Whether a column is named as a variable: in the same words, or in others that mean the same."""
+        column = self.spelled.get(column, column)
         return likeness(column, variable) == 1.0 or meanings(column) == meanings(variable)
 
     def role(self, column: str) -> str:
@@ -185,9 +193,12 @@ def read_run(path: Path, reading: Reading = AS_IT_IS, used: Collection[str] | No
     rows = {name: item.extent.rows for name, item in topics.items()}
     record, wrong, reading, why = _mended(path, rows, reading, kept)
     columns = {channel.name: units[channel.name] for channel in record.channels}
+    in_name = {name: told for name, unit in columns.items() if unit in UNSAID and (told := spelled(name)).unit}
+    columns |= {name: told.unit for name, told in in_name.items()}
     told = (*wrong.values(), *left_out, *contents.left_out)
     lost, longer = tuple(stand_ins(record)), longer if len(kept) > 1 else {}
-    return Run(path, columns, record, told, wrong, why, reading=reading, stand_ins=lost, topics=longer)
+    bare = {name: told.name for name, told in in_name.items()}
+    return Run(path, columns, record, told, wrong, why, reading=reading, stand_ins=lost, topics=longer, spelled=bare)
 
 
 def _mended(
@@ -424,7 +435,9 @@ def find_channels(fmu: FmuDescription, log: Run, trial: Trial) -> tuple[ChannelG
         ]
         for c in trial.columns
     ]
-    score = np.where(np.reshape(fits, shown.shape), np.abs(shown) + alike, -1.0)
+    score = np.where(
+        np.reshape(fits, shown.shape), np.maximum(np.abs(shown) + alike - _misfit(log, trial, fmu), 0.0), -1.0
+    )
     # its own name is enough, of what moves, in a log without numbers that look like lost samples
     same = np.array([[log.same(c, o.name) for o in trial.outputs] for c in trial.columns]).reshape(shown.shape)
     by_name = same & (correlation != 0.0) & (not log.stand_ins)
@@ -450,13 +463,25 @@ def find_channels(fmu: FmuDescription, log: Run, trial: Trial) -> tuple[ChannelG
                     r,
                     name,
                     variable_unit,
-                    column_unit,
+                    column_unit or (unit if column in log.spelled else ""),
                     tuple(trial.columns[i] for i in free if score[i, o] > score[c, o] - TIED),
                     tuple(trial.outputs[i].name for i in _twins(score, pairs, c, o)),
                     trial.heard,
                 )
             )
     return tuple(sorted(found, key=lambda guess: trial.columns.index(guess.column)))
+
+
+def _misfit(log: Run, trial: Trial, fmu: FmuDescription) -> Float64[np.ndarray, "C O"]:
+    """What speaks against each column being each output as one is larger, where both say their units; 0 where one says none."""
+    found = np.zeros((len(trial.columns), len(trial.outputs)))
+    for (c, o), _ in np.ndenumerate(found):
+        unit, output = log.columns[trial.columns[c]], trial.outputs[o].unit
+        if not {unit, output} & UNSAID and may_be(unit, output, fmu.defined) and np.ptp(trial.simulated[:, o]) > 0.0:
+            factor = units.conversion(SENSED.get(unit, unit), output, "", fmu.defined)
+            off = abs(np.log10(max(factor * trial.ratio(trial.columns[c], trial.outputs[o].name), 1e-300)))
+            found[c, o] = min(off, MOST_OF_SIZE)
+    return found
 
 
 def _twins(score: Float64[np.ndarray, "C O"], pairs: Sequence[tuple[int, int]], c: int, o: int) -> list[int]:

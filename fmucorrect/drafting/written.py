@@ -46,7 +46,7 @@ class Draft:
     FMU's, with that. unpaired: columns that show no output, in words. left_out: what a log holds that is no column, in
     words. reading: what was told of the logs. filled: why `repair` is asked for, a log each, empty where it is not, or was
     by the user. starts: variables with start values that may be free. stand_ins: numbers in logs that look like lost
-    samples, in words."""
+    samples, in words. spelled: columns whose unit nothing but their name says."""
 
     model: FmuDescription
     step_ns: int
@@ -64,6 +64,7 @@ class Draft:
     starts: tuple[str, ...] = ()
     stand_ins: tuple[str, ...] = ()
     unsaid: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    spelled: frozenset[str] = frozenset()
 
     def text(self, path: Path) -> str:
         """The study file, to be written to `path`: file names are relative to it."""
@@ -121,7 +122,12 @@ class Draft:
                 why = f"  # guess: {one_line('; '.join(self.filled))}" if key == "repair" and self.filled else ""
                 yield f"{key} = {toml(value)}{why}"
         if unsaid:
-            yield f"units = {toml(unsaid)}  # guess: the logs say none; what makes simulated and measured of one size"
+            named, sized = ([column for column in unsaid if (column in self.spelled) == by] for by in (True, False))
+            why = ["what their names spell"] * bool(named) + ["what makes simulated and measured of one size"] * bool(
+                sized
+            )
+            of = f" ({one_line(few(sized))})" * bool(named and sized)
+            yield f"units = {toml(unsaid)}  # guess: the logs say none; {', '.join(why)}{of}"
         if renamed:
             yield ""
             yield "[records.columns]"
