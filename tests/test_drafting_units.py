@@ -126,3 +126,30 @@ def test_a_unit_in_a_columns_name_is_not_overruled_by_size(turns: str, tmp_path:
 )
 def test_a_unit_that_a_name_spells(name: str, unit: str) -> None:
     assert spelled(name).unit == unit
+
+
+FLAP = """
+    def move(self, u, h):
+        u["flap.v"] += h * (8.0 * u["servo.duty"] / {hundred} - 3.0 * u["flap.v"] - 40.0 * u["flap.s"])
+        u["flap.s"] += h * u["flap.v"]
+"""
+
+
+@pytest.mark.parametrize(
+    ("description", "hundred", "unit"),
+    [("", 1.0, "1"), ("0..1", 1.0, "1"), ("duty, 0 to 100", 100.0, "%"), ("in percent", 100.0, "%"), ("", 100.0, "%")],
+)
+def test_a_share_without_a_unit_counts_to_one_unless_something_tells(
+    description: str, hundred: float, unit: str, tmp_path: Path
+) -> None:
+    """The log is in %. In the last case nothing but the size of what was measured tells that the model is, too."""
+    outputs = {"flap.s": "m", "flap.v": "m/s"}
+    described = {"servo.duty": description}
+    fmu = plant(tmp_path, FLAP.format(hundred=hundred), {"servo.duty": ""}, outputs, described)
+    drive = {"servo.duty": hundred * 0.5 * waves(3)}
+    shown = measured(fmu, drive, [*outputs])
+    log = csv(tmp_path / "run.csv", {"PWM [%]": 50.0 * waves(3), "position [mm]": 1e3 * shown["flap.s"]})
+    found = draft(fmu, log)
+    assert pairs(found) == ({"servo.duty": "PWM"}, {"flap.s": "position"})
+    assert found.units == {"servo.duty": unit}
+    assert "servo.duty is a share as the log's %, to one" in write(found, tmp_path).read_text("utf-8")

@@ -117,7 +117,8 @@ def draft(
             remedy="Write the study by hand (fmucorrect/README.md), or give the columns the names of the outputs.",
         )
     progress(STEPS[2])
-    units = input_units(model, first, inputs)
+    by_fit = {guess.variable: guess.variable_unit for guess in driving.inputs if guess.variable_unit}
+    units = input_units(model, first, inputs) | by_fit
     units |= {guess.output: guess.variable_unit for guess in channels if guess.variable_unit}
     told = model.known(units)
     # what is missing may add to an input that is driven, where the model has no other place for it
@@ -286,6 +287,7 @@ def _by_what_tells_most(
     what the model lacks, tells little. Other runs are simulated while something is in doubt."""
     inputs = {guess.variable: guess.column for guess in driving.inputs}
     sized = {guess.column: guess.column_unit for guess in driving.inputs if guess.column_unit}
+    known = {guess.variable: guess.variable_unit for guess in driving.inputs if guess.variable_unit}
     best = channels
     with closing(Plant(model)) as plant:
         for log in logs:
@@ -297,7 +299,7 @@ def _by_what_tells_most(
             heard = any(guess.heard for guess in channels)
             told = replace(log, columns=said | sized, repeated=first.repeated, heard=heard)
             try:
-                trial = try_out(plant, told, inputs, step_ns).only([*first.columns])
+                trial = try_out(plant, told, inputs, step_ns, known).only([*first.columns])
             except (FmuError, SignalError):  # what this run holds is none of the draft's business
                 continue
             found = [replace(guess, run=log.path.stem) for guess in find_channels(model, told, trial)]

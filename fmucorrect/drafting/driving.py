@@ -23,8 +23,10 @@ from fmucorrect.drafting.pairing import (
     Trial,
     away,
     correlations,
+    counted_in,
     family,
     find_channels,
+    is_share,
     may_be,
     try_out,
 )
@@ -51,12 +53,13 @@ SAME_SIZE = 0.5
 @dataclass(frozen=True)
 class InputGuess:
     """A column that drives an input. column_unit: of a column that the file leaves without, where the variable's own is not
-    it; else ""."""
+    it; else "". variable_unit: of an input that the FMU leaves without, where the fit tells it; else ""."""
 
     variable: str
     column: str
     why: str
     column_unit: str = ""
+    variable_unit: str = ""
 
 
 @dataclass(frozen=True)
@@ -137,7 +140,8 @@ def find_driving(fmu: FmuDescription, log: Run, step_ns: int) -> Driving:
 
 
 def _run(plant: Plant, log: Run, inputs: Sequence[InputGuess], step_ns: int) -> Trial:
-    return try_out(plant, log, {guess.variable: guess.column for guess in inputs}, step_ns)
+    known = {guess.variable: guess.variable_unit for guess in inputs if guess.variable_unit}
+    return try_out(plant, log, {guess.variable: guess.column for guess in inputs}, step_ns, known)
 
 
 def _further(plant: Plant, log: Run, known: Driving, step_ns: int) -> Driving | None:
@@ -265,6 +269,8 @@ def _sized(plant: Plant, log: Run, driving: Driving, step_ns: int) -> Driving:
     fmu = plant.fmu
     unsaid = [g for g in driving.inputs if log.columns[g.column] in units.UNSAID]
     channels = find_channels(fmu, log, driving.trial)
+    if len(driving.inputs) == 1 and channels and (share := _share(plant, log, driving, channels, step_ns)):
+        return share
     if len(unsaid) != 1 or not channels:
         return driving
     (guess,), own = unsaid, fmu.variables[unsaid[0].variable].unit
@@ -282,6 +288,22 @@ def _sized(plant: Plant, log: Run, driving: Driving, step_ns: int) -> Driving:
         return driving
     why = f"{guess.why}; it says no unit, and what is measured is of another size than what comes out"
     return replace(driving, inputs=_with(driving.inputs, replace(guess, why=why)))
+
+
+def _share(plant: Plant, log: Run, driving: Driving, channels: Sequence[ChannelGuess], step_ns: int) -> Driving | None:
+    """With the unit of an input without one whose column is in %, where the model fits better in size if it counts shares
+    otherwise than its description and bounds let one think, to one or to a hundred; None where it does not."""
+    (guess,), fmu = driving.inputs, plant.fmu
+    if fmu.variables[guess.variable].unit not in units.UNSAID or not is_share(log.columns[guess.column]):
+        return None
+    now = counted_in(fmu.variables[guess.variable])
+    other = "1" if now == "%" else "%"
+    factor = units.conversion(now, other, "")
+    own, changed = (_odd(fmu, log, driving.trial, channels, by) for by in (1.0, factor))
+    if own - changed <= SAME_SIZE or changed > SAME_SIZE * len(channels):
+        return None
+    inputs = (replace(guess, variable_unit=other),)
+    return Driving(inputs, _run(plant, log, inputs, step_ns), driving.untried)
 
 
 def _odd(fmu: FmuDescription, log: Run, trial: Trial, channels: Sequence[ChannelGuess], factor: float) -> float:

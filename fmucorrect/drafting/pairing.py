@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -16,7 +17,7 @@ from fmucorrect.drafting.guess import SENSED, WITHIN, likeness, meanings, quanti
 from fmucorrect.drafting.headers import spelled
 from fmucorrect.drafting.joints import kind, kind_by_name, unit_of, written_out
 from fmucorrect.drafting.vocabulary import COMMAND, MEASURED, meaning
-from fmucorrect.errors import RecordError, few
+from fmucorrect.errors import RecordError, SignalError, few
 from fmucorrect.fmu import FmuDescription, IsolatedStepper, Variable, input_record
 from fmucorrect.metrics import linear_share
 from fmucorrect.records import timebase
@@ -67,8 +68,15 @@ ROUNDED = 1e-12
 """Share of a column's swing by which it differs from another one that is the same: what converting leaves, and no noise."""
 TIED = 0.05
 """Correlation and likeness together, by which another column may stand behind the best and still be the one."""
+_PERCENT = re.compile(r"%|percent|prozent", re.I)
+_NUMBER = r"([-+]?\d+(?:\.\d+)?)"
+_RANGE = re.compile(rf"{_NUMBER}\s*(?:\.\.+|…|to\b|bis\b)\s*{_NUMBER}", re.I)
+"""Of a description that says between which numbers something is: `-1..1`, `0 to 100`."""
+HUNDREDS = 10.0
+"""Bound above which a share counts to a hundred, not to one."""
 OUTPUTS = 500
 """Outputs of an FMU that are looked at."""
+_NOTHING: Mapping[str, str] = MappingProxyType({})
 
 Series = Float64[np.ndarray, " T"]
 
@@ -384,9 +392,11 @@ class Plant:
         return found
 
 
-def try_out(plant: Plant, log: Run, inputs: Mapping[str, str], step_ns: int) -> Trial:
-    """Inputs and measurements of one log have one clock; a run that nothing drives begins at `log.begins`. Raises FmuError and
-    SignalError: of the model."""
+def try_out(
+    plant: Plant, log: Run, inputs: Mapping[str, str], step_ns: int, told: Mapping[str, str] = _NOTHING
+) -> Trial:
+    """Inputs and measurements of one log have one clock; a run that nothing drives begins at `log.begins`. told: units of
+    inputs that are known. Raises FmuError and SignalError: of the model."""
     fmu = plant.fmu
     outputs = [v for v in fmu.of("output") if v.number and not v.discrete][:OUTPUTS]
     columns = tuple(column for column in log.columns if column not in inputs.values())
@@ -399,7 +409,7 @@ def try_out(plant: Plant, log: Run, inputs: Mapping[str, str], step_ns: int) -> 
     if inputs:
         given = log.record.select(list(inputs.values()))
         driven = replace(given, channels=tuple(Channel(name, log.columns[inputs[name]]) for name in inputs))
-    known = input_units(fmu, log, inputs)
+    known = {**input_units(fmu, log, inputs), **told}
     chunks: Iterable[Record] = grid(length, step_ns)
     if driven is not None:
         chunks = (replace(input_record(c.t_ns + first, driven), t_ns=c.t_ns) for c in chunks)
@@ -411,13 +421,30 @@ def try_out(plant: Plant, log: Run, inputs: Mapping[str, str], step_ns: int) -> 
 
 
 def input_units(fmu: FmuDescription, log: Run, inputs: Mapping[str, str]) -> dict[str, str]:
-    """The units of inputs that the FMU leaves without one although their columns have one: SI."""
+    """The units of inputs that the FMU leaves without one although their columns have one: SI, and 1 for a share of the whole
+    unless what the FMU says of it counts to a hundred."""
     found = {name: log.columns[column] for name, column in inputs.items()}
     return {
-        name: si(unit)
+        name: counted_in(fmu.variables[name]) if is_share(unit) else si(unit)
         for name, unit in found.items()
         if unit not in units.UNSAID and fmu.variables[name].unit in units.UNSAID
     }
+
+
+def is_share(unit: str) -> bool:
+    """Whether this is a unit of shares: %."""
+    try:
+        return unit not in UNSAID and not any(units.parse(unit).dimension)
+    except SignalError:
+        return False
+
+
+def counted_in(variable: Variable) -> str:
+    """The unit of a share without one: % where its description or its bounds have it, else 1."""
+    said = _RANGE.search(variable.description)
+    bounds = map(float, said.groups()) if said else (variable.minimum, variable.maximum)
+    most = max((abs(bound) for bound in bounds if np.isfinite(bound)), default=1.0)
+    return "%" if _PERCENT.search(variable.description) or most > HUNDREDS else "1"
 
 
 def find_channels(fmu: FmuDescription, log: Run, trial: Trial) -> tuple[ChannelGuess, ...]:

@@ -79,7 +79,10 @@ class Draft:
         yield f"fmu = {toml(_relative(self.model.path, folder))}"
         yield f"step_size = {self.step_ns / NANOSECONDS!r}  # guess: {self.why_step}"
         if self.units:
-            yield f"units = {toml(self.units)}  # guess: the FMU says none; SI, unless sizes say otherwise"
+            shares = [name for name, unit in self.units.items() if unit in ("1", "%")]
+            how = "to one, unless its description, its bounds or the fit count to a hundred"
+            of = f"; {one_line(few(shares))} is a share as the log's %, {how}" * bool(shares)
+            yield f"units = {toml(self.units)}  # guess: the FMU says none; SI, unless sizes say otherwise{of}"
         yield from self._records()
         for guess in self.channels:
             yield from self._channel(guess)
