@@ -12,7 +12,12 @@ import pytest
 from test_drafting_words import ROWS, STEP, measured, pairs, waves, write
 
 from fmucorrect.drafting import draft
+from fmucorrect.drafting.guess import words
 from fmucorrect.drafting.headers import spelled
+from fmucorrect.drafting.parameters import _why as why
+from fmucorrect.fmu import Variable
+from fmucorrect.inspection import study_problems
+from fmucorrect.study import load_study
 
 pytest.importorskip("pythonfmu3")
 
@@ -153,3 +158,77 @@ def test_a_share_without_a_unit_counts_to_one_unless_something_tells(
     assert pairs(found) == ({"servo.duty": "PWM"}, {"flap.s": "position"})
     assert found.units == {"servo.duty": unit}
     assert "servo.duty is a share as the log's %, to one" in write(found, tmp_path).read_text("utf-8")
+
+
+PRESS = """
+    def move(self, u, h):
+        u["frame"] = 2e-4 * u["push"]
+        u["c"] = (u["push"] + u["f_slide"] - 900.0 * u["ram"] - 9.0 * u["b"]) / 3.0
+        u["b"] += h * u["c"]
+        u["ram"] += h * u["b"]
+        u["gap"] = u["ram"] - u["frame"]
+        u["lag"] += h * (u["b"] - u["lag"]) / 0.05
+"""
+SHOWN = {"lag": "m/s", "c": "m/s2", "b": "m/s", "ram": "m"}
+
+
+@pytest.mark.parametrize("said", [True, False])
+def test_a_velocity_is_what_the_displacements_derivative_is(said: bool, tmp_path: Path) -> None:
+    """No name tells, and two outputs are in m/s: one of them is late by a filter."""
+    outputs = {name: unit * said for name, unit in {**SHOWN, "frame": "m", "gap": "m"}.items()}
+    fmu = plant(tmp_path, PRESS, {"push": "N" * said, "f_slide": "N" * said}, outputs)
+    shown = measured(fmu, push := {"push": 30.0 * waves(3)}, ["ram"])
+    log = csv(tmp_path / "run.csv", {"push [N]": push["push"], "ram [mm]": 1e3 * shown["ram"]})
+    found = draft(fmu, log)
+    (joint,) = found.joints
+    assert (joint.force, joint.displacement, joint.velocity, joint.acceleration) == ("f_slide", "ram", "b", "c")
+    path = write(found, tmp_path)
+    assert 'velocity = "b"  # guess: the time derivative of the displacement in a run' in path.read_text("utf-8")
+    assert study_problems(load_study(path)) == []
+
+
+MILL = """
+    def move(self, u, h):
+        v, w = u.setdefault("v", 0.0), u.setdefault("w", 0.0)
+        f = 2.0 * u["gap.x"] + 0.02 * u["gap.v"] - u["gap.f"]
+        u["v"] += h * 1e3 * (u["push"] - f) / 3.0
+        u["w"] += h * 1e3 * (f - 40.0 * u["frame"] - 0.1 * w) / 20.0
+        u["tool"] += h * u["v"]
+        u["frame"] += h * u["w"]
+        u["gap.x"], u["gap.v"] = u["tool"] - u["frame"], u["v"] - u["w"]
+"""
+
+
+def test_units_of_outputs_that_nobody_tells_go_with_one_that_was_measured(tmp_path: Path) -> None:
+    """A model in mm, whose tool is measured: the gap at which the force acts is the tool's way less the frame's."""
+    outputs = dict.fromkeys(("tool", "frame", "gap.x", "gap.v"), "")
+    fmu = plant(tmp_path, MILL, {"push": "", "gap.f": ""}, outputs)
+    shown = measured(fmu, push := {"push": 30.0 * waves(3)}, ["tool"])
+    log = csv(tmp_path / "run.csv", {"push [N]": push["push"], "tool [mm]": shown["tool"]})
+    found = draft(fmu, log)
+    assert {"tool": "mm", "gap.x": "mm", "gap.v": "mm/s"}.items() <= found.units.items()
+    assert study_problems(load_study(write(found, tmp_path))) == []
+
+
+CABIN = """
+    def move(self, u, h):
+        f = p_k1 * (u["x[2]"] - u["x[1]"]) + 90.0 * (u["w[2]"] - u["w[1]"]) + u["F_ride"]
+        u["w[1]"] += h * f / 30.0
+        u["w[2]"] += h * (9e4 * (u["ground"] - u["x[2]"]) - 60.0 * u["w[2]"] - f) / 4.0
+        for i in "12":
+            u[f"x[{i}]"] += h * u[f"w[{i}]"]
+        u["travelled"] = u["x[2]"] - u["x[1]"]
+"""
+
+
+def test_numbers_of_elements_are_no_units(tmp_path: Path) -> None:
+    """The force acts between two bodies, and so moves what is between them more than either."""
+    outputs = dict.fromkeys(("x[1]", "x[2]", "w[1]", "w[2]", "travelled"), "")
+    fmu = plant(tmp_path, CABIN.replace("p_k1", "2e3"), {"ground": "", "F_ride": ""}, outputs)
+    shown = measured(fmu, ground := {"ground": 0.02 * waves(3)}, ["travelled", "x[1]"])
+    columns = {"ground [mm]": 1e3 * ground["ground"], "travelled [mm]": 1e3 * shown["travelled"]}
+    (joint,) = draft(fmu, csv(tmp_path / "run.csv", columns)).joints
+    assert (joint.force, joint.displacement) == ("F_ride", "travelled")
+    assert words("w[12]") != words("w[1]")
+    named = [Variable(name, "Real", "parameter", start="2.0") for name in ("m[1]", "k[2,1]", "d[1]", "gain[1]")]
+    assert [bool(why(variable)) for variable in named] == [True, True, True, False]

@@ -7,8 +7,8 @@ Columns that are named as inputs of the FMU drive it, and where no name tells, t
 measured (`driving`). Measured columns are paired with outputs by name, unit and what they show, sign included (`pairing`).
 Words of English and German logs are known by what they mean, which was asked for and which was measured too (`vocabulary`).
 A unit may be spelled by a column's name (`headers`). Joints are inputs that push and outputs that give way; the sign is found
-by pushing (`joints`). `parameters` are those of stiffness, damping and inertia, `steps` looks whether the step shows, `written`
-is the text.
+by pushing (`joints`), and what is the derivative of what by the run (`rates`). `parameters` are those of stiffness, damping and
+inertia, `steps` looks whether the step shows, `written` is the text.
 """
 
 from __future__ import annotations
@@ -40,6 +40,7 @@ from fmucorrect.drafting.pairing import (
     try_out,
 )
 from fmucorrect.drafting.parameters import find_parameters
+from fmucorrect.drafting.rates import by_numbers
 from fmucorrect.drafting.starts import find_starts, in_motion
 from fmucorrect.drafting.steps import at_shorter_step
 from fmucorrect.drafting.vocabulary import COMMAND
@@ -119,11 +120,13 @@ def draft(
     progress(STEPS[2])
     by_fit = {guess.variable: guess.variable_unit for guess in driving.inputs if guess.variable_unit}
     units = input_units(model, first, inputs) | by_fit
-    units |= {guess.output: guess.variable_unit for guess in channels if guess.variable_unit}
+    told_by_size = {guess.output: guess.variable_unit for guess in channels if guess.variable_unit}
+    units |= told_by_size
     told = model.known(units)
     # what is missing may add to an input that is driven, where the model has no other place for it
     joints = find_joints(told, tuple(inputs)) or find_joints(told, ()) or find_joints(told, tuple(inputs), untold=True)
     units |= joint_units(told, joints)
+    joints, units = by_numbers(model, joints, driving.trial, units, told_by_size)
     joints = loadable(joints, {name: v.unit for name, v in model.variables.items()} | units, model.defined)
     used = {*(guess.column for guess in channels), *inputs.values()}
     measured = [guess.column for guess in channels]

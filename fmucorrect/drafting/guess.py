@@ -20,6 +20,8 @@ _SIDES = frozenset("front rear left right upper lower inner outer top bottom".sp
 _UMLAUTS = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss"})
 DERIVATIVE = re.compile(r"^der\((.+)\)$")
 """Modelica's name of a derivative."""
+_INDEXED = re.compile(r"\w[\[(]\d+(?:,\s*\d+)*[\])]$")
+"""A name that ends with the number of an element, which is no unit: `w[3]`."""
 WITHIN = 0.9
 """Likeness of `zr` and `road_zr`."""
 SHORTENED, LEAST_LETTERS = 0.8, 3
@@ -138,7 +140,7 @@ def words(name: str) -> list[str]:
 def _parted(name: str) -> list[str]:
     """All its words, small, umlauts written out; a wheel set is no set point, and what der() stands around is no unit."""
     one = re.sub(r"(?i)wheel[ _]set", "wheelset", DERIVATIVE.sub(r"\1 der", name)).translate(_UMLAUTS)
-    bare = re.sub(r"\s*[\[(][^\])]*[\])]\s*$", "", one)
+    bare = one if _INDEXED.search(one) else re.sub(r"\s*[\[(][^\])]*[\])]\s*$", "", one)
     parted = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<![A-Za-z][A-Z])(?<=[A-Z])(?=[A-Z][a-z]{2})", "_", bare)  # FZusatz, too
     return re.findall(r"[a-z]+\d*|\d+", parted.lower())
 

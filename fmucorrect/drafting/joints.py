@@ -59,7 +59,8 @@ _ALL = frozenset().union(*_WORDS.values())
 @dataclass(frozen=True)
 class JointGuess:
     """Names of variables, "" for none; sign as in a study. untold: whether nobody says that its force is one. by_push: whether
-    nobody says that its displacement is one, but the force moves it as one."""
+    nobody says that its displacement is one, but the force moves it as one. by_rate: which of `velocity` and `acceleration`
+    are told by a run of the model, as derivatives."""
 
     name: str
     force: str
@@ -70,6 +71,7 @@ class JointGuess:
     sign: int
     untold: bool = False
     by_push: bool = False
+    by_rate: frozenset[str] = frozenset()
 
 
 def find_joints(fmu: FmuDescription, driven: Sequence[str], *, untold: bool = False) -> tuple[JointGuess, ...]:
@@ -94,7 +96,7 @@ def find_joints(fmu: FmuDescription, driven: Sequence[str], *, untold: bool = Fa
     found: list[JointGuess] = []
     for i, force in enumerate(forces):
         belonging = [j for j, v in enumerate(moved) if _belong(force, v)]
-        mine = [j for j in belonging if stem(moved[j].name) == stem(force.name)]
+        mine = [j for j in belonging if stem(moved[j].name) == stem(force.name) != ""]
         candidates = mine or [j for j in belonging if _component(moved[j].name, force.name)] or belonging
         gives = [j for j in candidates if moves[j, i]]
         if not gives:

@@ -64,6 +64,9 @@ MOST_OF_SIZE = 0.5
 """What their sizes take at most from the correlation of a column and an output and the likeness of their names, where both say
 their units, as many as powers of ten are between them: letters that happen to be alike are worth less, and outputs that go
 alike are told apart by it."""
+DERIVED, SUMS = 0.1, 1e-6
+"""Shares (rms) up to which an output is the derivative of another one, which a long step shows no better, and up to which it is
+a sum of two."""
 ROUNDED = 1e-12
 """Share of a column's swing by which it differs from another one that is the same: what converting leaves, and no noise."""
 TIED = 0.05
@@ -337,7 +340,7 @@ def may_be(one: str, other: str, known: Mapping[str, units.Unit] = units.NONE) -
 class Trial:
     """One run of the model over a log: all its outputs (own units) and all measured columns, on one grid.
 
-    simulated: (T, O); measured: (T, C). heard: as of `Run`.
+    simulated: (T, O); measured: (T, C). heard: as of `Run`. step_ns: of the grid.
     """
 
     outputs: tuple[Variable, ...]
@@ -345,6 +348,7 @@ class Trial:
     columns: tuple[str, ...]
     measured: Float64[np.ndarray, "T C"]
     heard: bool = False
+    step_ns: int = 0
 
     def only(self, columns: Sequence[str]) -> Trial:
         """The same with those of these columns that it has."""
@@ -357,6 +361,31 @@ class Trial:
         simulated = self.simulated[:, outputs.index(output)].std()
         measured = self.measured[:, self.columns.index(column)].std()
         return float(measured / max(simulated, np.finfo(float).tiny))
+
+    def derivative(self, of: str, among: Sequence[str]) -> tuple[str, float]:
+        """Which of these outputs is the time derivative of another one most exactly, and how many times as large, numbers
+        alone; "" and 0 where none is. What drives is held for a step, so that its end or its middle may show the change."""
+        change = np.diff(self._output(of)) * NANOSECONDS / max(self.step_ns, 1)
+        best, found = DERIVED**2, ("", 0.0)
+        for name in among if change.any() else ():
+            end = self._output(name)
+            for shown in (end[1:], 0.5 * (end[1:] + end[:-1])):
+                times = float(shown @ change) / float(change @ change)
+                off = float(np.sum((shown - times * change) ** 2)) / max(float(shown @ shown), np.finfo(float).tiny)
+                if times > 0.0 and off < best:
+                    best, found = off, (name, times)
+        return found
+
+    def adds_up(self, name: str, other: str) -> bool:
+        """Whether an output is another one, either way, or the sum or the difference of that and a third one, to the digit."""
+        one, two = self._output(name), self._output(other)
+        thirds = [np.zeros(len(one)), *(self._output(v.name) for v in self.outputs if v.name not in (name, other))]
+        signs = (1.0, -1.0)
+        off = ((one - sign * two - side * third).std() for third in thirds for sign in signs for side in signs)
+        return name != other and any(share < SUMS * one.std() for share in off)
+
+    def _output(self, name: str) -> Series:
+        return self.simulated[:, [variable.name for variable in self.outputs].index(name)]
 
 
 class Plant:
@@ -417,7 +446,7 @@ def try_out(
     measured = resample(record, step_ns) if len(record) > 1 else record
     shown = simulated.values[round(late / step_ns) :]
     rows = min(len(shown), len(measured))
-    return Trial(tuple(outputs), shown[:rows], columns, measured.values[:rows], log.heard)
+    return Trial(tuple(outputs), shown[:rows], columns, measured.values[:rows], log.heard, step_ns)
 
 
 def input_units(fmu: FmuDescription, log: Run, inputs: Mapping[str, str]) -> dict[str, str]:

@@ -15,7 +15,9 @@ DAMPERS = ("N.s/m", "N.m.s/rad")
 UNCERTAIN = ("N/m", "N.m/rad", "kg", "kg.m2", *DAMPERS)
 """Units of stiffness, inertia and damping, along and about an axis."""
 _NAMED = re.compile(
-    r"(?:^|[._])(?:k|c|m|d|j|ks|kt|cs|ms|mu|mb|mw|stiffness|damping|mass|inertia)[a-z]{0,2}\d*(?:_\w+)?$", re.I
+    r"(?:^|[._])(?:k|c|m|d|j|ks|kt|cs|ms|mu|mb|mw|stiffness|damping|mass|inertia)[a-z]{0,2}\d*(?:_\w+)?"
+    r"(?:\[\d+(?:,\s*\d+)*\])?$",
+    re.I,
 )
 """Names that say as much where the FMU says no unit."""
 _DESCRIBED = re.compile(

@@ -174,7 +174,9 @@ class Draft:
             if name := getattr(joint, key):
                 own = ": the spring's and damper's own there, not a drive's" if key == "nominal_force" else ""
                 unit = " and unit" if self.model.variables[name].unit else ""
-                yield f"{key} = {toml(name)}  # guess: by its name{unit}{own}"
+                of = "displacement" if key == "velocity" else "velocity"
+                why = f"the time derivative of the {of} in a run" if key in joint.by_rate else f"by its name{unit}{own}"
+                yield f"{key} = {toml(name)}  # guess: {why}"
         yield f"sign = {joint.sign}  # found by one push"
 
     def _conditions(self, folder: Path) -> Iterator[str]:
