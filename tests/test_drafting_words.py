@@ -500,3 +500,28 @@ def write(found: Draft, folder: Path) -> Path:
     """Its file."""
     (path := folder / "study.toml").write_text(found.text(path), encoding="utf-8")
     return path
+
+
+def test_a_force_elsewhere_has_no_place_at_another_ones_displacement(tmp_path: Path) -> None:
+    """A brake at the load moves the shaft's twist, too; its own way is no output of the first model."""
+    move = AXIS.replace('u["shaft.extraTorque"]) / 0.03', 'u["shaft.extraTorque"] + u["load.brakeTorque"]) / 0.03')
+    move = move.replace("p, h):\n", 'p, h):\n        u.setdefault("m", 0.0), u.setdefault("q", 0.0)\n')
+    move = move.replace('u["motor.angle"]', 'u["m"]')
+    hidden = move.replace('u["load.angle"]', 'u["q"]')
+    inputs = ("ref.angle", "shaft.extraTorque", "load.brakeTorque")
+    found: list[dict[str, str]] = []
+    for source, outputs in ((hidden, ()), (move, ("load.angle",))):
+        (folder := tmp_path / str(len(outputs))).mkdir()
+        shown = ("shaft.twist", "shaft.torque", *outputs)
+        fmu = open_fmu(plant(folder, source, inputs, shown, {"k": (1125.0, "")}))
+        found.append({joint.force: joint.displacement for joint in find_joints(fmu, ())})
+    assert found == [
+        {"shaft.extraTorque": "shaft.twist"},
+        {"shaft.extraTorque": "shaft.twist", "load.brakeTorque": "load.angle"},
+    ]
+
+
+def test_a_word_that_two_names_share_tells_more_than_letters() -> None:
+    """Two torques of a fan: of the air, and of what may disturb its rotor."""
+    assert likeness("vent torque", "hub.M_vent") > likeness("vent torque", "rotor.M_dist")
+    assert likeness("shockabsorber", "shock.d") > 0.5

@@ -26,6 +26,8 @@ WITHIN = 0.9
 """Likeness of `zr` and `road_zr`."""
 SHORTENED, LEAST_LETTERS = 0.8, 3
 """Likeness of `phi_mot` and `axis.motor.phi`; letters that tell a word."""
+BY_CHANCE = 0.5
+"""Share that letters count which two names have in common without a word."""
 SENSED = {"g": "gn", "mg": "mgn", **dict.fromkeys(("1/min", "min-1", "min^-1", "/min"), "rpm")}
 """What a sensor's unit means, which by itself is one of mass, or counts radians by the minute: no machine's motion is
 a mass, and loggers write turns so."""
@@ -110,6 +112,7 @@ def _written_alike(a: Collection[str], b: Collection[str]) -> float:
     if not a or not b:
         return 0.0
     whole = SequenceMatcher(None, "".join(a), "".join(b)).ratio()
+    whole *= 1.0 if whole >= SHORTENED or _share_a_word(a, b) else BY_CHANCE
     if sorted(a) == sorted(b):
         return 1.0
     if sorted(map(_side, a)) == sorted(map(_side, b)):
@@ -118,6 +121,12 @@ def _written_alike(a: Collection[str], b: Collection[str]) -> float:
     if less <= more and len("".join(less)) > 1:
         return max(whole, WITHIN)
     return max(whole, SHORTENED) if less & more and all(map(partial(_stands_for, more), less - more)) else whole
+
+
+def _share_a_word(a: Collection[str], b: Collection[str]) -> bool:
+    """Whether a word of one name is in a word of the other: shock in shockabsorber."""
+    pairs = (sorted((one, other), key=len) for one in a for other in b)
+    return any(len(short) >= LEAST_LETTERS and short in long for short, long in pairs)
 
 
 def _stands_for(others: Collection[str], word: str) -> bool:

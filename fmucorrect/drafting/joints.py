@@ -21,6 +21,8 @@ PUSH_NS = 20_000_000
 """For how long an input is pushed: long enough to be seen in a displacement, short against any period."""
 BRIEF_NS = 2_500_000
 """And to see how an output begins to move: a displacement that swings with 70 Hz still goes with the square of the time."""
+ALIKE = 0.01
+"""Share by which two forces may move a displacement otherwise and still act at one place."""
 SI = {"displacement": "m", "velocity": "m/s", "force": "N", "acceleration": "m/s2"}
 TURNING = {"displacement": "rad", "velocity": "rad/s", "force": "N.m", "acceleration": "rad/s2"}
 """Units of what has none, by its kind: of what moves along, and of what turns."""
@@ -78,7 +80,8 @@ def find_joints(fmu: FmuDescription, driven: Sequence[str], *, untold: bool = Fa
     """Every force input that is not `driven` and has a displacement of the same name's stem, or else the one that it moves
     most, of its own component (`rack.f_ext`, `rack.flange_a.s`) where that has any. Where it moves no displacement that is
     known, outputs that neither a unit nor a name tells anything of count if it moves them as one. untold: of the inputs that
-    neither a unit nor a name tells anything of, in their place. Raises FmuError of the pushes."""
+    neither a unit nor a name tells anything of, in their place. None whose displacement is another force's by its name, and
+    which moves it otherwise: it acts elsewhere. Raises FmuError of the pushes."""
     wanted = "" if untold else "force"
     forces = [v for v in fmu.of("input") if v.number and kind(v) == wanted and v.name not in driven]
     forces = [v for v in forces if v.unit in units.UNSAID and not v.discrete] if untold else forces
@@ -94,16 +97,20 @@ def find_joints(fmu: FmuDescription, driven: Sequence[str], *, untold: bool = Fa
     if len(moved) > len(known) and not moves.any(axis=0).all():
         moves |= ~moves.any(axis=0) & _as_displacements(fmu, *pushed)
     found: list[JointGuess] = []
+    own_place, pushes = list[bool](), list[float]()
     for i, force in enumerate(forces):
         belonging = [j for j, v in enumerate(moved) if _belong(force, v)]
         mine = [j for j in belonging if stem(moved[j].name) == stem(force.name) != ""]
-        candidates = mine or [j for j in belonging if _component(moved[j].name, force.name)] or belonging
+        beside = [j for j in belonging if _component(moved[j].name, force.name)]
+        candidates = mine or beside or belonging
         gives = [j for j in candidates if moves[j, i]]
         if not gives:
             continue
         own_words = set(words(force.name))
         shared = [j for j in gives if own_words & set(words(moved[j].name))]  # F_rope and rope_stretch
         j = max(shared or gives, key=lambda j: abs(answers[j, i]))
+        own_place.append(bool(mine or beside or shared))
+        pushes.append(abs(float(answers[j, i])))
         alike = [force.name] if mine else [moved[j].name, force.name]
         shown = [v for v in outputs if kind(v) != "force" or _turn_alike(force, v)]
         own = {what: next(filter(None, (_of(shown, what, name) for name in alike)), "") for what in _WORDS}
@@ -120,6 +127,12 @@ def find_joints(fmu: FmuDescription, driven: Sequence[str], *, untold: bool = Fa
                 j >= len(known),
             )
         )
+    owners = {joint.displacement: push for joint, push, own in zip(found, pushes, own_place, strict=True) if own}
+    found = [
+        joint
+        for joint, push, own in zip(found, pushes, own_place, strict=True)
+        if own or abs(push - owners.get(joint.displacement, push)) <= ALIKE * push
+    ]
     names = [joint.name for joint in found]
     return tuple(joint if names.count(joint.name) == 1 else replace(joint, name=joint.force) for joint in found)
 
