@@ -11,7 +11,7 @@ from jaxtyping import Bool
 
 from fmucorrect import units
 from fmucorrect.drafting.guess import DERIVATIVE, quantity, si, words
-from fmucorrect.errors import FmuError
+from fmucorrect.errors import FmuError, SignalError
 from fmucorrect.fmu import FmuDescription, Variable
 from fmucorrect.fmu.feedthrough import feedthrough
 from fmucorrect.study import joint_ports
@@ -91,13 +91,15 @@ def find_joints(fmu: FmuDescription, driven: Sequence[str], *, untold: bool = Fa
     if not forces or not moved:
         return ()
     pushed = [v.name for v in forces], [v.name for v in moved]
-    answers = feedthrough(fmu.path, *pushed, PUSH_NS)
+    sizes = [np.array([_in_si(v, fmu.defined) for v in side]) for side in (moved, forces)]
+    answers = feedthrough(fmu.path, *pushed, PUSH_NS) * sizes[0][:, None] / sizes[1]
     moves = answers != 0.0
     moves[len(known) :] = False
     if len(moved) > len(known) and not moves.any(axis=0).all():
         moves |= ~moves.any(axis=0) & _as_displacements(fmu, *pushed)
-    found: list[JointGuess] = []
-    own_place, pushes = list[bool](), list[float]()
+    guessed: list[
+        tuple[JointGuess, float, bool]
+    ] = []  # how far it is pushed, and whether a name says that it is its own
     for i, force in enumerate(forces):
         belonging = [j for j, v in enumerate(moved) if _belong(force, v)]
         mine = [j for j in belonging if stem(moved[j].name) == stem(force.name) != ""]
@@ -109,32 +111,37 @@ def find_joints(fmu: FmuDescription, driven: Sequence[str], *, untold: bool = Fa
         own_words = set(words(force.name))
         shared = [j for j in gives if own_words & set(words(moved[j].name))]  # F_rope and rope_stretch
         j = max(shared or gives, key=lambda j: abs(answers[j, i]))
-        own_place.append(bool(mine or beside or shared))
-        pushes.append(abs(float(answers[j, i])))
         alike = [force.name] if mine else [moved[j].name, force.name]
         shown = [v for v in outputs if kind(v) != "force" or _turn_alike(force, v)]
         own = {what: next(filter(None, (_of(shown, what, name) for name in alike)), "") for what in _WORDS}
-        found.append(
-            JointGuess(
-                " ".join(words(stem(force.name))) or force.name,
-                force.name,
-                moved[j].name,
-                own["velocity"],
-                own["force"],
-                own["acceleration"],
-                -1 if answers[j, i] > 0.0 else 1,
-                untold,
-                j >= len(known),
-            )
+        joint = JointGuess(
+            " ".join(words(stem(force.name))) or force.name,
+            force.name,
+            moved[j].name,
+            own["velocity"],
+            own["force"],
+            own["acceleration"],
+            -1 if answers[j, i] > 0.0 else 1,
+            untold,
+            j >= len(known),
         )
-    owners = {joint.displacement: push for joint, push, own in zip(found, pushes, own_place, strict=True) if own}
+        guessed.append((joint, abs(float(answers[j, i])), bool(mine or beside or shared)))
+    owners = {joint.displacement: push for joint, push, by_name in guessed if by_name}
     found = [
         joint
-        for joint, push, own in zip(found, pushes, own_place, strict=True)
-        if own or abs(push - owners.get(joint.displacement, push)) <= ALIKE * push
+        for joint, push, by_name in guessed
+        if by_name or abs(push - owners.get(joint.displacement, push)) <= ALIKE * push
     ]
     names = [joint.name for joint in found]
     return tuple(joint if names.count(joint.name) == 1 else replace(joint, name=joint.force) for joint in found)
+
+
+def _in_si(variable: Variable, defined: Mapping[str, units.Unit]) -> float:
+    """How large 1 of a variable is in SI; 1 of one without a unit, or with one that nobody knows."""
+    try:
+        return units.explained(variable.unit, "", defined).factor
+    except SignalError:
+        return 1.0
 
 
 def _as_displacements(fmu: FmuDescription, forces: Sequence[str], outputs: Sequence[str]) -> Bool[np.ndarray, "O I"]:
