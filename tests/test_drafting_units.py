@@ -157,7 +157,7 @@ def test_a_share_without_a_unit_counts_to_one_unless_something_tells(
     found = draft(fmu, log)
     assert pairs(found) == ({"servo.duty": "PWM"}, {"flap.s": "position"})
     assert found.units == {"servo.duty": unit}
-    assert "servo.duty is a share as the log's %, to one" in write(found, tmp_path).read_text("utf-8")
+    assert "the log's % is a share, and servo.duty counts to 1" in write(found, tmp_path).read_text("utf-8")
 
 
 PRESS = """

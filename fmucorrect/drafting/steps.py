@@ -25,12 +25,12 @@ def at_shorter_step(found: Draft, logs: Sequence[Run]) -> Draft:
     FMU takes no shorter step, and where nothing drives. logs: of its runs, in order."""
     asked = [(log.stamps[1] - log.stamps[0], run) for log, run in zip(logs, found.runs, strict=True)]
     _, shortest = min((item for item in asked if item[1].role != "evaluation"), key=lambda item: item[0])
+    if not found.driving.inputs or shortest.simulated is not None:
+        return found
     alone = replace(found, runs=(shortest,))
     seen = None
-    with (
-        TemporaryDirectory() as folder,
-        suppress(FmucorrectError),
-    ):  # what is wrong with the draft is told when it is inspected
+    # what is wrong with the draft is told when it is inspected
+    with TemporaryDirectory() as folder, suppress(FmucorrectError):
         path = Path(folder) / "study.toml"
         path.write_text(alone.text(path), encoding="utf-8")
         study = load_study(path)

@@ -80,8 +80,8 @@ class Draft:
         yield f"step_size = {self.step_ns / NANOSECONDS!r}  # guess: {self.why_step}"
         if self.units:
             shares = [name for name, unit in self.units.items() if unit in ("1", "%")]
-            how = "to one, unless its description, its bounds or the fit count to a hundred"
-            of = f"; {one_line(few(shares))} is a share as the log's %, {how}" * bool(shares)
+            how = "counts to 1, unless description, bounds or fit say 100"
+            of = f"; the log's % is a share, and {one_line(few(shares))} {how}" * bool(shares)
             yield f"units = {toml(self.units)}  # guess: the FMU says none; SI, unless sizes say otherwise{of}"
         yield from self._records()
         for guess in self.channels:
