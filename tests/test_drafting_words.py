@@ -525,3 +525,8 @@ def test_a_word_that_two_names_share_tells_more_than_letters() -> None:
     """Two torques of a fan: of the air, and of what may disturb its rotor."""
     assert likeness("vent torque", "hub.M_vent") > likeness("vent torque", "rotor.M_dist")
     assert likeness("shockabsorber", "shock.d") > 0.5
+
+
+def test_the_number_of_an_element_tells_two_apart_and_is_not_asked_for() -> None:
+    assert likeness("hull acc 2", "acc[2]") > likeness("hull acc 2", "acc[1]")
+    assert likeness("hull acceleration", "acc[1]") >= 0.8

@@ -20,7 +20,7 @@ _SIDES = frozenset("front rear left right upper lower inner outer top bottom".sp
 _UMLAUTS = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss"})
 DERIVATIVE = re.compile(r"^der\((.+)\)$")
 """Modelica's name of a derivative."""
-_INDEXED = re.compile(r"\w[\[(]\d+(?:,\s*\d+)*[\])]$")
+_INDEXED = re.compile(r"(\w)[\[(]\d+(?:,\s*\d+)*[\])]$")
 """A name that ends with the number of an element, which is no unit: `w[3]`."""
 WITHIN = 0.9
 """Likeness of `zr` and `road_zr`."""
@@ -69,7 +69,10 @@ def likeness(one: str, other: str) -> float:
     means, also = meanings(one), meanings(other)
     if any(PLACES[place] in also - means and place not in also for place in means & PLACES.keys()):
         return 0.0
-    return max(_written_alike(words(one), words(other)), _meant_alike(means, also))
+    alike = max(_written_alike(words(one), words(other)), _meant_alike(means, also))
+    bare = [_INDEXED.sub(r"\1", name) for name in (one, other)]
+    numbered = (bare[0] != one) + (bare[1] != other)  # the number of an element is not asked of a name without one
+    return max(alike, min(likeness(*bare), SHORTENED)) if numbered == 1 else alike
 
 
 def names(column: str, variable: str) -> bool:

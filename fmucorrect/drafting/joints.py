@@ -91,8 +91,9 @@ def find_joints(fmu: FmuDescription, driven: Sequence[str], *, untold: bool = Fa
     if not forces or not moved:
         return ()
     pushed = [v.name for v in forces], [v.name for v in moved]
-    sizes = [np.array([_in_si(v, fmu.defined) for v in side]) for side in (moved, forces)]
-    answers = feedthrough(fmu.path, *pushed, PUSH_NS) * sizes[0][:, None] / sizes[1]
+    answers = feedthrough(fmu.path, *pushed, PUSH_NS) / [_in_si(force, fmu.defined) for force in forces]
+    if all(v.unit not in units.UNSAID for v in moved):  # without units numbers are rather in one unit than in SI
+        answers = answers * [[_in_si(v, fmu.defined)] for v in moved]
     moves = answers != 0.0
     moves[len(known) :] = False
     if len(moved) > len(known) and not moves.any(axis=0).all():
