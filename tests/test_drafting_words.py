@@ -476,7 +476,7 @@ def test_equal_names_are_enough_where_the_model_lacks_nearly_all(tmp_path: Path)
     assert [parameter.name for parameter in found.parameters] == ["springRate"]
 
 
-@pytest.mark.parametrize(("every", "parts"), [(8, 8), (1, 1)])
+@pytest.mark.parametrize(("every", "parts"), [(8, 4), (1, 1)])
 def test_a_step_that_shows_is_written_shorter(tmp_path: Path, every: int, parts: int) -> None:
     """What is logged every 16 ms drives the model 8 ms late, far more than sensors are late."""
     fmu = plant(tmp_path, CART, ("drive", "dist"), ("x", "speed"), {})
