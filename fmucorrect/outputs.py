@@ -2,8 +2,8 @@
 
 A command calls `check_file` or `check_folder` before its first byte, with everything that it was told to read. What it then
 writes goes through `write` (beside the target, then renamed), or grows as a `Growing` file that keeps its rows whatever ends
-the run. That a command made what is there, and that nobody has changed it since, is known by a file `.fmucorrect` in the same
-folder, which has the digest of each file. What is not noted there counts as the user's.
+the run. That a command made what is there, and that nobody has changed it since, is known by the digest of each file: of a
+folder's in its file `.fmucorrect`, of single ones in the user's own folder. What is not noted there counts as the user's.
 """
 
 from __future__ import annotations
@@ -23,12 +23,13 @@ from typing import Any, final
 
 from fmucorrect.companions import files_of, names
 from fmucorrect.errors import OutputError, few
+from fmucorrect.ownfolder import own_folder
 
 Inputs = Iterable[tuple[str, Path | None]]
 """What is read: what it is, as "the corrector", and its file; None where there is none."""
 
 MARKER = ".fmucorrect"
-"""The file in a folder that says which commands made the folder, and what single files in it are as a command wrote them."""
+"""The file in a folder that says which commands made it, and how they wrote its files."""
 
 FACTS = "resources/fmucorrect.json"
 """The entry of a wrapped FMU in which `fmucorrect wrap` says what the solver and the corrector inside are."""
@@ -235,7 +236,13 @@ def _rename(beside: Path, target: Path, by: str) -> None:
 def _note(path: Path, by: str, digests: Iterable[str]) -> None:
     note = {"by": by, "sha256": [*dict.fromkeys(digests)]}
     with suppress(OSError):  # a file that is not noted is not written over unasked
-        _mark(path.parent, wrote={**_wrote(path.parent), path.name: note})
+        if by:
+            own = _own_note(path)
+            own.parent.mkdir(mode=0o700, exist_ok=True)
+            with Replacing(own) as beside:
+                beside.write_text(json.dumps(note) + "\n", encoding="utf-8")
+        else:
+            _mark(path.parent, wrote={**_wrote(path.parent), path.name: note})
 
 
 def _mark(folder: Path, **noted: Any) -> None:
@@ -286,7 +293,7 @@ def _is_there(out: Path) -> bool:
 
 
 def _as_written(path: Path) -> bool:
-    """Whether a file is as its folder's marker has it."""
+    """Whether a file is as it is noted."""
     return _digest(path) in _note_of(path)[1]
 
 
@@ -298,15 +305,20 @@ def _digest(path: Path) -> str:
 def _note_of(path: Path) -> tuple[str, list[str]]:
     """What is noted of a file: the command whose it is, and the digests (SHA-256) that it may have."""
     real = _real(path)
-    found = _wrote(real.parent).get(real.name, {})
-    try:
-        return str(found["by"]), [str(digest) for digest in found["sha256"]]
-    except (TypeError, LookupError):
-        return "", []
+    notes: tuple[Any, ...] = (_wrote(real.parent).get(real.name), _read(_own_note(real)))
+    for found in notes:
+        with suppress(TypeError, LookupError):
+            return str(found["by"]), [str(digest) for digest in found["sha256"]]
+    return "", []
+
+
+def _own_note(path: Path) -> Path:
+    """Where a single file is noted."""
+    return own_folder() / "outputs" / f"{hashlib.sha256(os.fsencode(path)).hexdigest()}.json"
 
 
 def _wrote(folder: Path) -> dict[str, Any]:
-    """The notes of single files in a folder's marker."""
+    """The notes of a folder's files in its marker."""
     found = _marker(folder).get("wrote")
     return found if isinstance(found, dict) else {}
 
@@ -331,9 +343,14 @@ def _noted(out: Path, key: str) -> list[str]:
 
 
 def _marker(folder: Path) -> dict[str, Any]:
-    """What a folder's marker says; nothing where there is none that can be read."""
+    """What a folder's marker says."""
+    return _read(folder / MARKER)
+
+
+def _read(note: Path) -> dict[str, Any]:
+    """What was noted; nothing where there is none that can be read."""
     try:
-        found = json.loads((folder / MARKER).read_bytes())
+        found = json.loads(note.read_bytes())
     except (OSError, ValueError, RecursionError):
         return {}
     return found if isinstance(found, dict) else {}

@@ -21,10 +21,10 @@ from fmucorrect.companions import files_of
 from fmucorrect.discovery import native
 from fmucorrect.discovery.kept import digest, packed, unpacked
 from fmucorrect.discovery.model import Model
-from fmucorrect.discovery.native import own_folder
 from fmucorrect.discovery.problem import Elsewhere, Problem
 from fmucorrect.discovery.trials import Trial
 from fmucorrect.errors import RecordError
+from fmucorrect.ownfolder import own_folder
 from fmucorrect.study import Adjustable, Study
 from fmucorrect.workfolder import WorkFolder
 

@@ -4,65 +4,19 @@ folder that nobody but the user can write to, since what lies there is loaded as
 
 from __future__ import annotations
 
-import atexit
 import hashlib
-import os
-import stat
-import sys
 import tempfile
 from collections.abc import Sequence
 from ctypes import POINTER, Structure, c_double, c_int, c_long, c_uint, c_void_p
-from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from shutil import rmtree
 
 from fmucorrect.catalogue import CATALOGUE, Law
 from fmucorrect.catalogue import law as catalogue
 from fmucorrect.errors import MissingExtra
+from fmucorrect.ownfolder import own
 from fmucorrect.wrapping import laws
 from fmucorrect.wrapping.compiler import compile_library, host
-
-
-@cache
-def own_folder() -> Path:
-    """fmucorrect's folder among the user's caches, or one that lasts as long as this process where there is no such place, or
-    where another user could write to it."""
-    try:
-        folder = _caches() / "fmucorrect"
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        if _may_write(folder) and own(folder):
-            return folder
-    except (OSError, RuntimeError):  # no home, or one that cannot be written to
-        pass
-    folder = Path(tempfile.mkdtemp(prefix="fmucorrect_"))
-    atexit.register(rmtree, folder, ignore_errors=True)
-    return folder
-
-
-def own(path: Path) -> bool:
-    """Whether a file or folder is no link, belongs to who runs this, and only he can change it. On Windows that follows from
-    where it lies: the user's own profile."""
-    found = path.lstat()
-    if stat.S_ISLNK(found.st_mode):
-        return False
-    return sys.platform == "win32" or (found.st_uid == os.geteuid() and not found.st_mode & 0o022)
-
-
-def _may_write(folder: Path) -> bool:
-    return os.access(folder, os.W_OK | os.X_OK)
-
-
-def _caches() -> Path:
-    """Where this platform has what can be made again. Raises RuntimeError where the user has no home."""
-    if sys.platform == "win32":
-        given, usual = os.environ.get("LOCALAPPDATA", ""), Path.home() / "AppData" / "Local"
-    elif sys.platform == "darwin":
-        given, usual = "", Path.home() / "Library" / "Caches"
-    else:
-        given, usual = os.environ.get("XDG_CACHE_HOME", ""), Path.home() / ".cache"
-    return Path(given) if given and Path(given).is_absolute() else usual
-
 
 _C = Path(__file__).parent / "c"
 _SHARED = tuple(Path(laws.__file__).parent / "c" / name for name in ("joint.h", "together.h"))

@@ -1,6 +1,7 @@
 """Code is loaded from a folder of the user's own, or from none that was there before."""
 
 import sys
+from collections.abc import Generator
 from pathlib import Path
 
 import pytest
@@ -8,16 +9,17 @@ import pytest
 pytest.importorskip("ziglang")
 pytest.importorskip("sympy")
 
+from fmucorrect import ownfolder
 from fmucorrect.discovery import native
-from fmucorrect.discovery.native import own, own_folder
+from fmucorrect.ownfolder import own, own_folder
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="owners and modes are POSIX's")
 
 
 @pytest.fixture
-def caches(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def caches(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Generator[Path]:
     """Where this user's caches are said to be."""
-    monkeypatch.setattr(native, "_caches", lambda: tmp_path / "caches")
+    monkeypatch.setattr(ownfolder, "_caches", lambda: tmp_path / "caches")
     own_folder.cache_clear()
     yield tmp_path / "caches"
     own_folder.cache_clear()
@@ -48,7 +50,7 @@ def test_a_user_without_a_home_gets_one_that_nobody_foresees(monkeypatch: pytest
     def none() -> Path:
         raise RuntimeError("Could not determine home directory.")
 
-    monkeypatch.setattr(native, "_caches", none)
+    monkeypatch.setattr(ownfolder, "_caches", none)
     own_folder.cache_clear()
     folder = own_folder()
     assert folder.stat().st_mode & 0o777 == 0o700
