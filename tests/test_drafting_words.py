@@ -476,26 +476,6 @@ def test_equal_names_are_enough_where_the_model_lacks_nearly_all(tmp_path: Path)
     assert [parameter.name for parameter in found.parameters] == ["springRate"]
 
 
-@pytest.mark.parametrize(("every", "parts"), [(8, 4), (1, 1)])
-def test_a_step_that_shows_is_written_shorter(tmp_path: Path, every: int, parts: int) -> None:
-    """What is logged every 16 ms drives the model 8 ms late, far more than sensors are late."""
-    fmu = plant(tmp_path, CART, ("drive", "dist"), ("x", "speed"), {})
-    driven = {"drive": 4.0 * waves(3), "dist": 0.0 * waves(4)}
-    shown = measured(fmu, driven, ("x", "speed"))
-    noise = 2e-2 * np.random.default_rng(3).normal(size=ROWS) * shown["x"].std()
-    with writer(path := tmp_path / "run.parquet") as file:
-        values = np.stack([driven["drive"], 1e3 * shown["x"] + 1e3 * noise], axis=1)[::every]
-        file.write(
-            "/log", Record((np.arange(ROWS) * STEP)[::every], values, (Channel("drive", "N"), Channel("x", "mm")))
-        )
-    found = draft(fmu, path)
-    assert found.step_ns == every * STEP // parts
-    assert (f"1/{parts} of the sample interval of run.parquet, at which channel 'x' is" in found.why_step) == (
-        parts > 1
-    )
-    assert load_study(write(found, tmp_path)).simulation.step_ns == found.step_ns
-
-
 def write(found: Draft, folder: Path) -> Path:
     """Its file."""
     (path := folder / "study.toml").write_text(found.text(path), encoding="utf-8")

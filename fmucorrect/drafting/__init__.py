@@ -8,7 +8,7 @@ measured (`driving`). Measured columns are paired with outputs by name, unit and
 Words of English and German logs are known by what they mean, which was asked for and which was measured too (`vocabulary`).
 A unit may be spelled by a column's name (`headers`). Joints are inputs that push and outputs that give way; the sign is found
 by pushing (`joints`), and what is the derivative of what by the run (`rates`). `parameters` are those of stiffness, damping and
-inertia, `steps` looks whether the step shows, `written` is the text.
+inertia, `written` is the text.
 """
 
 from __future__ import annotations
@@ -42,7 +42,6 @@ from fmucorrect.drafting.pairing import (
 from fmucorrect.drafting.parameters import find_parameters
 from fmucorrect.drafting.rates import by_numbers
 from fmucorrect.drafting.starts import find_starts, in_motion
-from fmucorrect.drafting.steps import at_shorter_step
 from fmucorrect.drafting.vocabulary import COMMAND
 from fmucorrect.drafting.written import Draft, DraftedRun
 from fmucorrect.errors import FmuError, RecordError, SignalError, few
@@ -57,7 +56,7 @@ EVALUATION = frozenset("eval evaluation validation valid val check verification 
 """Words in the name of a run that is held out."""
 CLEAR = 0.9
 """Correlation from which nothing is gained by looking at another run."""
-STEPS = ("reading", "simulating", "pushing", "at half the step")
+STEPS = ("reading", "simulating", "pushing")
 """What draft() does, as it tells `progress`."""
 
 
@@ -70,9 +69,8 @@ def draft(
 ) -> Draft:
     """What a study of these runs, or of this one, would say. references: simulated records, one a run, which replace running
     the FMU for it. reading: what is known of all logs beside what they say. The model runs over the first run, once for each
-    column that is tried as an input, and over others while it is not clear what their columns show; and over the shortest run
-    with half the step, which is written shorter where that shows. Raises FmuError and RecordError for files that cannot be
-    used, and where no column shows any output.
+    column that is tried as an input, and over others while it is not clear what their columns show. Raises FmuError and
+    RecordError for files that cannot be used, and where no column shows any output.
     """
     runs, references = ([it] if isinstance(it, str | PathLike) else it for it in (runs, references))
     if not runs:
@@ -155,7 +153,7 @@ def draft(
         )
         for i, log in enumerate(logs)
     ]
-    found = Draft(
+    return Draft(
         model=model,
         step_ns=step_ns,
         why_step=why,
@@ -184,8 +182,6 @@ def draft(
         },
         spelled=frozenset(first.spelled),
     )
-    progress(STEPS[3])
-    return at_shorter_step(found, logs)
 
 
 def _held_out(names: Sequence[str]) -> set[int]:

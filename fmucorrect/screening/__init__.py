@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 from fmucorrect.errors import FmucorrectError, StudyError
 from fmucorrect.pairs import Pair, pair
-from fmucorrect.screening.coarse import Shown, coarse, shown
+from fmucorrect.screening.coarse import coarse
 from fmucorrect.screening.finding import Finding, together
 from fmucorrect.screening.load_cells import unfelt
 from fmucorrect.screening.recorded import of_records
@@ -28,18 +28,7 @@ from fmucorrect.screening.simulated import NOTHING_IN_COMMON, of_pairs
 from fmucorrect.signals import Condition
 from fmucorrect.study import Study
 
-__all__ = [
-    "NOTHING_IN_COMMON",
-    "Finding",
-    "Screened",
-    "Shown",
-    "coarse",
-    "of_pairs",
-    "of_records",
-    "screen",
-    "shown",
-    "together",
-]
+__all__ = ["NOTHING_IN_COMMON", "Finding", "Screened", "coarse", "of_pairs", "of_records", "screen", "together"]
 
 _log = logging.getLogger("fmucorrect")
 

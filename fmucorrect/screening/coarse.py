@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -38,49 +38,18 @@ LATE = 1e-3
 for it."""
 
 
-@dataclass(frozen=True)
-class Shown:
-    """What a step does that shows. step: s, that of the study. told: of which channel, with figures. condition: its run.
-    factor: the other step that told it, in steps. shorter: s, at which it would show no more; None where the solver takes no
-    shorter step."""
-
-    step: float
-    told: str
-    condition: str
-    factor: float
-    shorter: float | None
-
-
 def coarse(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
-    """What the step does that shows (`shown`), as a warning."""
-    if (found := shown(study, pairs)) is None:
-        return
-    no_other = "the FMU takes no step of half of this"
-    remedy = no_other if found.shorter is None else f"write a shorter step_size, {found.shorter:.3g} say"
-    yield Finding(
-        "step that shows",
-        "warning",
-        place(study.places, ("simulation", "step_size")),
-        f"at a step of {found.step:g} s {found.told}, as a run of condition {found.condition!r} at "
-        f"{FACTORS[found.factor]} tells",
-        "Inputs are held for a whole step, and a solver that integrates by it is as good as that; discovery takes what "
-        "comes of it for a sensor's lag, a mass or a gain",
-        f"Of no matter to a corrector. For discovery: {remedy}.",
-    )
-
-
-def shown(study: Study, pairs: Sequence[Pair]) -> Shown | None:
     """Of the shortest run among the pairs, which costs two more: the channel that a step of half the length moves most, by more
     than LATE or, beside a lag, so that it shows in the noise, and no more than the measurement can hide. A step's error is
     about proportional to it, so that what half of it does is counted twice, and what twice of it does once. Nothing where the
     solver takes no other step."""
     runs = [item for item in pairs if item.condition.simulated is None and item.condition.inputs is not None]
     if study.fmu is None or not runs:
-        return None
+        return
     item, step = min(runs, key=lambda item: len(item.simulated)), study.simulation.step_size
     other = _otherwise(study, item)
     if other is None:
-        return None
+        return
     run, factor = other
     begins = float(item.rows.start) * step
     noise = of_sensors(study.channels, item.condition, item.measured, item.response, step, begins, item.ratio).sigma
@@ -106,10 +75,20 @@ def shown(study: Study, pairs: Sequence[Pair]) -> Shown | None:
             told = f"off by about {off:.2g} {channel.unit} rms{of_noise}"
             found.append((times / SHOWS, f"channel {channel.name!r} is {told}"))
     times, told = max(found, default=(0.0, ""))
-    if times <= 1.0:
-        return None
-    shorter = step / 2.0 ** min(np.ceil(np.log2(2.0 * times)), 5.0) if factor < 1.0 else None
-    return Shown(step, told, item.condition.name, factor, shorter)
+    if times > 1.0:
+        shorter = f"{step / 2.0 ** min(np.ceil(np.log2(2.0 * times)), 5.0):.3g}"
+        remedy = (
+            f"write a shorter step_size, {shorter} say" if factor < 1.0 else "the FMU takes no step of half of this"
+        )
+        yield Finding(
+            "step that shows",
+            "warning",
+            place(study.places, ("simulation", "step_size")),
+            f"at a step of {step:g} s {told}, as a run of condition {item.condition.name!r} at {FACTORS[factor]} tells",
+            "Inputs are held for a whole step, and a solver that integrates by it is as good as that; discovery takes what "
+            "comes of it for a sensor's lag, a mass or a gain",
+            f"Of no matter to a corrector. For discovery: {remedy}.",
+        )
 
 
 def _otherwise(study: Study, item: Pair) -> tuple[Record, float] | None:
