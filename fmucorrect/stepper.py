@@ -293,6 +293,12 @@ class ReplayStepper:
         return condition.parameters, self._defaults
 
     def step(self, t_ns: int, u: Row) -> Step:
+        if len(u) != len(self._nothing):
+            raise SignalError(
+                f"a row at t = {t_ns / NANOSECONDS:.9g} s has not the log's columns",
+                expected=len(self._nothing),
+                got=len(u),
+            )
         return Step(t_ns, u, u, self._nothing, Status.OK)
 
     def process(self, record: Record) -> Record:

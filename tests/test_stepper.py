@@ -367,3 +367,10 @@ def test_grid_in_chunks_from_anywhere(rows: int, sizes: list[int]) -> None:
 def test_grid_of_no_length_and_of_more_than_a_chunk() -> None:
     assert [list(chunk.t_ns) for chunk in grid(0.0, STEP_NS)] == [[0]]
     assert [len(chunk) for chunk in grid(5.0, STEP_NS)] == [4096, 905]
+
+
+def test_a_row_without_the_logs_columns_takes_no_time() -> None:
+    replayed = ReplayStepper((Channel("x", "mm"), Channel("y", "mm")))
+    with pytest.raises(SignalError, match="expected 2, got 1"):
+        replayed.step(0, np.zeros(1))
+    assert (replayed.step(0, np.ones(2)).simulated == 1.0).all()
