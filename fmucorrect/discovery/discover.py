@@ -309,7 +309,7 @@ def _report(
         "unexplained": decision.unexplained,
         "not_named": not_named(problem, naming.setting, decision),
         "next_test": _next(problem, naming, decision) if verdict == "ambiguous" else None,
-        "notes": _notes(study, problem, naming.setting, decision)
+        "notes": _notes(study, problem, naming.setting, decision, chain.ahead)
         + left_out
         + _humming(problem, places, verdict)
         + _begun(checked)
@@ -452,7 +452,8 @@ def _begun(checked: Sequence[Gap]) -> list[str]:
     ]
 
 
-def _notes(study: Study, problem: Problem, setting: Setting, decision: Decision) -> list[str]:
+def _notes(study: Study, problem: Problem, setting: Setting, decision: Decision, early: float) -> list[str]:
+    """early: s, as Chain.ahead."""
     notes = [f"condition {t.condition.name}: {text}" for t in problem.trials for text in t.notes]
     if study.fmu is None:
         notes.append(
@@ -460,7 +461,7 @@ def _notes(study: Study, problem: Problem, setting: Setting, decision: Decision)
         )
     elif not study.joints:
         notes.append("The study names no joints: with force ports more than parameters and sensors could be named.")
-    half, early = study.simulation.step_size / 2.0, chain_told(problem, setting, decision.best.residual).ahead
+    half = study.simulation.step_size / 2.0
     if early > TELLING * half:
         notes.append(
             f"Inputs are held for a step of {2e3 * half:.3g} ms, so that the model answers half of it late: the search left "

@@ -53,7 +53,7 @@ _WORDS = {
 """Words of a name that tell what a variable without a unit is; `s`, `s_rel` and their kin as Modelica's library has them."""
 _TURNS = frozenset("torque trq moment mx my mz tau omega w wrel angle phi theta twist phirel".split())  # noqa: SIM905
 """Of these words, those of what turns."""
-_RATE = {"displacement": "velocity", "velocity": "acceleration"}
+RATE_OF = {"displacement": "velocity", "velocity": "acceleration"}
 """What the derivative of each is."""
 _ALL = frozenset().union(*_WORDS.values())
 
@@ -98,9 +98,8 @@ def find_joints(fmu: FmuDescription, driven: Sequence[str], *, untold: bool = Fa
     moves[len(known) :] = False
     if len(moved) > len(known) and not moves.any(axis=0).all():
         moves |= ~moves.any(axis=0) & _as_displacements(fmu, *pushed)
-    guessed: list[
-        tuple[JointGuess, float, bool]
-    ] = []  # how far it is pushed, and whether a name says that it is its own
+    # with how far it is pushed, and whether a name says that the displacement is its own
+    guessed = list[tuple[JointGuess, float, bool]]()
     for i, force in enumerate(forces):
         belonging = [j for j, v in enumerate(moved) if _belong(force, v)]
         mine = [j for j in belonging if stem(moved[j].name) == stem(force.name) != ""]
@@ -201,7 +200,7 @@ def kind_by_name(name: str) -> str:
 
 def _rated(name: str, what: str) -> str:
     """What this is, of its derivative where the name is that of one."""
-    return _RATE.get(what, "") if DERIVATIVE.match(name) else what
+    return RATE_OF.get(what, "") if DERIVATIVE.match(name) else what
 
 
 def turning(parts: Sequence[str]) -> bool:

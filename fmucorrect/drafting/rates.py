@@ -8,14 +8,12 @@ from dataclasses import replace
 
 from fmucorrect import units
 from fmucorrect.drafting.guess import si
-from fmucorrect.drafting.joints import SI, TURNING, JointGuess
+from fmucorrect.drafting.joints import RATE_OF, SI, TURNING, JointGuess
 from fmucorrect.drafting.pairing import Trial, family, may_be
 from fmucorrect.fmu import FmuDescription
 
 CLOSE = 0.05
 """Share by which a derivative may be larger or smaller than the units of both say: a step does that much."""
-_RATES = {"velocity": "displacement", "acceleration": "velocity"}
-"""Of what each of a joint's variables is the time derivative."""
 
 
 def by_numbers(
@@ -38,7 +36,7 @@ def by_numbers(
         if x not in told:
             told[x] = _as_another(trial, x, told, known[x])
         sizes = TURNING if may_be(told[x], "rad", fmu.defined) else SI
-        for key, of in _RATES.items():
+        for of, key in RATE_OF.items():
             joint, told = _with_rate(fmu, joint, key, getattr(joint, of), sizes[key], trial, told)
         found.append(joint)
     return tuple(found), {
