@@ -17,7 +17,7 @@ from fmucorrect.drafting import _held_out, draft
 from fmucorrect.drafting.driving import NAMED
 from fmucorrect.drafting.guess import likeness
 from fmucorrect.drafting.joints import find_joints, kind, kind_by_name, turns
-from fmucorrect.drafting.pairing import Run, quiet, read_run
+from fmucorrect.drafting.log import Run, quiet, read_run
 from fmucorrect.drafting.parameters import find_parameters, other_parameters
 from fmucorrect.errors import RecordError
 from fmucorrect.fmu import IsolatedStepper, Variable, open_fmu

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from exported import by_pythonfmu
 
-from fmucorrect.drafting import Draft, draft, pairing
+from fmucorrect.drafting import Draft, draft, log, pairing
 from fmucorrect.drafting.driving import NAMED
 from fmucorrect.drafting.guess import likeness, quantity, role
 from fmucorrect.drafting.joints import JointGuess, find_joints, kind, loadable, turns
@@ -389,9 +389,9 @@ def test_names_of_two_languages(column: str, variable: str, other: str) -> None:
 
 def test_clocks_of_loggers_do_not_make_the_step():
     """30 ppm of a quartz: 0.5 ms, which another logger's record has too."""
-    assert pairing._meant(500_015) == 500_000
-    assert pairing._meant(1_953_125) == 1_953_125  # 512 Hz
-    assert pairing._meant(999_400) == 999_400
+    assert log._meant(500_015) == 500_000
+    assert log._meant(1_953_125) == 1_953_125  # 512 Hz
+    assert log._meant(999_400) == 999_400
 
 
 def test_turns_by_the_minute_are_a_speed():

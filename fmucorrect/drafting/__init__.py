@@ -25,23 +25,12 @@ from fmucorrect.clocks import overlapping
 from fmucorrect.drafting.driving import Driving, find_driving
 from fmucorrect.drafting.guess import likeness, quantity, words
 from fmucorrect.drafting.joints import find_joints, joint_units, loadable
-from fmucorrect.drafting.pairing import (
-    ChannelGuess,
-    Plant,
-    Run,
-    Trial,
-    beside,
-    find_channels,
-    input_units,
-    may_be,
-    quiet,
-    read_run,
-    step_of,
-    try_out,
-)
+from fmucorrect.drafting.log import Run, beside, quiet, read_run, step_of
+from fmucorrect.drafting.pairing import ChannelGuess, find_channels, may_be
 from fmucorrect.drafting.parameters import find_parameters
 from fmucorrect.drafting.rates import by_numbers
 from fmucorrect.drafting.starts import find_starts, in_motion
+from fmucorrect.drafting.trial import Plant, Trial, input_units, try_out
 from fmucorrect.drafting.vocabulary import COMMAND
 from fmucorrect.drafting.written import Draft, DraftedRun
 from fmucorrect.errors import FmuError, RecordError, SignalError, few

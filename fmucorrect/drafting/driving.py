@@ -12,24 +12,20 @@ import numpy as np
 from fmucorrect import units
 from fmucorrect.drafting.guess import as_well, likeness, names, quantity, role, si
 from fmucorrect.drafting.joints import find_joints, kind, kind_by_name
+from fmucorrect.drafting.log import Run
 from fmucorrect.drafting.pairing import (
     NAMED,
     RARE,
     SHOWS,
     TIED,
     ChannelGuess,
-    Plant,
-    Run,
-    Trial,
     away,
     correlations,
-    counted_in,
     family,
     find_channels,
-    is_share,
     may_be,
-    try_out,
 )
+from fmucorrect.drafting.trial import Plant, Trial, counted_in, is_share, try_out
 from fmucorrect.drafting.vocabulary import COMMAND, MEASURED
 from fmucorrect.errors import FmuError, SignalError
 from fmucorrect.fmu import FmuDescription, Variable

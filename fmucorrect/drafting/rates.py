@@ -9,7 +9,8 @@ from dataclasses import replace
 from fmucorrect import units
 from fmucorrect.drafting.guess import si
 from fmucorrect.drafting.joints import RATE_OF, SI, TURNING, JointGuess
-from fmucorrect.drafting.pairing import Trial, family, may_be
+from fmucorrect.drafting.pairing import family, may_be
+from fmucorrect.drafting.trial import Trial
 from fmucorrect.fmu import FmuDescription
 
 CLOSE = 0.05

@@ -9,7 +9,8 @@ import numpy as np
 from jaxtyping import Float64
 
 from fmucorrect.drafting.joints import kind
-from fmucorrect.drafting.pairing import ChannelGuess, Run
+from fmucorrect.drafting.log import Run
+from fmucorrect.drafting.pairing import ChannelGuess
 from fmucorrect.fmu import FmuDescription
 
 FIRST = 5
