@@ -12,9 +12,9 @@ from jaxtyping import Float64
 
 from fmucorrect import metrics, pairs
 from fmucorrect.discovery.budget import Budget
-from fmucorrect.discovery.fitted import Setting
+from fmucorrect.discovery.fitted import Setting, believed_of, off_by
 from fmucorrect.discovery.model import Model, runner, simulate, start_value
-from fmucorrect.discovery.nuisances import GAIN, LAG, ahead, holds
+from fmucorrect.discovery.nuisances import ahead
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.starts import fitted
 from fmucorrect.discovery.trials import lead_in, sensor_noise
@@ -200,19 +200,5 @@ def _gap(
 
 def chain_told(problem: Problem, setting: Setting, residual: Float64[np.ndarray, " n"]) -> Chain:
     """As the residual of a model tells it. residual: (n,) of the development conditions."""
-    told = setting.sensors.believe(residual, setting.share).fitted
-    free = sum(len(trial.condition.free) for trial in problem.trials) if problem.fmu else 0
-    behind = free + holds(problem) + setting.drives.shape[1]
-    early = told[-1 - setting.drives.shape[1]] * problem.study.simulation.step_size / 2.0 if holds(problem) else 0.0
-    return Chain(sensor_errors(told, len(problem.study.channels), len(problem.trials), behind), float(early))
-
-
-def sensor_errors(
-    fitted: Float64[np.ndarray, " m"], channels: int, conditions: int, behind: int = 0
-) -> Float64[np.ndarray, "J 2"]:
-    """Gain error and lag of each channel from the sensors' nuisances, in the order of nuisances.sensors. What all conditions'
-    clocks have in common is a lag of every channel. behind: how many others stand behind them (fitted.with_sensors)."""
-    rows = fitted[: 2 * channels].reshape(channels, 2)
-    own = fitted[2 * channels : len(fitted) - behind].reshape(conditions, -1)
-    clock = float(own[:, 0].mean()) if own.shape[1] == 1 + 2 * channels else 0.0
-    return (rows + np.array([0.0, clock])) * np.array([GAIN, LAG])
+    gains, lags, early = off_by(problem, setting, believed_of(setting, residual))
+    return Chain(np.stack([gains, lags.mean(axis=0)], axis=1), early)

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float64
 
+from fmucorrect.discovery import exact
 from fmucorrect.discovery.calibration import whole
 from fmucorrect.discovery.errorbars import spread
 from fmucorrect.discovery.fit import fit, sharpened
@@ -177,14 +178,17 @@ def _known(problem: Problem, setting: Setting, fitted: Fitted) -> Fitted:
     """Its last steps, with sensors that take their part of its own response, and what is then known of its numbers; an offset
     with all of its parameter's move in it. Sensors whose gain is right are preferred where that is about as likely: what they
     would take on, the FMU shall give."""
-    exact = with_sensors(problem, setting, fitted.model, gain=0.0)
+    right_gains = with_sensors(problem, setting, fitted.model, gain=0.0)
     with problem.by_runs():
-        right = sharpened(problem, exact, judge(exact, fitted))
+        right = sharpened(problem, right_gains, judge(right_gains, fitted))
         own = with_sensors(problem, setting, right.model)
         right = judge(own, right)
         last = sharpened(problem, own, right)
-    told = whole(problem, own, last if last.surprise < right.surprise - ALIKE else right)
-    return replace(told, covariance=spread(problem, own, told))
+        own, last = exact.to_its_end(problem, own, last if last.surprise < right.surprise - ALIKE else right)
+    told = whole(problem, own, last)
+    known = replace(told, covariance=spread(problem, own, told))
+    (y,) = problem.many([known.model])
+    return known if y is None else replace(known, at=y, residual=problem.measured - y)
 
 
 def _freed(problem: Problem, setting: Setting, fitted: Fitted) -> Fitted:

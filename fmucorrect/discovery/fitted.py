@@ -11,7 +11,7 @@ from jaxtyping import Float64
 
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.model import Model
-from fmucorrect.discovery.nuisances import GAIN, drives, held, sensitivities
+from fmucorrect.discovery.nuisances import GAIN, drives, errors, held, holds, sensitivities
 from fmucorrect.discovery.nuisances import sensors as sensors_of
 from fmucorrect.discovery.nuisances import starts as starts_of
 from fmucorrect.discovery.problem import Problem
@@ -122,6 +122,23 @@ def _nuisances(
     behind = [starts_of(problem, model, responses), held(problem, model, problem.stack(responses))]
     behind += [noisy] if noisy.size else []
     return Nuisances(np.concatenate([sensors_of(problem, responses, gain), *behind], axis=1))
+
+
+def believed_of(setting: Setting, residual: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " m"]:
+    """By how many standard deviations all that the setting does not know exactly is off, as a residual tells it."""
+    return setting.sensors.believe(residual, setting.share, setting.floor).fitted
+
+
+def off_by(
+    problem: Problem, setting: Setting, told: Float64[np.ndarray, " m"]
+) -> tuple[Float64[np.ndarray, " J"], Float64[np.ndarray, "K J"], float]:
+    """What that is of sensors and inputs: gain error of each channel, by how many seconds it is late in each condition, and by
+    how many inputs act ahead of how the FMU holds them."""
+    free = sum(len(trial.condition.free) for trial in problem.trials) if problem.fmu else 0
+    last = len(told) - setting.drives.shape[1]
+    early = told[last - 1] * problem.study.simulation.step_size / 2.0 if holds(problem) else 0.0
+    behind = len(told) - last + holds(problem) + free
+    return *errors(told, len(problem.study.channels), len(problem.trials), behind), float(early)
 
 
 def price(setting: Setting, numbers: int) -> float:

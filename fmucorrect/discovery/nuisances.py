@@ -34,9 +34,13 @@ PERTURBED = 0.3
 
 
 def sensors(
-    problem: Problem, responses: Sequence[Float64[np.ndarray, "_ J"]], gain: float = GAIN
+    problem: Problem,
+    responses: Sequence[Float64[np.ndarray, "_ J"]],
+    gain: float = GAIN,
+    later: Sequence[Float64[np.ndarray, "_ J"]] = (),
 ) -> Float64[np.ndarray, "n m"]:
-    """One column for each thing that may be off at the sensors, as large as one standard deviation of it. gain: of gains."""
+    """One column for each thing that may be off at the sensors, as large as one standard deviation of it. gain: of gains.
+    later: what LAG changes, to first order; else as central differences have it."""
     step = problem.study.simulation.step_size
     channels = len(problem.study.channels)
     columns: list[np.ndarray] = []
@@ -45,7 +49,7 @@ def sensors(
     def column(parts: Sequence[np.ndarray]) -> None:
         columns.append(problem.stack(parts))
 
-    rates = [-LAG * np.gradient(y, step, axis=0) for y in responses]
+    rates = later or [-LAG * np.gradient(y, step, axis=0) for y in responses]
     for j in range(channels):
         column([_only(gain * y, j) for y in responses])
         column([_only(rate, j) for rate in rates])
@@ -58,6 +62,17 @@ def sensors(
                 part = _only(OFFSET * shape * trial.sigma, j)
                 column([part if k == c else zero for k, zero in enumerate(zeros)])
     return np.stack(columns, axis=1)
+
+
+def errors(
+    told: Float64[np.ndarray, " m"], channels: int, conditions: int, behind: int = 0
+) -> tuple[Float64[np.ndarray, " J"], Float64[np.ndarray, "K J"]]:
+    """Gain error of each channel, and by how many seconds it is late in each condition: its own lag and that condition's clock.
+    told: by the columns of `sensors`, in standard deviations. behind: how many other columns stand behind these."""
+    rows = told[: 2 * channels].reshape(channels, 2)
+    own = told[2 * channels : len(told) - behind].reshape(conditions, -1)
+    clocks = own[:, :1] if own.shape[1] == 1 + 2 * channels else np.zeros((conditions, 1))
+    return GAIN * rows[:, 0], LAG * (rows[:, 1] + clocks)
 
 
 def holds(problem: Problem) -> bool:

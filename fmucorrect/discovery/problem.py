@@ -27,6 +27,7 @@ from fmucorrect.discovery.kept import Kept, code, digest
 from fmucorrect.discovery.ledger import Ledger
 from fmucorrect.discovery.model import AS_BEGUN, Model, Runner, runner, simulate, start_value, tolerance_of
 from fmucorrect.discovery.starts import fitted
+from fmucorrect.discovery.terms import SignalTerm
 from fmucorrect.discovery.trials import Trial, read
 from fmucorrect.errors import FmuError, StudyError
 from fmucorrect.fmu import FmuDescription, open_fmu
@@ -47,7 +48,8 @@ class Problem:
     fmu: the study's, None where it has none. trials: their data. tolerated: adjustables that may differ by their tolerance
     anyway. workers: threads that simulate. substeps: couplings of laws and FMU in a communication step. kept: what was found
     already. elsewhere: simulates large batches. response: tells models near another one by its linear response, where a run of
-    the FMU is dear. budget: counts runs of the FMU. ledger: of all fits of this discovery.
+    the FMU is dear. off: errors of sensors and inputs that all models have meanwhile (seen_by). budget: counts runs of the FMU.
+    ledger: of all fits of this discovery.
     """
 
     study: Study
@@ -60,6 +62,7 @@ class Problem:
     kept: Kept | None = None
     elsewhere: Elsewhere | None = None
     response: Nearby | None = None
+    off: Sequence[tuple[SignalTerm, ...]] = ()
     budget: Budget = field(default_factory=Budget)
     ledger: Ledger = field(default_factory=Ledger)
     _free: list[SimpleQueue[Runner]] = field(default_factory=lambda: [])
@@ -180,7 +183,7 @@ class Problem:
         starts: Mapping[str, float] = AS_BEGUN,
         more: Float64[np.ndarray, "T I"] | None = None,
     ) -> Float64[np.ndarray, "N J"]:
-        trial = self.trials[k]
+        trial, model = self.trials[k], replace(model, terms=(*model.terms, *self.off[k])) if self.off else model
         item = queue.get()
         try:
             return simulate(self.study, item, trial.condition, model, self.tolerated, starts, more)[trial.rows]
@@ -254,6 +257,17 @@ class Problem:
     ) -> Iterator[np.ndarray | None]:
         """`many` of models near another one: to first order, from few runs of the FMU, where one is dear."""
         return self.many(models, done) if self.response is None else self.response(self, models, around, done)
+
+    @contextmanager
+    def seen_by(self, off: Sequence[tuple[SignalTerm, ...]]) -> Generator[None]:
+        """Meanwhile all is simulated with such errors of sensors and inputs behind each model's own terms, those of a condition
+        each, and here."""
+        elsewhere, self.elsewhere, self.off = self.elsewhere, None, off
+        try:
+            with self.by_runs():
+                yield
+        finally:
+            self.elsewhere, self.off = elsewhere, ()
 
     @contextmanager
     def by_runs(self) -> Generator[None]:

@@ -20,7 +20,6 @@ import fmpy
 from fmucorrect import records
 from fmucorrect.cli import main
 from fmucorrect.discovery import discover, nuisances
-from fmucorrect.discovery.confirm import sensor_errors
 from fmucorrect.discovery.evidence import Nuisances, independent
 from fmucorrect.discovery.motion import motions
 from fmucorrect.discovery.output import sensor_rows
@@ -349,7 +348,8 @@ def test_a_lag_that_all_conditions_have_is_one_of_every_channel(tmp_path):
         columns = nuisances.sensors(problem, responses)
         delayed = [y - late * np.gradient(y, STEP, axis=0) for y in responses]
         belief = Nuisances(columns).believe(problem.stack(delayed) - problem.stack(responses), 1.0)
-        found = sensor_errors(belief.fitted, 2, len(still))
+        gains, lags = nuisances.errors(belief.fitted, 2, len(still))
+        found = np.stack([gains, lags.mean(axis=0)], axis=1)
     assert found[:, 1] == pytest.approx(late, rel=0.1)
     assert found[:, 0] == pytest.approx(0.0, abs=2e-3)
     told = sensor_rows(study.channels, found)
