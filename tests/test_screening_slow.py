@@ -109,6 +109,7 @@ def test_of_good_logs_nothing_is_told_but_their_step(study: Callable[..., Path])
     ("slip", "slipped", "kind"),
     [
         (lambda table: table.assign(phi=-table.phi), {1}, "sensor reversed"),
+        (lambda table: table[table.time < 18.0].assign(phi=-table.phi), {1}, "sensor reversed"),
         (lambda table: table.assign(phi=-table.phi), {0, 1, 2}, "sensor reversed"),
         (lambda table: table.assign(phi=table.v, v=table.phi), {0, 1, 2}, "sensors swapped"),
     ],

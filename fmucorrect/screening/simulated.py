@@ -45,6 +45,9 @@ MARGIN = 0.1
 """Share of the variance that it explains more at least."""
 CHANCE = 6e-5
 """Of two series that have nothing to do with each other, below which a correlation means anything: four standard deviations."""
+CHANCE_BESIDE = 1e-3
+"""The same of a single record, of which only that is told which others have the other way round: a slow swing that turns eight
+times cannot tell more by itself."""
 BEYOND = 10.0
 """Times that a channel is larger or smaller than simulated, at every condition, from which no model is close."""
 VOTE = 0.5
@@ -111,9 +114,10 @@ def _between(one: Values, other: Values) -> Table:
     return (a.T @ b) / np.where(sizes > 0.0, sizes, np.inf)
 
 
-def _sure(ones: Sequence[np.ndarray], others: Sequence[np.ndarray]) -> list[Table]:
+def _sure(ones: Sequence[np.ndarray], others: Sequence[np.ndarray], likely: float = CHANCE) -> list[Table]:
     """The same of any channels at some conditions, (N, J) each, 0 where as many samples as all of these have correlate so by
-    chance: by Student's distribution, as few swings of a slow machine tell a correlation near 1 from one of 0, too."""
+    chance, more often than `likely`: by Student's distribution, as few swings of a slow machine tell a correlation near 1 from
+    one of 0, too."""
     from scipy.special import betainc
 
     tables = [_between(one, other) for one, other in zip(ones, others, strict=True)]
@@ -121,7 +125,7 @@ def _sure(ones: Sequence[np.ndarray], others: Sequence[np.ndarray]) -> list[Tabl
     independent = np.sum(counts, axis=0)
     whole = np.sum([count * table for count, table in zip(counts, tables, strict=True)], axis=0) / independent
     chance = betainc(np.maximum(independent - 2.0, 1.0) / 2.0, 0.5, np.clip(1.0 - whole**2, 0.0, 1.0))
-    sure = (chance < CHANCE) & (independent > 2.0)
+    sure = (chance < likely) & (independent > 2.0)
     return [np.where(sure, table, 0.0) for table in tables]
 
 
@@ -390,10 +394,10 @@ def _assigned(
         return
     everywhere, every = _wrong(pairs, tables), range(len(pairs))
     found = {(j, row): list(every) for j, row in everywhere.items()}
-    alone = [_sure([item.measured], [item.response])[0] for item in pairs] if len(pairs) > 1 else []
+    alone = [_sure([item.measured], [item.response], CHANCE_BESIDE)[0] for item in pairs] if len(pairs) > 1 else []
     for c in range(len(alone)):
         others = [table for d, table in enumerate(alone) if d != c]
-        wrong = _wrong([pairs[c]], [alone[c]])
+        wrong = _wrong([pairs[c]], [alone[c]], CHANCE_BESIDE)
         for j, row in wrong.items():
             if j not in everywhere and any(_right(alone[c], other, j, row) for other in others):
                 found.setdefault((j, row), []).append(c)
@@ -466,9 +470,9 @@ def _crossed(tables: Sequence[Table], j: int, k: int) -> bool:
     )
 
 
-def _wrong(pairs: Sequence[Pair], tables: Sequence[Table]) -> dict[int, int]:
+def _wrong(pairs: Sequence[Pair], tables: Sequence[Table], likely: float = CHANCE) -> dict[int, int]:
     """Channels that fit another measured channel (its number) better than their own at all of these conditions, or their own
-    (that number) the other way round."""
+    (that number) the other way round. likely: by chance, of what counts."""
     from scipy.optimize import linear_sum_assignment
 
     rows, columns = linear_sum_assignment(-np.abs(np.mean(tables, axis=0)))
@@ -481,7 +485,7 @@ def _wrong(pairs: Sequence[Pair], tables: Sequence[Table]) -> dict[int, int]:
         # a current goes with the angle that it moves: whose column fits its own channel is not another one's
         and not all(_fits(table, row, row, taken[row]) for table in tables)
     }
-    return {j: j for j in _reversed(pairs, tables)} | swapped
+    return {j: j for j in _reversed(pairs, tables, likely)} | swapped
 
 
 def _right(here: Table, there: Table, j: int, row: int) -> bool:
@@ -492,11 +496,12 @@ def _right(here: Table, there: Table, j: int, row: int) -> bool:
     return bool(there[j, j] > HALF and abs(here[j, j] + there[j, j]) < NEAR)
 
 
-def _reversed(pairs: Sequence[Pair], tables: Sequence[Table]) -> set[int]:
+def _reversed(pairs: Sequence[Pair], tables: Sequence[Table], likely: float) -> set[int]:
     """Channels whose sign disagrees, at every condition, with their simulation and with how the others go with them."""
     votes: list[Table] = []
     measured, simulated = [item.measured for item in pairs], [item.response for item in pairs]
-    for one, other, table in zip(_sure(measured, measured), _sure(simulated, simulated), tables, strict=True):
+    sure = (_sure(measured, measured, likely), _sure(simulated, simulated, likely))
+    for one, other, table in zip(*sure, tables, strict=True):
         vote = one * other
         np.fill_diagonal(vote, np.diag(table))
         votes.append(np.where(np.abs(vote) > VOTE, vote, 0.0))
