@@ -129,14 +129,20 @@ def _solver(study: Study) -> str:
     return "" if study.fmu is None or logged else study.fmu.name
 
 
-def corners(channels: Sequence[Channel], pairs: Sequence[Pair]) -> Corners:
-    """Where a correction may be used: half the span of speed beyond its ends, 5 % of amplitude and frequency, 1.25 times the
-    largest response; fading over as much again (responses until 1.5 times). Nothing of what the conditions do not say."""
+REACH, FADES = 1.25, 0.25
+"""Of a channel's range, from its middle, up to where a correction is whole at most, and over which it fades."""
+
+
+def corners(channels: Sequence[Channel], pairs: Sequence[Pair], reach: float = REACH) -> Corners:
+    """Where a correction may be used: half the span of speed beyond its ends, 5 % of amplitude and frequency, fading over as
+    much again, and `reach` times the range of each response about its middle, fading over FADES. Nothing of what the conditions
+    do not say."""
     found: Corners = {}
-    extent = np.max([np.abs(_simulated(item)).max(0) for item in pairs], axis=0)
-    for channel, limit in zip(channels, extent.tolist(), strict=True):
-        if limit > 0.0:
-            found[f"response {channel.name}"] = (-1.5 * limit, -1.25 * limit, 1.25 * limit, 1.5 * limit)
+    low, high = (limit([limit(_simulated(item), axis=0) for item in pairs], axis=0) for limit in (np.min, np.max))
+    for channel, middle, half in zip(channels, (low + high) / 2.0, (high - low) / 2.0, strict=True):
+        if half > 0.0:
+            ends = (-reach - FADES, -reach, reach, reach + FADES)
+            found[f"response {channel.name}"] = tuple(float(middle + half * end) for end in ends)  # type: ignore[assignment]
     for k, name in enumerate(("speed", "amplitude", "frequency")):
         values = [float(item.condition.features[k]) for item in pairs]
         low, high = min(values), max(values)

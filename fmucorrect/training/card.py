@@ -177,7 +177,7 @@ def _tried(trained: Trained, info: Info) -> list[str]:
         "## What was tried",
         "",
         f"NRMSE, %, of each development condition when it was left out{with_it}. Taken is the "
-        "simplest within one standard error of the best.",
+        "simplest that none beats by more than one standard error and that was nowhere worse than the simulation.",
         "",
         "| corrector | " + " | ".join(names) + " | mean |",
         "|---|" + "---|" * (len(names) + 1),

@@ -86,7 +86,7 @@ def train(study: Study, training: Training | None = None, workshop: Workshop | N
     if selection.family in BLIND:
         sees, development = (), [samples(item, training.window) for item in checked.pairs]
     basis = sizes(development)
-    envelope = corners(study.channels, checked.pairs)
+    envelope = corners(study.channels, checked.pairs, selection.reach)
     head = fitted.head()
     known_motions, filtered = None, None
     if selection.family != "nothing":

@@ -1,8 +1,8 @@
 """Which corrector: every family on the conditions that were left out of it, and the simplest of those that are best.
 
-One speed is left out at a time. The simplest family within one standard error of the best wins (Breiman et al.,
-Classification and Regression Trees, 1984, section 3.4.3): the error of the difference, condition by condition, since a hard
-condition is hard for all of them.
+One speed is left out at a time. The simplest family wins that none beats by more than one standard error (Breiman et al.,
+Classification and Regression Trees, 1984, section 3.4.3, have the best alone for comparison): the error of the difference,
+condition by condition, since a hard condition is hard for all of them.
 """
 
 from __future__ import annotations
@@ -13,11 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from fmucorrect.noise import known_floor, removed
+from fmucorrect.sealing import REACH
 from fmucorrect.study_training import FAMILIES, Family, Training
 from fmucorrect.training.band import LeftOut, calibrate, left_out, share_inside
 from fmucorrect.training.data import Samples
 from fmucorrect.training.deployed import Band
 from fmucorrect.training.families import NETWORKS, by_speed, count_left_out, fit_filter, fold, lengths
+from fmucorrect.training.reach import reach
 from fmucorrect.training.tasks import Task, Workshop
 from fmucorrect.training.window import needed
 
@@ -36,7 +38,8 @@ class Selection:
     holds. by_fold: of the window family, NRMSE of each condition by number of epochs;
     empty where it was not tried. epochs: of the family that was taken; 0 where it has none. band: calibrated on the errors
     of the family that was taken. noise: NRMSE (%) that the sensors' noise alone makes, mean over these conditions; 0 where
-    it is not known. learned: share of what the simulation lacks beyond it that was found at these conditions, at most 1."""
+    it is not known. learned: share of what the simulation lacks beyond it that was found at these conditions, at most 1.
+    reach: how far beyond development the correction stays whole (reach.py)."""
 
     tried: Mapping[Family, Mapping[str, float]]
     family: Family
@@ -46,6 +49,7 @@ class Selection:
     band: Band
     noise: float
     learned: float
+    reach: float = REACH
 
     @property
     def errors(self) -> dict[int, float]:
@@ -117,7 +121,7 @@ def _told(family: Family, epochs: int, found: Sequence[LeftOut]) -> str:
 
 
 def select(development: Sequence[Samples], training: Training, workshop: Workshop) -> Selection:
-    """Each family at its best number of epochs; of these the simplest within one standard error of the best."""
+    """Each family at its best number of epochs, and of these one (simplest)."""
     found: dict[Family, dict[int, list[LeftOut]]] = {family: {} for family in families(training)}
     lengths_of: dict[Family, tuple[int, ...]] = {family: candidates(family, development, training) for family in found}
     for rung in range(max(len(values) for values in lengths_of.values())):
@@ -140,7 +144,8 @@ def select(development: Sequence[Samples], training: Training, workshop: Worksho
     band = calibrate(tried[taken])
     covered = {item.name: share_inside(band, item) for item in tried[taken]}
     noise, learned = _beyond_noise(tried, taken)
-    return Selection(scores, taken, covered, by_fold, length, band, noise, learned)
+    whole = reach(development, by_speed(development), tried[taken])
+    return Selection(scores, taken, covered, by_fold, length, band, noise, learned, whole)
 
 
 def _beyond_noise(tried: Mapping[Family, Sequence[LeftOut]], taken: Family) -> tuple[float, float]:
@@ -167,14 +172,18 @@ def _goes_on(family: Family, last: int, found: Mapping[Family, Mapping[int, Sequ
 
 
 def simplest(tried: Mapping[Family, Mapping[str, float]]) -> Family:
-    """The first family whose error is within one standard error of the smallest mean; none at all where that is hardly less
-    than the simulation's."""
+    """The first family that no other beats by more than one standard error of their difference (one that is better at every
+    condition may, though a third has the smallest mean), and of these the first that is nowhere worse than the simulation,
+    where one is; none at all where the smallest mean is hardly less than the simulation's."""
     errors: dict[Family, np.ndarray] = {family: np.array(list(scores.values())) for family, scores in tried.items()}
-    best = min(errors, key=lambda family: errors[family].mean())
-    if errors[best].mean() > (1.0 - HARDLY) * errors["nothing"].mean():
+    bare, least = errors["nothing"], min(values.mean() for values in errors.values())
+    if least > (1.0 - HARDLY) * bare.mean():
         return "nothing"
-    for family, values in errors.items():
-        more = values - errors[best]
-        if more.mean() <= more.std(ddof=1) / np.sqrt(len(more)):
-            return family
-    return best
+
+    def beaten(family: Family) -> bool:
+        differences = [errors[family] - other for other in errors.values()]
+        return any(more.mean() > more.std(ddof=1) / np.sqrt(len(more)) for more in differences)
+
+    good: list[Family] = [family for family in errors if not beaten(family)]
+    harmless: list[Family] = [family for family in good if (errors[family] <= (1.0 + HARDLY) * bare).all()]
+    return (harmless or good)[0]

@@ -86,9 +86,14 @@ def _when_left_out(selection: Selection, evaluations: Sequence[Comparison]) -> s
     found = f"{100 * selection.learned:.0f} % of what the simulation lacked"
     if _is_noise(selection.noise, left):
         found = "what the simulation lacked, down to the sensors' noise,"
+    few = " Two conditions can hardly tell which corrector is the best: more records would." * (
+        len(selection.held_out) == 2
+    )
     return (
         f"Learned {found} at {_places(evaluations)} it had not seen (each left out of the fit in turn; error, NRMSE, "
-        f"{bare:.2f} -> {left:.2f} %" + f", of which {noise}" * bool(noise) + f"). Taken: {WORDS[selection.family]}."
+        f"{bare:.2f} -> {left:.2f} %"
+        + f", of which {noise}" * bool(noise)
+        + f"). Taken: {WORDS[selection.family]}.{few}"
     )
 
 

@@ -203,6 +203,16 @@ def test_the_simplest_within_a_standard_error_is_taken() -> None:
     assert taken(linear=(4.0, 4.1, 4.2), recurrent=(3.0, 3.2, 3.1)) == "recurrent"
 
 
+def test_what_another_beats_at_every_condition_is_not_taken() -> None:
+    """Though the one with the smallest mean does not: of few and unlike conditions its difference has a large error."""
+    assert taken(amplitude=(3.0, 5.9, 4.0), window=(2.0, 4.9, 2.9), recurrent=(3.5, 1.0, 2.8)) == "window"
+
+
+def test_of_two_that_are_about_as_good_the_one_that_harms_nowhere_is_taken() -> None:
+    assert taken(window=(1.0, 6.3, 1.0), feedback=(1.5, 1.6, 1.5)) == "feedback"
+    assert taken(window=(1.0, 5.9, 1.0), feedback=(1.5, 1.6, 1.5)) == "window"
+
+
 @pytest.mark.parametrize(("at_first", "longer"), [(0.4, True), (0.6, False)])
 def test_feedback_is_trained_longer_only_where_it_is_as_good_as_without(
     friction: Case, monkeypatch: pytest.MonkeyPatch, at_first: float, longer: bool
