@@ -162,6 +162,11 @@ def _never_full(values: Mapping[str, float]) -> Mapping[str, float]:
     return {"damping": values["friction_force"] / values["smoothing_velocity"]}
 
 
+def _midway(values: Mapping[str, float]) -> Mapping[str, float]:
+    """Friction that does not fall: where its fall lies outside the motion one of both acts, and the other may be any."""
+    return {"friction_force": 0.5 * (values["friction_force"] + values["breakaway_force"])}
+
+
 def _without_play(values: Mapping[str, float]) -> Mapping[str, float]:
     """Friction that sticks as far as it goes until it slides, the play in it."""
     force = values["friction_force"]
@@ -257,6 +262,7 @@ LAWS = (
         corners=("smoothing_velocity",),
         note=f"F_b is reached as far as v_s is small against v_b. {_LIMIT}",
         check=_falling,
+        becomes=(("coulomb_friction", _midway), ("coulomb_friction_stick", _midway)),
         extends=(("coulomb_friction", _falling_from("smoothing_velocity")),),
     ),
     Law(
@@ -287,6 +293,7 @@ LAWS = (
         states=(_BRISTLE,),
         note=f"LuGre's friction with a damping that keeps it passive. {_HOLD}",
         check=_falling,
+        becomes=(("coulomb_friction", _midway), ("coulomb_friction_stick", _midway)),
         extends=(
             ("coulomb_friction_stick", _falling_from("stick_displacement", "stick_time")),
             ("stribeck_friction", _sticking),

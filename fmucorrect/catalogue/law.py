@@ -172,8 +172,9 @@ class Law:
     main: the parameter that says how strong it is. estimated: what data decide; the others stay as guessed, and are fitted to
     the best set alone, but `given` ones never: they say where others are told. signed: whether it may act the other way round.
     special: simpler effects that it becomes with special numbers; it is named only where these do clearly worse. absorbs: of
-    those, what beside it at the same place only changes its numbers. becomes: of those, by label, numbers from its own, where
-    the same names do not do. extends: laws by label that it contains, or another form of its own, and its numbers from theirs.
+    those, what beside it at the same place only changes its numbers. becomes: of `special`, by label, numbers from its own, for
+    which those of the same names do not do. extends: laws by label that it contains, or another form of its own, and its
+    numbers from theirs.
     holds: its numbers with which it holds a joint still that gives by a displacement (m or rad) under a force (N or N.m).
     corners: the parameters that would be 0 in a loop of infinitely small steps, were it as sharp as the textbook has it.
     reverse: how, where not by the sign (or inverse) of `main`.

@@ -172,6 +172,6 @@ def _special(term: ForceTerm) -> Iterator[ForceTerm]:
     laws += [law for law in CATALOGUE[term.effect] if law.label in extends and len(law.estimated) < fewer]
     for law in (law for law in laws if may_act(law, term.joints)):
         same = {p.name: term.values[p.name] for p in law.parameters if p.name in term.values}
-        values = becomes[law.label](term.values) if law.label in becomes else same
+        values = {**same, **becomes[law.label](term.values)} if law.label in becomes else same
         if {*law.required} <= {*values}:
             yield ForceTerm(law, term.where, term.joints, law.complete(values))

@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("ziglang")
 pytest.importorskip("sympy")
 
-from one_mass import APART, JOINT, NOISE, STEP, TOGETHER, begun, problem_of, silent, term_at
+from one_mass import APART, JOINT, NOISE, STEP, TOGETHER, begun, measured_on, problem_of, silent, term_at
 
 from fmucorrect.catalogue import find
 from fmucorrect.catalogue.signal import SIGNALS
@@ -77,6 +77,20 @@ def test_a_close_law_gives_way_to_the_simpler_one_that_it_contains(library, tmp_
         kept = [names(one) for one in admissible(setting, base, found)]
     assert frozenset([("linear_stiffness", "joint 1")]) in kept  # as likely as the offset: one equation
     assert names(relaxing) not in kept
+
+
+def test_friction_that_falls_beyond_all_motion_is_plain_friction(library, tmp_path):
+    values = {"stick_displacement": 2e-5, "stick_time": 1e-3}
+    with measured_on(tmp_path, library, "coulomb_friction", friction_force=0.2, **values) as problem:
+        setting, base = begun(problem)
+        numbers = {"friction_force": 1e-6, "breakaway_force": 0.2, "stribeck_velocity": 500.0}
+        stribeck = term_at(problem.study, "stribeck_friction", "joint 1", **numbers, **values)
+        found = fit(problem, setting, Model((stribeck,)), 0)
+        assert found.s2 < 2.0
+        base, sets = pared(problem, setting, base, [found])
+        best = first_of(admissible(setting, base, sets))
+    assert names(best) == {("coulomb_friction", "joint 1")}
+    assert best.model.terms[0].values["friction_force"] == pytest.approx(0.2, rel=0.05)
 
 
 def test_each_of_the_parameters_that_are_scaled_together_may_be_off_by_itself(library, tmp_path):
