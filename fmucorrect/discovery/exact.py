@@ -21,6 +21,7 @@ from fmucorrect.catalogue.signal import SIGNALS
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fit import GAINED, sharpened
 from fmucorrect.discovery.fitted import Fitted, Setting, believed_of, judge_at, off_by
+from fmucorrect.discovery.model import Model
 from fmucorrect.discovery.nuisances import LAG, ahead, holds, sensors
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.terms import EXCITATION, SignalTerm, Term
@@ -71,7 +72,8 @@ def _second(here: Around, setting: Setting, fitted: Fitted) -> float:
 def _around(problem: Problem, setting: Setting, fitted: Fitted) -> Around | None:
     """The fit around what it tells of sensors and inputs; None where the solver gives up."""
     told = believed_of(setting, fitted.residual)
-    model = replace(fitted.model, terms=tuple(_with_all(term, told) for term in fitted.model.terms))
+    model, named = _with_whole_lags(fitted.model, LAG * told)
+    told[named] = 0.0
     half, channels = problem.study.simulation.step_size / 2.0, 2 * len(problem.study.channels)
     gains, lags, early = off_by(problem, setting, told)
     off = _off(problem, gains, lags, early)
@@ -97,13 +99,20 @@ def _around(problem: Problem, setting: Setting, fitted: Fitted) -> Around | None
     return Around(nearer, judge_at(nearer, fitted, model, at), off)
 
 
-def _with_all(term: Term, told: Float64[np.ndarray, " m"]) -> Term:
-    """A sensor's lag with what its column has of it, which has none then; any other member as it is."""
-    if not (isinstance(term, SignalTerm) and term.effect == "sensor_lag"):
-        return term
-    k = 2 * term.channels[0] + 1
-    own, told[k] = LAG * float(told[k]), 0.0
-    return replace(term, values={**term.values, "lag": term.values["lag"] + own})
+def _with_whole_lags(model: Model, lags: Float64[np.ndarray, " m"]) -> tuple[Model, list[int]]:
+    """The model, a sensor's lag with what its column has of it, and the numbers of these columns. lags: s, by column."""
+    columns = {
+        term.key: 2 * term.channels[0] + 1
+        for term in model.terms
+        if isinstance(term, SignalTerm) and term.effect == "sensor_lag"
+    }
+
+    def whole(term: Term) -> Term:
+        if not (isinstance(term, SignalTerm) and term.key in columns):
+            return term
+        return replace(term, values={**term.values, "lag": term.values["lag"] + float(lags[columns[term.key]])})
+
+    return replace(model, terms=tuple(map(whole, model.terms))), list(columns.values())
 
 
 def _off(
