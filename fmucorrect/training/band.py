@@ -12,7 +12,7 @@ from fmucorrect.comparison import BAND_90
 from fmucorrect.metrics import score
 from fmucorrect.noise import noise_floor
 from fmucorrect.training.data import Samples, quantile
-from fmucorrect.training.deployed import Band
+from fmucorrect.training.deployed import Band, level
 from fmucorrect.training.novelty import in_motion
 
 
@@ -59,18 +59,18 @@ LEAST = 1e-3
 alone are wide enough."""
 
 
-def calibrate(folds: Sequence[LeftOut]) -> Band:
+def calibrate(folds: Sequence[LeftOut], middle: Float64[np.ndarray, " J"], scale: Float64[np.ndarray, " J"]) -> Band:
     """A band that holds 90 % of the errors on conditions that were left out, in motion and at rest (split conformal prediction
     with a local scale; Lei et al., Distribution-free predictive inference for regression, JASA 2018).
 
     The floor is what 90 % of the errors at rest want, every condition counting alike; then come the members' standard
-    deviation, and as much of the mean |response| of all channels as 90 % of the errors in motion want beside these. In records
-    without rest, floor and share of the response are in the ratio of a least-squares fit of the absolute errors. Errors of
-    neighbouring samples are alike, and the folds are few: the band is a measured one, no guarantee.
+    deviation, and as much of the level (deployed.level) as 90 % of the errors in motion want beside these. In records without
+    rest, floor and share of the level are in the ratio of a least-squares fit of the absolute errors. Errors of neighbouring
+    samples are alike, and the folds are few: the band is a measured one, no guarantee. middle, scale: of each channel.
     """
     channels = folds[0].error.shape[1]
     floor, size = np.zeros(channels), np.zeros(channels)
-    levels = [np.maximum(np.abs(f.mean).mean(axis=1), np.finfo(float).tiny) for f in folds]
+    levels = [np.maximum(level(f.mean, middle, scale), np.finfo(float).tiny) for f in folds]
     for j in range(channels):
         errors = [np.abs(f.error[:, j]) / BAND_90 for f in folds]
         least = LEAST * float(np.mean([e.mean() for e in errors]))
@@ -86,18 +86,18 @@ def calibrate(folds: Sequence[LeftOut]) -> Band:
             shape = _shape(np.concatenate(left), np.concatenate(levels), [len(e) for e in left], least)
             more = [e / (shape[0] + shape[1] * v) for e, v in zip(left, levels, strict=True)]
             floor[j], size[j] = shape * max(quantile(more, 0.9), LEAST)
-    return Band(tuple(floor.tolist()), tuple(size.tolist()), (SPREAD,) * channels)
+    return Band(*(tuple(part.tolist()) for part in (floor, size, np.full(channels, SPREAD), middle, scale)))
 
 
 def _shape(
-    left: Float64[np.ndarray, " N"], level: Float64[np.ndarray, " N"], counts: Sequence[int], least: float
+    left: Float64[np.ndarray, " N"], moved: Float64[np.ndarray, " N"], counts: Sequence[int], least: float
 ) -> Float64[np.ndarray, "2"]:
     """Floor, at least `least`, and share of the level: reweighted non-negative least squares. counts: rows a condition."""
     from scipy.optimize import nnls
 
     error = np.maximum(left, 0.0)
     weight = np.repeat(1.0 / np.array(counts), counts)
-    design = np.stack([np.ones_like(level), level], axis=1)
+    design = np.stack([np.ones_like(moved), moved], axis=1)
     local, shape = np.ones_like(error), np.zeros(2)
     for _ in range(5):  # each sample counts relative to the scale that it is found to have
         root = np.sqrt(weight) / local

@@ -99,12 +99,14 @@ def card(trained: Trained, bundle: Bundle, evaluations: Sequence[Comparison], co
         *_search(trained),
         f"- Seed {settings.seed}; {trained.fitted.parameters} trained numbers.",
         *_settings(trained),
-        "- sigma = floor + size * mean |response| + deviation * the members' mean deviation: the floor holds 90 % of these "
-        "folds' errors at rest, the deviations count as a standard deviation, and the size is what 90 % of the errors in "
-        "motion want beside these (split conformal with a local scale). A measured band, no guarantee: neighbouring samples "
-        "err alike, and the folds are few. "
+        "- sigma = floor + size * level + deviation * the members' mean deviation, the level being how far the responses are "
+        "from their middles, in standard deviations, mean of the channels: the floor holds 90 % of these folds' errors at "
+        "rest (of records without rest, what of them does not grow with the level), the deviations count as a standard "
+        "deviation, and the size is what 90 % of the errors in motion want beside these "
+        "(split conformal with a local scale). A measured band, no guarantee: "
+        "neighbouring samples err alike, and the folds are few. "
         + "; ".join(
-            f"{_plain(c.name)}: floor {f:.4f} {_plain(c.unit)}, size {s:.4f}, deviation {d:.2f}"
+            f"{_plain(c.name)}: floor {f:.4f} {_plain(c.unit)}, size {s:.4f} {_plain(c.unit)}, deviation {d:.2f}"
             for c, f, s, d in zip(info.channels, band.floor, band.size, band.deviation, strict=True)
         )
         + ".",

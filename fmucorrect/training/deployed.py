@@ -4,7 +4,7 @@
     Y, Z   = head(x, state)                                responses and aligned simulation: the members' mean, then each
                                                            one's deviation from it
     y      = S' Y,  base = S' Z
-    s      = T' |Y| + t                                    calibrated band: grows with the response and the deviations
+    s      = T' |Y - m| + t                                calibrated band: grows with the response and the deviations
     V      = relu(R' x + r)                                how far outside the envelope; then q+ and q-, the window's last row
     z      = Z' s + z0                                     the motion; s = x, or (x, memory) where the head has one
     e      = a e_before + z^2,  g = e^1/4                  how strong it was lately, of a head that remembers (novelty.py)
@@ -80,18 +80,29 @@ class Outputs(NamedTuple):
 class Band:
     """The calibrated standard deviation of each channel, (J,) each:
 
-    sigma = floor + size * (mean |response| of all channels) + deviation * (mean |deviation| of the members from their mean).
-    floor in the channels' units. A band of +-1.645 sigma is meant to hold 90 %.
+    sigma = floor + size * level + deviation * (mean |deviation| of the members from their mean), where level is the mean over
+    all channels of |response - middle| / scale. All but deviation in the channels' units. A band of +-1.645 sigma is meant to
+    hold 90 %.
     """
 
     floor: tuple[float, ...]
     size: tuple[float, ...]
     deviation: tuple[float, ...]
+    middle: tuple[float, ...]
+    scale: tuple[float, ...]
 
     def sigma(self, mean: Float[np.ndarray, "N J"], deviation: Float[np.ndarray, "N J"]) -> Float64[np.ndarray, "N J"]:
         """Of a mean response, and the members' mean |deviation| from it."""
-        level = np.abs(mean).mean(axis=1, keepdims=True)
-        return np.array(self.floor) + np.array(self.size) * level + np.array(self.deviation) * deviation
+        moved = level(mean, np.array(self.middle), np.array(self.scale))[:, None]
+        return np.array(self.floor) + np.array(self.size) * moved + np.array(self.deviation) * deviation
+
+
+def level(
+    response: Float[np.ndarray, "N J"], middle: Float64[np.ndarray, " J"], scale: Float64[np.ndarray, " J"]
+) -> Float64[np.ndarray, " N"]:
+    """How far a response is from its middle, mean over the channels, each by its scale: of a shaft that turns the turning is no
+    motion, and a channel in a small unit is not all."""
+    return (np.abs(response - middle) / scale).mean(axis=1)
 
 
 class Corrector(nn.Module):
@@ -117,9 +128,13 @@ class Corrector(nn.Module):
         tensors = _envelope(envelope, channels, history - columns, history, history + 3 + 2 * head.phase)
         uncorrected = torch.tensor(sizes.uncorrected)
         tensors["S"] = torch.eye(channels * (1 + head.members), channels, dtype=torch.float64)
-        size = torch.tensor(band.size, dtype=torch.float64).expand(channels, channels) / channels
+        size = (
+            torch.outer(1.0 / torch.tensor(band.scale, dtype=torch.float64), torch.tensor(band.size).double())
+            / channels
+        )
         deviation = torch.diag(torch.tensor(band.deviation, dtype=torch.float64)) / max(head.members, 1)
         tensors["T"] = torch.cat([size, deviation.repeat(head.members, 1)])
+        tensors["m"] = torch.cat([torch.tensor(band.middle), torch.zeros(channels * head.members)])
         tensors["t"] = torch.tensor(band.floor, dtype=torch.float64) - uncorrected
         tensors["s_u"] = uncorrected
         if guard is not None:
@@ -176,7 +191,7 @@ class Corrector(nn.Module):
             seen = x if said.seen is None else said.seen
             delta = delta + left * torch.addmm(t["x0"], seen, t["X"])
         corrected = torch.addmm(delta, outside, t["Q"])
-        band = torch.addmm(t["t"], said.responses.abs(), t["T"]) if said.band is None else said.band
+        band = torch.addmm(t["t"], (said.responses - t["m"]).abs(), t["T"]) if said.band is None else said.band
         sigma = inside * band + t["s_u"]
         return Outputs(corrected, said.bases @ t["S"], sigma, inside, after)
 

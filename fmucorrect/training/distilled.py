@@ -82,8 +82,8 @@ class Distilled:
         should have been."""
         widths = tuple(width for other in others for width in other.widths)
         wider = np.maximum(1.0, 1.0 / np.mean(widths, axis=0))
-        parts = (self.band.floor, self.band.size, self.band.deviation)
-        band = Band(*(tuple((np.array(part) * wider).tolist()) for part in parts))
+        parts = {name: getattr(self.band, name) for name in ("floor", "size", "deviation")}
+        band = replace(self.band, **{name: tuple((np.array(part) * wider).tolist()) for name, part in parts.items()})
         return replace(self, band=band, away=tuple(value for other in others for value in other.away), widths=widths)
 
     @property
@@ -126,7 +126,7 @@ class _Asked:
 @dataclass(frozen=True)
 class _Lesson:
     """Features and what is to be said of them, in units of the response scales. wide: what the band is made of, the members'
-    deviations from their mean, one after the other, and the mean. sigma: the ensemble's band."""
+    deviations from their mean, one after the other, and the mean from its middle. sigma: the ensemble's band."""
 
     u: Float[Tensor, "N U"]
     mean: Float[Tensor, "N J"]
@@ -249,8 +249,8 @@ def _windows(see: Inputs) -> Float[Tensor, "F WJ"]:
 
 def _lesson(see: Inputs, asked: _Asked, bases: Tensor, said: Float[Tensor, "K N J"], band: Band) -> _Lesson:
     mean = said.mean(0)
-    wide = torch.cat([*(said - mean), mean], 1)
     response = torch.tensor(see.scales.response)
+    wide = torch.cat([*(said - mean), mean - (torch.tensor(band.middle) / response).float()], 1)
     sigma = (torch.tensor(band.floor) + wide.abs().double() @ _parts(band, see, len(said))) / response
     return _Lesson(_features(see, asked), mean, bases, wide, sigma.clamp(min=LEAST).float())
 
@@ -263,7 +263,9 @@ def _parts(band: Band, see: Inputs, members: int) -> Float[Tensor, "M J"]:
     """What each part that the band is made of adds to it (deployed.Band), in the channels' units; double."""
     response = torch.tensor(see.scales.response)
     each = torch.diag(torch.tensor(band.deviation, dtype=torch.float64) * response) / members
-    size = torch.tensor(band.size, dtype=torch.float64).expand(len(response), -1) * response[:, None] / len(response)
+    size = torch.outer(response / torch.tensor(band.scale), torch.tensor(band.size, dtype=torch.float64)) / len(
+        response
+    )
     return torch.cat([each.repeat(members, 1), size])
 
 

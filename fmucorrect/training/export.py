@@ -104,7 +104,8 @@ def graph(corrector: Corrector, rows: int, channels: int, columns: int) -> bytes
     add("Gemm", [outside, "Q", delta], "corrected")
     band = "own_band"
     if not isinstance(head, OneHead):
-        band = add("Gemm", [add("Abs", [responses], "deviations"), "T", "t"], "band")
+        moved = add("Abs", [add("Sub", [responses, "m"], "moved")], "deviations")
+        band = add("Gemm", [moved, "T", "t"], "band")
     add("Add", [add("Mul", [inside, band], "faded_band"), "s_u"], "sigma")
 
     def tensor(name: str, kind: int, *shape: int) -> Any:

@@ -11,12 +11,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float64
 
 from fmucorrect.noise import known_floor, removed
 from fmucorrect.sealing import REACH
 from fmucorrect.study_training import FAMILIES, Family, Training
 from fmucorrect.training.band import LeftOut, calibrate, left_out, share_inside
-from fmucorrect.training.data import Samples
+from fmucorrect.training.data import Samples, sizes
 from fmucorrect.training.deployed import Band
 from fmucorrect.training.families import NETWORKS, by_speed, count_left_out, fit_filter, fold, lengths
 from fmucorrect.training.reach import reach
@@ -141,11 +142,16 @@ def select(development: Sequence[Samples], training: Training, workshop: Worksho
     by_fold = {
         item.name: {n: items[i].nrmse for n, items in windows.items()} for i, item in enumerate(tried.get("window", ()))
     }
-    band = calibrate(tried[taken])
+    band = calibrate(tried[taken], *_motion(development))
     covered = {item.name: share_inside(band, item) for item in tried[taken]}
     noise, learned = _beyond_noise(tried, taken)
     whole = reach(development, by_speed(development), tried[taken])
     return Selection(scores, taken, covered, by_fold, length, band, noise, learned, whole)
+
+
+def _motion(development: Sequence[Samples]) -> tuple[Float64[np.ndarray, " J"], Float64[np.ndarray, " J"]]:
+    """The middle of each channel as simulated, and its size."""
+    return np.median(np.concatenate([item.simulated for item in development]), axis=0), sizes(development).response
 
 
 def _beyond_noise(tried: Mapping[Family, Sequence[LeftOut]], taken: Family) -> tuple[float, float]:

@@ -1,6 +1,9 @@
 """The band holds 90 % of what it was calibrated on, widens where errors are larger, and goes with the units; the exported
 sigma is the one that was calibrated."""
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -33,8 +36,11 @@ def fold(seed: int, rows: int = 4000, scale: float = 1.0) -> LeftOut:
 
 
 def sigma(band: Band, item: LeftOut) -> np.ndarray:
-    level = np.abs(item.mean).mean(axis=1, keepdims=True)
-    return np.array(band.floor) + np.array(band.size) * level + np.array(band.deviation) * item.deviation
+    return band.sigma(item.mean, item.deviation)
+
+
+def calibrated(folds: Sequence[LeftOut], middle: float = 0.0, scale: Sequence[float] = (1.0, 1.0)) -> Band:
+    return calibrate(folds, np.full(2, middle), np.array(scale))
 
 
 @pytest.mark.parametrize("louder", [1.0, 3.0])
@@ -43,14 +49,14 @@ def test_ninety_per_cent_of_what_was_left_out_lie_inside_in_motion_and_at_rest(l
     folds = [fold(seed) for seed in range(4)]
     for item in folds:
         item.error[2000::5] *= louder
-    band = calibrate(folds)
+    band = calibrated(folds)
     for moving in (False, True):
         inside = [(np.abs(f.error) <= BAND_90 * sigma(band, f))[f.moving == moving].mean(axis=0) for f in folds]
         assert np.mean(inside, axis=0) == pytest.approx([0.9, 0.9], abs=0.005)
 
 
 def test_so_do_the_quiet_and_the_loud_half_of_a_new_one() -> None:
-    band, new = calibrate([fold(seed) for seed in range(4)]), fold(9)
+    band, new = calibrated([fold(seed) for seed in range(4)]), fold(9)
     inside = np.abs(new.error) <= BAND_90 * sigma(band, new)
     half = len(inside) // 2
     assert inside[:half].mean() == pytest.approx(0.9, abs=0.03)
@@ -59,16 +65,20 @@ def test_so_do_the_quiet_and_the_loud_half_of_a_new_one() -> None:
 
 def test_every_condition_counts_alike_however_long() -> None:
     long, short = fold(0, 40_000), fold(1, 400)
-    band = calibrate([long, LeftOut("x", short.mean, 5.0 * short.error, short.deviation, short.moving, NONE, NONE)])
-    alone = calibrate([long])
+    band = calibrated([long, LeftOut("x", short.mean, 5.0 * short.error, short.deviation, short.moving, NONE, NONE)])
+    alone = calibrated([long])
     assert np.all(sigma(band, long).mean(axis=0) > 1.5 * sigma(alone, long).mean(axis=0))
 
 
-def test_another_unit_is_another_unit() -> None:
-    band, metres = calibrate([fold(0), fold(1)]), calibrate([fold(0, scale=1e-3), fold(1, scale=1e-3)])
-    assert np.allclose(np.array(metres.floor) * 1e3, band.floor, rtol=1e-6)
-    assert np.allclose(metres.size, band.size, rtol=1e-6, atol=1e-12)
-    assert np.allclose(metres.deviation, band.deviation, rtol=1e-6, atol=1e-12)
+@pytest.mark.parametrize("rest", [True, False])
+def test_another_unit_of_one_channel_and_another_zero_change_nothing_else(rest: bool) -> None:
+    """As m for mm, of one of two channels, or a shaft that turns."""
+    one, unit, zero = [fold(seed) for seed in range(2)], np.array([1e-3, 60.0]), np.array([2.0, 500.0])
+    one = [f if rest else replace(f, moving=np.ones_like(f.moving)) for f in one]
+    other = [replace(f, mean=zero + unit * f.mean, error=unit * f.error, deviation=unit * f.deviation) for f in one]
+    band, changed = calibrated(one), calibrate(other, zero, unit)
+    for f, g in zip(one, other, strict=True):
+        assert np.allclose(sigma(changed, g), unit * sigma(band, f), rtol=1e-6)
 
 
 def test_the_exported_sigma_is_the_calibrated_one(study: Study, trained: Trained) -> None:
@@ -102,4 +112,4 @@ def test_where_members_differ_more_than_they_err_the_floor_goes_with_the_units(s
         )
         for f in folds
     ]
-    assert max(calibrate(wide).floor) < 1e-6 * scale
+    assert max(calibrated(wide, scale=(scale, scale)).floor) < 1e-6 * scale

@@ -70,7 +70,7 @@ def random_bundle(folder: Path, one: bool) -> Path:
         "speed": (240.0, 270.0, 390.0, 420.0),
         "amplitude": (0.01, 0.02, 0.04, 0.05),
     }
-    band = Band((1e-3,) * channels, (0.1,) * channels, (0.2,) * channels)
+    band = Band((1e-3,) * channels, (0.1,) * channels, (0.2,) * channels, (0.3,) * channels, (2.0,) * channels)
     info = Info(
         name="phase",
         channels=tuple(replace(channel, unit="m") for channel in CHANNELS[:channels]),
