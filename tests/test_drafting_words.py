@@ -392,6 +392,7 @@ def test_clocks_of_loggers_do_not_make_the_step():
     assert log._meant(500_015) == 500_000
     assert log._meant(1_953_125) == 1_953_125  # 512 Hz
     assert log._meant(999_400) == 999_400
+    assert log._meant(15_625_003) == 15_625_000  # 64 Hz, of a file with five digits
 
 
 def test_turns_by_the_minute_are_a_speed():

@@ -37,6 +37,8 @@ COVERED = 0.9
 """Share of a log's time that a topic, or of its rows that a column, covers to be read with the others."""
 SHORT = 0.5
 """s; in less than that no noise floor can be told."""
+WHOLE_HERTZ = 1000
+"""Up to which whole numbers of Hz are five times as far from each other as clocks are off (QUARTZ)."""
 ROUNDED = 1e-12
 """Share of a column's swing by which it differs from another one that is the same: what converting leaves, and no noise."""
 
@@ -264,9 +266,12 @@ def step_of(fmu: FmuDescription, log: Run) -> tuple[int, str]:
 
 
 def _meant(interval_ns: int) -> int:
-    """A sample interval without what the logger's clock is off by: another logger's record shall have the same."""
+    """A sample interval without what the logger's clock is off by, or a file's digits: another logger's record shall have the
+    same. Of three digits, or that of a whole number of Hz."""
     short = int(float(f"{interval_ns:.3g}"))
-    return short if abs(short - interval_ns) <= QUARTZ * interval_ns else interval_ns
+    hertz = max(round(NANOSECONDS / interval_ns), 1)
+    likely = (short, *([round(NANOSECONDS / hertz)] if hertz <= WHOLE_HERTZ else []))
+    return next((one for one in likely if abs(one - interval_ns) <= QUARTZ * interval_ns), interval_ns)
 
 
 def quiet(log: Run, driving: Collection[str], shown: Collection[str] = ()) -> float:
