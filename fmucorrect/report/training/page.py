@@ -128,7 +128,8 @@ def _tried(page: Page, tried: Tried) -> None:
         "Against doing nothing, and the simplest ways",
         "Error (NRMSE, %) at conditions that were not fitted to: those of development, each left out of the fit in turn, "
         + ("and those held out of everything, opened when all was decided. " if tried.unseen else "and no others. ")
-        + "Taken is the simplest within one standard error of the best mean. Empty: not fitted to all of development.",
+        + "Taken is the simplest that none beats by more than one standard error and that was nowhere worse than the "
+        "simulation. Empty: not fitted to all of development.",
     )
     header = [
         "",
