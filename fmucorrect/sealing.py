@@ -18,7 +18,7 @@ were held until a row's time: `fc.pair(study, condition).seen(sees)` has such ro
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
@@ -133,13 +133,21 @@ REACH, FADES = 1.25, 0.25
 """Of a channel's range, from its middle, up to where a correction is whole at most, and over which it fades."""
 
 
+def ranges(
+    responses: Iterable[Float64[np.ndarray, "_ J"]],
+) -> tuple[Float64[np.ndarray, " J"], Float64[np.ndarray, " J"]]:
+    """The middle of each channel's range over all conditions, and half of the range."""
+    each = [np.stack([values.min(axis=0), values.max(axis=0)]) for values in responses]
+    low, high = np.min(each, axis=0)[0], np.max(each, axis=0)[1]
+    return (low + high) / 2.0, (high - low) / 2.0
+
+
 def corners(channels: Sequence[Channel], pairs: Sequence[Pair], reach: float = REACH) -> Corners:
     """Where a correction may be used: half the span of speed beyond its ends, 5 % of amplitude and frequency, fading over as
     much again, and `reach` times the range of each response about its middle, fading over FADES. Nothing of what the conditions
     do not say."""
     found: Corners = {}
-    low, high = (limit([limit(_simulated(item), axis=0) for item in pairs], axis=0) for limit in (np.min, np.max))
-    for channel, middle, half in zip(channels, (low + high) / 2.0, (high - low) / 2.0, strict=True):
+    for channel, middle, half in zip(channels, *ranges(map(_simulated, pairs)), strict=True):
         if half > 0.0:
             ends = (-reach - FADES, -reach, reach, reach + FADES)
             found[f"response {channel.name}"] = tuple(float(middle + half * end) for end in ends)  # type: ignore[assignment]

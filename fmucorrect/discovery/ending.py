@@ -184,11 +184,12 @@ def _known(problem: Problem, setting: Setting, fitted: Fitted) -> Fitted:
         own = with_sensors(problem, setting, right.model)
         right = judge(own, right)
         last = sharpened(problem, own, right)
-        own, last = exact.to_its_end(problem, own, last if last.surprise < right.surprise - ALIKE else right)
-    told = whole(problem, own, last)
+        last = last if last.surprise < right.surprise - ALIKE else right
+        own, ended = exact.to_its_end(problem, own, last)
+        (plain,) = (last.at,) if ended is last else problem.many([ended.model])
+    told = whole(problem, own, ended)
     known = replace(told, covariance=spread(problem, own, told))
-    (y,) = problem.many([known.model])
-    return known if y is None else replace(known, at=y, residual=problem.measured - y)
+    return known if plain is None else replace(known, at=plain, residual=problem.measured - plain)
 
 
 def _freed(problem: Problem, setting: Setting, fitted: Fitted) -> Fitted:

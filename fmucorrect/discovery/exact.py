@@ -17,12 +17,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float64
 
-from fmucorrect.catalogue.signal import SIGNALS
 from fmucorrect.discovery.evidence import Nuisances
 from fmucorrect.discovery.fit import GAINED, sharpened
 from fmucorrect.discovery.fitted import Fitted, Setting, believed_of, judge_at, off_by
 from fmucorrect.discovery.model import Model
-from fmucorrect.discovery.nuisances import LAG, ahead, holds, sensors
+from fmucorrect.discovery.nuisances import LAG, ahead, error, holds, sensors
 from fmucorrect.discovery.problem import Problem
 from fmucorrect.discovery.terms import EXCITATION, SignalTerm, Term
 from fmucorrect.errors import FmuError
@@ -119,11 +118,6 @@ def _off(
     problem: Problem, gains: Float64[np.ndarray, " J"], lags: Float64[np.ndarray, "K J"], early: float
 ) -> list[tuple[SignalTerm, ...]]:
     """Such errors as laws, of each condition."""
-
-    def error(effect: str, where: str, at: tuple[int, ...], **values: float) -> SignalTerm:
-        (law,) = (law for law in SIGNALS[effect] if not law.form)
-        return SignalTerm(law, where, at, law.complete(values))
-
     inputs = [error("excitation_lag", EXCITATION, (), lag=-early)] if holds(problem) else []
     names = [channel.name for channel in problem.study.channels]
     gained = [error("sensor_gain", name, (j,), gain=1.0 + float(gains[j])) for j, name in enumerate(names)]

@@ -93,8 +93,13 @@ def held(problem: Problem, model: Model, at: Float64[np.ndarray, " n"]) -> Float
 
 def ahead(model: Model, seconds: float) -> Model:
     """The model, its inputs acting so much earlier."""
-    (law,) = (law for law in SIGNALS["excitation_lag"] if not law.form)
-    return replace(model, terms=(*model.terms, SignalTerm(law, EXCITATION, (), law.complete({"lag": -seconds}))))
+    return replace(model, terms=(*model.terms, error("excitation_lag", EXCITATION, (), lag=-seconds)))
+
+
+def error(effect: str, where: str, channels: tuple[int, ...], **values: float) -> SignalTerm:
+    """An error of a sensor or of what excites, in its plain form. channels: as of SignalTerm."""
+    (law,) = (law for law in SIGNALS[effect] if not law.form)
+    return SignalTerm(law, where, channels, law.complete(values))
 
 
 def drives(

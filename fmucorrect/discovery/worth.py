@@ -8,7 +8,7 @@ from types import UnionType
 
 import numpy as np
 
-from fmucorrect.discovery.fitted import Fitted, Setting, price
+from fmucorrect.discovery.fitted import Fitted, Setting, believed_of, price
 from fmucorrect.discovery.terms import ForceTerm, OffsetTerm, SignalTerm, Term, linear
 
 Doubted = Callable[[Fitted], float]
@@ -125,12 +125,7 @@ def _worth(setting: Setting, less: Fitted, more: Fitted, energy: float) -> bool:
 
 def _far(setting: Setting, fitted: Fitted) -> float:
     """How far base parameters and sensors are from what is expected of them: a sum of squares, in standard deviations."""
-    return float(np.sum(np.square(fitted.model.base)) + np.sum(np.square(_sensed(setting, fitted))))
-
-
-def _sensed(setting: Setting, fitted: Fitted) -> np.ndarray:
-    """By how much each thing that may be off at the sensors is so, in what is expected of it."""
-    return setting.sensors.believe(fitted.residual, setting.share, setting.floor).fitted
+    return float(np.sum(np.square(fitted.model.base)) + np.sum(np.square(believed_of(setting, fitted.residual))))
 
 
 def complete(setting: Setting, base: Fitted, found: Sequence[Fitted], best: Fitted) -> bool:
@@ -143,7 +138,7 @@ def complete(setting: Setting, base: Fitted, found: Sequence[Fitted], best: Fitt
 
 def sensors_off(setting: Setting, fitted: Fitted) -> float:
     """How far the sensor that is farthest from what is expected of it is so: the square, in standard deviations."""
-    return float(np.square(_sensed(setting, fitted)).max(initial=0.0))
+    return float(np.square(believed_of(setting, fitted.residual)).max(initial=0.0))
 
 
 def left(fitted: Fitted, base: Fitted, floor: float) -> float:
@@ -193,7 +188,7 @@ def _taken_away(setting: Setting, less: Fitted, more: Fitted) -> float:
 
 def _taken_on(setting: Setting, fitted: Fitted) -> float:
     """What of the residual is taken for sensors that are a little off."""
-    return float(np.mean((setting.sensors.columns @ _sensed(setting, fitted)) ** 2))
+    return float(np.mean((setting.sensors.columns @ believed_of(setting, fitted.residual)) ** 2))
 
 
 def credible(setting: Setting, base: Fitted, found: Sequence[Fitted], doubted: Doubted | None = None) -> list[Fitted]:

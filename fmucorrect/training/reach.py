@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float64
 
-from fmucorrect.sealing import REACH
+from fmucorrect.sealing import REACH, ranges
 from fmucorrect.training.band import LeftOut
 from fmucorrect.training.data import Samples
 
@@ -28,16 +28,13 @@ def reach(development: Sequence[Samples], folds: Sequence[Sequence[int]], found:
     said_of = {item.name: item for item in found}
     far, more = list[Float64[np.ndarray, " n"]](), list[Float64[np.ndarray, " n"]]()
     for held in folds:
-        low, high = (
-            limit([limit(_channels(item), axis=0) for i, item in enumerate(development) if i not in held], axis=0)
-            for limit in (np.min, np.max)
-        )
-        half = np.where(high > low, (high - low) / 2.0, np.inf)
+        middle, half = ranges(_channels(item) for i, item in enumerate(development) if i not in held)
+        half = np.where(half > 0.0, half, np.inf)
         for i in held:
             item, said = development[i], said_of[development[i].name]
-            beyond = (np.abs(item.simulated - (low + high) / 2.0) / half).max(axis=1)
-            extent = np.maximum(np.ptp(item.measured, axis=0), np.finfo(float).tiny)
-            lost = ((said.error / extent) ** 2 - ((item.measured - item.simulated) / extent) ** 2).mean(axis=1)
+            beyond = (np.abs(item.simulated - middle) / half).max(axis=1)
+            size = np.maximum(np.ptp(item.measured, axis=0), np.finfo(float).tiny)
+            lost = ((said.error / size) ** 2 - ((item.measured - item.simulated) / size) ** 2).mean(axis=1)
             far.append(beyond[beyond > 1.0])
             more.append(lost[beyond > 1.0])
     beyond, lost = np.concatenate(far), np.concatenate(more)
