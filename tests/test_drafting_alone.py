@@ -3,12 +3,11 @@ does little, and can be nothing else than the one input of its kind."""
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from exported import by_pythonfmu
 
 from fmucorrect.drafting import draft
 from fmucorrect.inspection import inspect
@@ -39,9 +38,7 @@ class Engine(Fmi3Slave):
 
 
 def test_the_one_column_of_a_kind_drives_the_one_input_of_it(tmp_path: Path) -> None:
-    (tmp_path / "engine.py").write_text(MODEL, encoding="utf-8")
-    command = [sys.executable, "-m", "pythonfmu3", "build", "-f", str(tmp_path / "engine.py"), "-d", str(tmp_path)]
-    subprocess.run(command, check=True, capture_output=True)
+    engine = by_pythonfmu(tmp_path, "Engine", MODEL, package="pythonfmu3")
     rng, t = np.random.default_rng(5), np.arange(4000) * 0.005
     torque = 200.0 * np.sin(2 * np.pi * 0.4 * t) + 80.0 * np.sin(2 * np.pi * 1.7 * t)
     shake = rng.normal(size=len(t))
@@ -56,7 +53,7 @@ def test_the_one_column_of_a_kind_drives_the_one_input_of_it(tmp_path: Path) -> 
         lines.append(";".join(f"{value:.6f}".replace(".", ",") for value in row))
     log = tmp_path / "Fahrt.csv"
     log.write_text("\n".join(lines) + "\n", encoding="cp1252")
-    found = draft(tmp_path / "Engine.fmu", log)
+    found = draft(engine, log)
     assert {guess.variable: guess.column for guess in found.driving.inputs} == {
         "torque": "Drehmoment",
         "shake": "Rahmenbeschl.",

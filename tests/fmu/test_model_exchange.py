@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,6 +9,7 @@ import fmpy
 import numpy as np
 import pytest
 from exchange_fmu import STATES, TROUBLE, description, exchange
+from exported import by_pythonfmu
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from trouble_fmu import packed
@@ -321,10 +320,8 @@ class Decay(Fmi3SlaveBase, ModelExchange):
 
 def test_one_that_pythonfmu3_exported(tmp_path: Path):
     pytest.importorskip("pythonfmu3")
-    (tmp_path / "decay.py").write_text(_SLAVE, encoding="utf-8")
-    build = [sys.executable, "-m", "pythonfmu3", "build", "-f", "decay.py"]
-    subprocess.run(build, cwd=tmp_path, check=True, capture_output=True)
-    with IsolatedStepper(tmp_path / "Decay.fmu", channels("x")) as stepper:
+    path = by_pythonfmu(tmp_path, "Decay", _SLAVE, package="pythonfmu3")
+    with IsolatedStepper(path, channels("x")) as stepper:
         out = run(stepper, Condition("decay", parameters={"k": 2.0}), grid(2.0, 10 * MS))
     assert out is not None
     np.testing.assert_allclose(out["x"], np.exp(-2 * out.seconds()), rtol=0, atol=1e-6)

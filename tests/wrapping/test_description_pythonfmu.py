@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import pytest
 from descriptions import CHANNELS, by_name, validated, wrapped
+from exported import by_pythonfmu
 
 from fmucorrect.fmu import archive
 from fmucorrect.wrapping.added import Added
@@ -34,8 +34,8 @@ _TIME = """        self.time = 0.0
 
 @pytest.mark.parametrize("fmi", [2, 3])
 @pytest.mark.parametrize("package", ["pythonfmu", "pythonfmu3"])
-def test_exports_of_pythonfmu(package: str, fmi: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    builder = pytest.importorskip(f"{package}.builder").FmuBuilder
+def test_exports_of_pythonfmu(package: str, fmi: int, tmp_path: Path) -> None:
+    pytest.importorskip(package)
     base, causality = ("Fmi2Slave", "Fmi2Causality") if package == "pythonfmu" else ("Fmi3Slave", "Fmi3Causality")
     text = _SLAVE.format(package=package, base=base, causality=causality)
     if package == "pythonfmu":
@@ -44,10 +44,7 @@ def test_exports_of_pythonfmu(package: str, fmi: int, tmp_path: Path, monkeypatc
         text = text.replace("Real,", "Float64,").replace("Real(", "Float64(").replace("Integer", "Int32")
         text = text.replace("        self.y, ", _TIME + "        self.y, ")
         text = "from pythonfmu3.enums import Fmi3Variability as Variability\n" + text
-    script = tmp_path / f"{package}_slave.py"
-    script.write_text(text)
-    monkeypatch.setattr(sys, "path", [*sys.path])
-    path = builder.build_FMU(script, dest=tmp_path)
+    path = by_pythonfmu(tmp_path, "Slave", text, package=package)
     with archive.opened(path) as file:
         xml = archive.read(file, archive.MODEL_DESCRIPTION, path)
     outer = wrapped(xml, fmi, Added(CHANNELS, ("y",), {"speed": 1.0}))

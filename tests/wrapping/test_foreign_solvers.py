@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
-import sys
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -11,6 +9,7 @@ from pathlib import Path
 import bundles
 import numpy as np
 import pytest
+from exported import by_pythonfmu
 from fmpy.validation import validate_fmu
 from models import COMBINATIONS, STEP_NS, largest
 from odd import Host
@@ -36,7 +35,7 @@ from {package} import Fmi{v}Slave, Fmi{v}Causality as Causality, {real} as Real,
 from {package}.enums import Fmi{v}Variability as Variability
 {more}
 
-class Swing(Fmi{v}Slave{mixin}):
+class {name}(Fmi{v}Slave{mixin}):
     def __init__(self, **kwargs):
         super().__init__(**kwargs)
         self.left, self.right, self.time, self.passed, self.gain = 0.0, 2.0, 0.0, 0.0, 1.0
@@ -80,18 +79,11 @@ def solver(tmp_path_factory: pytest.TempPathFactory) -> Solver:
     def export(fmi: int, state: bool | None = None) -> Path:
         package = PACKAGES[fmi]
         pytest.importorskip(package)
-        builder = importlib.import_module(f"{package}.builder").FmuBuilder
-        folder = tmp_path_factory.mktemp(package)
-        script = folder / f"swing_{fmi}_{state}.py"
+        name = f"Swing_{fmi}_{state}"  # of one name Python would take the first for all that run in this process
         clock = "self.passed" if state is False else "now + size"
-        script.write_text(_SLAVE.format(package=package, v=fmi, clock=clock, **(_TWO if fmi == 2 else _THREE)))
-        word = "FMUstate" if fmi == 2 else "FMUState"
-        claims = {} if state is None else {f"canGetAndSet{word}": True, f"canSerialize{word}": True}
-        path = [*sys.path]
-        try:
-            return Path(builder.build_FMU(script, dest=folder, **claims))
-        finally:
-            sys.path[:] = path
+        code = _SLAVE.format(package=package, name=name, v=fmi, clock=clock, **(_TWO if fmi == 2 else _THREE))
+        claims = [] if state is None else ["--handle-state", "--serialize-state"]
+        return by_pythonfmu(tmp_path_factory.mktemp(package), name, code, *claims, package=package)
 
     return export
 
