@@ -1,9 +1,9 @@
 """Whether the communication step is short enough: one development condition run once more, at half of it, or at twice where
 the solver takes no half one.
 
-An FMU holds its inputs for a step. With a step as long as the sample interval it answers half a step late to what drives it,
-and what an acceleration passes on at once a whole one: more than sensors are late, and a search would call it a lag, a mass, a
-gain.
+An FMU holds its inputs for a step, and answers half a step late to what drives it. Discovery knows that, and takes it as it is;
+so does what is told here. What else a step does, an acceleration that passes an input on a whole step late, a solver that
+integrates by it, is more than sensors are off, and a search would call it a lag, a mass, a gain.
 """
 
 from __future__ import annotations
@@ -14,11 +14,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from fmucorrect.clocks import clock
 from fmucorrect.errors import FmucorrectError
 from fmucorrect.noise import EVIDENCE, of_sensors
 from fmucorrect.pairs import Pair, simulate
 from fmucorrect.screening.finding import Finding
-from fmucorrect.signals import Record
+from fmucorrect.signals import NANOSECONDS, Record
 from fmucorrect.study import Study
 from fmucorrect.study_places import place
 
@@ -39,10 +40,10 @@ for it."""
 
 
 def coarse(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
-    """Of the shortest run among the pairs, which costs two more: the channel that a step of half the length moves most, by more
-    than LATE or, beside a lag, so that it shows in the noise, and no more than the measurement can hide. A step's error is
-    about proportional to it, so that what half of it does is counted twice, and what twice of it does once. Nothing where the
-    solver takes no other step."""
+    """Of the shortest run among the pairs, at three more of it: the channel that a step of half the length moves most, beside
+    what inputs that act earlier by as much as that holds them shorter move, by more than LATE or, beside a lag, so that it
+    shows in the noise, and no more than the measurement can hide. A step's error is about proportional to it, so that what half
+    of it does is counted twice, and what twice of it does once. Nothing where the solver takes no other step."""
     runs = [item for item in pairs if item.condition.simulated is None and item.condition.inputs is not None]
     if study.fmu is None or not runs:
         return
@@ -53,13 +54,18 @@ def coarse(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
     run, factor = other
     begins = float(item.rows.start) * step
     noise = of_sensors(study.channels, item.condition, item.measured, item.response, step, begins, item.ratio).sigma
-    whole = item.simulated.t_ns[item.rows]
-    both = np.isin(whole, run.t_ns) if factor > 1.0 else np.ones(len(whole), dtype=bool)  # no instants in between
-    t, found = whole[both], list[tuple[float, str]]()
+    t = item.simulated.t_ns[item.rows]
+    both = np.isin(t, run.t_ns) if factor > 1.0 else np.ones(len(t), dtype=bool)  # no instants in between
+    t, found = t[both], list[tuple[float, str]]()
+    held = _ahead(study, item, step * (1.0 - factor) / 2.0)
     for j, channel in enumerate(study.channels):
-        moved = (np.interp(t, run.t_ns, run.values[:, j]) - item.response[both, j]) / (1.0 - factor)
-        if float(np.std(moved)) > REFUTED * float(np.std((item.measured - item.response)[both, j])):
+        whole, of_inputs = (np.interp(t, y.t_ns, y.values[:, j]) - item.response[both, j] for y in (run, held))
+        left = float(np.std((item.measured - item.response)[both, j]))
+        if float(np.std(whole)) > REFUTED * left * abs(1.0 - factor):
             continue
+        share = float(whole @ of_inputs) / max(float(of_inputs @ of_inputs), np.finfo(float).tiny)
+        share = min(max(share, 0.0), 1.0)  # nothing where a solver interpolates its inputs
+        moved = (whole - share * of_inputs) / (1.0 - factor)
         slope = np.gradient(item.response[:, j], step)[both]
         lag = float(moved @ slope) / max(float(slope @ slope), np.finfo(float).tiny)
         lag = lag if abs(lag) <= LATE_STEPS * step else 0.0
@@ -85,10 +91,17 @@ def coarse(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
             "warning",
             place(study.places, ("simulation", "step_size")),
             f"at a step of {step:g} s {told}, as a run of condition {item.condition.name!r} at {FACTORS[factor]} tells",
-            "Inputs are held for a whole step, and a solver that integrates by it is as good as that; discovery takes what "
-            "comes of it for a sensor's lag, a mass or a gain",
+            "That is beside inputs that are held for a step, which discovery knows of; it takes this for a sensor's lag, a "
+            "mass or a gain",
             f"Of no matter to a corrector. For discovery: {remedy}.",
         )
+
+
+def _ahead(study: Study, item: Pair, seconds: float) -> Record:
+    """The same condition, its inputs acting so much earlier."""
+    there = clock(study, item.condition)
+    origin = there.origin_ns + round(seconds * NANOSECONDS)
+    return simulate(study, item.condition, replace(there, origin_ns=origin))
 
 
 def _otherwise(study: Study, item: Pair) -> tuple[Record, float] | None:
