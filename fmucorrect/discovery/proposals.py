@@ -158,7 +158,11 @@ def apart(
     candidates with the scales of `found`."""
     begun = [terms for name, one in found.items() for terms in laws_of(one, [c for c in curves if c.where == name])]
     begun += [(term,) for term in _all_suited(found, curves)]
-    models = [replace(base.model, terms=(*base.model.terms, *terms)) for terms in begun]
+    # parameters that were moved may have been moved in the place of what is begun here
+    bases = {base.model.base, problem.nominal.base}
+    models = [
+        replace(base.model, terms=(*base.model.terms, *terms), base=one) for terms in begun for one in sorted(bases)
+    ]
     fits: list[Fitted] = []
     for i, start in enumerate(tried(problem, setting, base, models, LIKELY)[:LIKELY]):
         progress("apart", i, LIKELY)

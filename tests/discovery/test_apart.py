@@ -7,6 +7,7 @@ pytest.importorskip("ziglang")
 pytest.importorskip("sympy")
 
 from one_mass import JOINT, MASS, NOISE, SWEEP, T, shown, silent, term_at, write
+from scipy.integrate import solve_ivp
 
 from fmucorrect.discovery.candidates import candidates
 from fmucorrect.discovery.fit import fit
@@ -62,10 +63,42 @@ def test_both_are_found_where_neither_helps_alone(slide):
     alone = [fit(problem, setting, Model((term,), base.model.base), 20) for term in terms]
     fits = apart(problem, setting, base, found, curves, silent)
     (best,) = [fitted for fitted in fits if {term.key for term in fitted.model.terms} == KEYS]
-    assert best.s2 < 1e-4 * min(fitted.s2 for fitted in (base, *alone))
+    assert best.s2 < 1e-3 * min(fitted.s2 for fitted in (base, *alone))
     values = {term.effect: term.values for term in best.model.terms}
     assert values["coulomb_friction"]["friction_force"] == pytest.approx(FRICTION, rel=0.02)
     assert values["preload"]["force"] == pytest.approx(LOAD, rel=0.02)
+
+
+def test_a_damping_that_was_moved_in_the_place_of_the_laws_goes_back(library, tmp_path):
+    """A strut, integrated by scipy, that throttles and rubs: a damper of three times the size does most of it."""
+    quadratic, rubs = 60.0, 1.0  # N.s2/m2, N
+    peaks = 15.0 * np.clip(T / T[-1], 0.0, 1.0)
+
+    def push(t):
+        return np.interp(t, T, peaks) * np.sin(2.0 * np.pi * (1.0 + 0.7 * t) * t)
+
+    def rate(t, y):
+        x, v = y
+        return [v, push(t) - 1000.0 * x - 10.0 * v - quadratic * v * abs(v) - rubs * np.tanh(v / 1e-3)]
+
+    x = solve_ivp(rate, (0.0, T[-1]), [0.0, 0.0], "LSODA", T, rtol=1e-8, atol=1e-10).y[0]
+    write(tmp_path / "force.csv", "mass1.f [N]", push(T))
+    write(tmp_path / "measured.csv", "x1 [mm]", 1e3 * x + NOISE * np.random.default_rng(3).normal(size=len(T)))
+    text = MASS + JOINT + SWEEP
+    text += '[[adjustable]]\nparameter = "c1"\nminimum = 2.0\nmaximum = 40.0\ntolerance = 0.2\n'
+    (tmp_path / "study.toml").write_text(text, encoding="utf-8")
+    with load(load_study(tmp_path / "study.toml"), library, 2) as problem:
+        setting, at, start = begin(problem)
+        base = fit(problem, setting, problem.nominal, 8, at)
+        assert base.model.base[0] > 3.0
+        found = asked(problem, base, motions(problem.study, problem.study.development))
+        curves = candidates(problem, {"joint 1": found["joint 1"].motion}, start)
+        best = min(apart(problem, setting, base, found, curves, silent), key=lambda fitted: fitted.surprise)
+    values = {term.effect: term.values for term in best.model.terms}
+    assert set(values) == {"quadratic_damping", "coulomb_friction"}
+    assert values["quadratic_damping"]["quadratic_damping"] == pytest.approx(quadratic, rel=0.03)
+    assert values["coulomb_friction"]["friction_force"] == pytest.approx(rubs, rel=0.03)
+    assert abs(best.model.base[0]) < 1.0
 
 
 def test_a_force_that_no_law_gives_is_told_by_none(slide):
