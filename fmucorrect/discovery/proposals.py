@@ -65,7 +65,7 @@ REST = 0.02
 LISTED = (4, 6, 4)
 """Sets of one law, two and three at a joint that are simulated."""
 LIKELY = 5
-"""Of all joints, those sets that are fitted."""
+"""Of all joints, those sets that are fitted, on each setting of the parameters."""
 GUESSED = (0.1, 0.3, 1.0, 3.0)
 """Sizes at which a law that is begun again is looked at, in those that are guessed."""
 LENGTHS = (1.0, 0.5, 0.25, 0.1)
@@ -158,14 +158,13 @@ def apart(
     candidates with the scales of `found`."""
     begun = [terms for name, one in found.items() for terms in laws_of(one, [c for c in curves if c.where == name])]
     begun += [(term,) for term in _all_suited(found, curves)]
-    # parameters that were moved may have been moved in the place of what is begun here
-    bases = {base.model.base, problem.nominal.base}
-    models = [
-        replace(base.model, terms=(*base.model.terms, *terms), base=one) for terms in begun for one in sorted(bases)
-    ]
+    likely: list[Fitted] = []
+    for params in sorted({base.model.base, problem.nominal.base}):  # moved ones may have moved in the laws' place
+        models = [replace(base.model, terms=(*base.model.terms, *terms), base=params) for terms in begun]
+        likely += tried(problem, setting, base, models, LIKELY)[:LIKELY]
     fits: list[Fitted] = []
-    for i, start in enumerate(tried(problem, setting, base, models, LIKELY)[:LIKELY]):
-        progress("apart", i, LIKELY)
+    for i, start in enumerate(likely):
+        progress("apart", i, len(likely))
         fitted = fit(problem, setting, start.model, LONG, start.at, first_of([base, *fits]).surprise, base)
         fits += [] if fitted is None else [fitted]
     return fits
