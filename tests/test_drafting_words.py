@@ -281,6 +281,7 @@ def test_a_draft_of_a_model_without_units_loads(tmp_path: Path) -> None:
     parameters = {
         "crane.load.m": (2000.0, "Mass of load"),
         "crane.hoist.b": (1500.0, "Damping of joint"),
+        "crane.rope.c": (900.0, ""),
         "crane.servo.D": (0.8, "Damping ratio"),
     }
     fmu = plant(tmp_path, CRANE, inputs, outputs, parameters)
@@ -308,8 +309,8 @@ def test_a_draft_of_a_model_without_units_loads(tmp_path: Path) -> None:
     assert (joint.displacement, joint.velocity, joint.nominal_force) == ("crane.hoist.phi", "der(crane.hoist.phi)", "")
     assert 'velocity = "der(crane.hoist.phi)"  # guess: by its name\n' in path.read_text("utf-8")
     tolerances = {guess.name: guess.tolerance for guess in find_parameters(open_fmu(fmu))}
-    assert tolerances.keys() == {"crane.load.m", "crane.hoist.b"}
-    assert tolerances["crane.hoist.b"] > tolerances["crane.load.m"]
+    assert tolerances.keys() == {"crane.load.m", "crane.hoist.b", "crane.rope.c"}
+    assert tolerances["crane.hoist.b"] == tolerances["crane.rope.c"] > tolerances["crane.load.m"]
 
 
 def test_a_joint_is_drafted_without_what_no_study_takes_there() -> None:

@@ -23,7 +23,8 @@ from fmucorrect.cli.group import ALLOW_DAMAGED, OVERWRITE, PATH, STEP_TIMEOUT, S
 @click.option(
     "--time-limit",
     type=Span(),
-    help="Clock time after which the search ends with its verdict so far, as 900, 15min or 2h. The same command goes on.",
+    help="Clock time in which a search that is not at its end gives its verdict so far, as 900, 15min or 2h. The same "
+    "command goes on.",
 )
 @click.option(
     "--few-runs/--no-few-runs",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from fmucorrect import sketch
+from fmucorrect.discovery.wording import moved_far
 
 
 class Report(dict[str, Any]):
@@ -15,6 +16,7 @@ class Report(dict[str, Any]):
         lines = [f"{'' if self.complete else 'so far '}{self['verdict']}: {self['sentence']}"]
         for effect, joint, share, equation, values in self._effects():
             lines.append(f"  {effect} at {joint} ({share}): {equation}; {values}")
+        lines += [f"  {told}" for told in self._moved()]
         how = "look at" if self["verdict"] == "unexplained" else "hangs on"
         lines += [f"  {how} {doubt}" for doubt in self.get("cautions", [])]
         learned = self._learned()
@@ -58,6 +60,15 @@ class Report(dict[str, Any]):
                 + _acted(row),
             )
             for row in self["effects"]
+        ]
+
+    def _moved(self) -> list[str]:
+        """The model's parameters that moved by a tolerance or more, with their standard deviations."""
+        before, now, by = (self.get(key, {}) for key in ("adjusted_from", "adjusted", "adjusted_by"))
+        std = {name: f" +- {value:.2g}" for name, value in self.get("adjusted_std", {}).items()}
+        return [
+            f"{name}: {before[name]:.4g} -> {now[name]:.4g}{std.get(name, '')}, {by[name]:+.2g} tolerances"
+            for name in moved_far(by)
         ]
 
     def _learned(self) -> dict[str, str]:

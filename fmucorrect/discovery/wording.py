@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -90,10 +90,15 @@ def _learned(report: Discovery) -> str:
     )
 
 
+def moved_far(adjusted_by: Mapping[str, float]) -> list[str]:
+    """Parameters that moved by a tolerance or more, the farthest first. adjusted_by: in tolerances."""
+    moved = sorted(adjusted_by, key=lambda name: -abs(adjusted_by[name]))
+    return [name for name in moved if abs(adjusted_by[name]) >= 1.0]
+
+
 def _moved(report: Discovery) -> str:
     """Parameters of the model that moved by as much as is expected of one, or more: a part of what became better is theirs."""
-    moved = sorted(report.adjusted, key=lambda name: -abs(report.adjusted_by.get(name, 0.0)))
-    moved = [name for name in moved if abs(report.adjusted_by.get(name, 0.0)) >= 1.0]
+    moved = moved_far(report.adjusted_by)
     told = [f"{name} at {short(report.adjusted[name])} (from {short(report.adjusted_from[name])})" for name in moved]
     if len(moved) > BY_NAME:
         told = [f"{len(moved)} parameters that moved, {told[0]} the farthest,"]

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from fmucorrect.drafting.guess import words
 from fmucorrect.errors import SignalError
 from fmucorrect.fmu import FmuDescription, Variable
-from fmucorrect.units import parse
+from fmucorrect.units import UNSAID, parse
 
 DAMPERS = ("N.s/m", "N.m.s/rad")
 UNCERTAIN = ("N/m", "N.m/rad", "kg", "kg.m2", *DAMPERS)
@@ -31,6 +31,8 @@ _NUMBER = re.compile(
 )
 """Descriptions of what is a number or no such quantity: a damping ratio (Dämpfungsgrad, -maß), a mass flow."""
 _DAMPING = re.compile(r"damping|d(?:ä|ae)mpfung", re.I)
+_DAMPER = re.compile(r"(?:^|[._])[cd][a-z]{0,2}\d*(?:_\w+)?(?:\[\d+(?:,\s*\d+)*\])?$", re.I)
+"""Names by a letter, c or d, that damping has where no unit says otherwise; a stiffness that is called c gets more room."""
 TOLERANCE, OF_DAMPING = 0.05, 0.2
 """Relative standard deviation of a value from a drawing or a data sheet; and of damping, which is on no drawing: dampers
 scatter from one to the next and with their temperature, and that of rubber and of structures is estimated."""
@@ -61,8 +63,7 @@ def find_parameters(fmu: FmuDescription) -> tuple[ParameterGuess, ...]:
         low, high = sorted((0.5 * start, 2.0 * start))
         low, high = max(low, variable.minimum), min(high, variable.maximum)
         if start and low < high:
-            damping = _has_one_of(variable.unit, DAMPERS) or _DAMPING.search(f"{variable.name} {variable.description}")
-            tolerance = OF_DAMPING if damping else TOLERANCE
+            tolerance = OF_DAMPING if _is_damping(variable) else TOLERANCE
             found.append(ParameterGuess(variable.name, start, low, high, why, tolerance))
     return tuple(found[:MOST])
 
@@ -81,7 +82,7 @@ def _own(fmu: FmuDescription) -> list[Variable]:
 
 def _why(variable: Variable) -> str:
     """By its unit; where it has none by its description, and by its name unless that says it is a number."""
-    if variable.unit not in ("", "1", "-"):
+    if variable.unit not in UNSAID:
         return f"its unit is {variable.unit}" if _has_one_of(variable.unit, UNCERTAIN) else ""
     if _NUMBER.search(variable.description):
         return ""
@@ -90,6 +91,13 @@ def _why(variable: Variable) -> str:
     said = " ".join(words(variable.name))  # spring_rate, contactStiffness
     named = _NAMED.search(variable.name) or (_DESCRIBED.search(said) and not _NUMBER.search(said))
     return "named as one of stiffness, damping or mass" if named else ""
+
+
+def _is_damping(variable: Variable) -> bool:
+    """By its unit, by what it is called or described as, and where these say nothing by the letter of its name."""
+    said = _has_one_of(variable.unit, DAMPERS) or _DAMPING.search(f"{variable.name} {variable.description}")
+    untold = variable.unit in UNSAID and not _DESCRIBED.search(variable.description)
+    return bool(said or (untold and _DAMPER.search(variable.name)))
 
 
 def _has_one_of(unit: str, known: Sequence[str]) -> bool:

@@ -55,6 +55,16 @@ def test_a_noise_that_is_not_known_is_told_nowhere():
     assert "unknown" in report._repr_html_()
 
 
+def test_parameters_that_moved_have_a_line_with_their_errors():
+    moved = {
+        "adjusted_from": {"c": 2.5, "k": 1e3},
+        "adjusted": {"c": 4.0, "k": 1001.0},
+        "adjusted_by": {"c": 3.0, "k": 0.1},
+    }
+    report = Report(verdict="named", sentence="", effects=[], gap=[], adjusted_std={"c": 0.01}, **moved)
+    assert report.lines()[1:] == ["  c: 2.5 -> 4 +- 0.01, +3 tolerances"]
+
+
 def test_what_is_unexplained_says_so_itself():
     assert rest(SETTING, decision("unexplained", 30.0, 0.5), told=True) == []
 
