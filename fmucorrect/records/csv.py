@@ -31,6 +31,8 @@ from fmucorrect.signals import AS_IT_IS, NANOSECONDS, Reading, Record
 _NINE = re.compile(r"^-?\d+\.\d{9}$")
 _LINES = 8192
 DAY_NS = 86400 * NANOSECONDS
+_NO_ROW = re.compile(r"\s*(?:[#%!;*]|//|[^\W\d_]{3})")
+"""How a line begins that is words among rows: a comment, a footer of the logger."""
 _COMPARED = 200
 """Lines with which a last line without its end is compared."""
 
@@ -184,9 +186,12 @@ class CsvSource:
                 where=self.path,
                 expected=f"{len(found.columns)} cells, as in the header",
                 got=len(cells),
-                remedy="A decimal comma needs the semicolon or the tab between cells, and every column its name."
-                if len(cells) > len(found.columns) and found.delimiter == ","
-                else None,
+                remedy=_no_row(line)
+                or (
+                    "A decimal comma needs the semicolon or the tab between cells, and every column its name."
+                    if len(cells) > len(found.columns) and found.delimiter == ","
+                    else None
+                ),
             )
         for c in range(len(cells) - found.unnamed_last, len(cells)):
             if cells[c]:
@@ -212,6 +217,7 @@ class CsvSource:
             where=self.path,
             expected={"": "a number", "midnight": "a clock time"}.get(found.stamps, "a stamp like the first one"),
             got=repr(cell[:60]),
+            remedy=_no_row(cell),
         )
 
     def _number(self, cell: str, line: int, column: int) -> float:
@@ -227,6 +233,13 @@ class CsvSource:
                 remedy=f"{over}Empty such a cell to have it taken as one without a value, as repair rules do.",
             )
         return value
+
+
+def _no_row(text: str) -> str | None:
+    """What to do about a line that is no row, by how it begins: left out by itself it might be what says that rows are missing."""
+    if not _NO_ROW.match(text):
+        return None
+    return f"It begins with {text.strip()[:40]!r}: take comments and footers among the rows out of the file."
 
 
 def _behind_midnight(block: Block, days: int, last: int) -> tuple[Block, int, int]:

@@ -57,6 +57,10 @@ def test_text_columns_are_left_out(tmp_path: Path) -> None:
         ("time,a\n0,1\n1\n2,2\n", r"line 3 is wrong, expected 2 cells, as in the header, got 1"),
         ("time,a\n0,1\n1,\n", r"column 'a' is nan at row 1 \(t = 1 s\)"),
         ("time,a\n0,1\nx,2\n", "line 3: the time cannot be read, expected a number, got 'x'"),
+        ("time,a\n0,1\n# end of file\n", "line 3 is wrong.*begins with '# end of file': take comments and footers"),
+        ("time,a\n0,1\n% gap, here\n1,2\n", "line 3: the time cannot be read.*begins with '% gap': take comments"),
+        ("time;a;b\n0;1;2\n1;2;3\nEnd of recording\n", "line 4 is wrong.*begins with 'End of recording': take"),
+        ("time a b\n0 1 2\n1 2 3\n// stopped\n", "line 4 is wrong.*begins with '// stopped': take"),
     ],
 )
 def test_what_is_wrong_is_said(text: str, message: str, tmp_path: Path) -> None:
