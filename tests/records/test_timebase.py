@@ -13,7 +13,7 @@ from fmucorrect import records
 from fmucorrect.errors import RecordError
 from fmucorrect.records import repairs, timebase
 from fmucorrect.records.source import Block
-from fmucorrect.signals import Channel, Record, join
+from fmucorrect.signals import Channel, Reading, Record, join
 
 MS = 1_000_000
 
@@ -37,6 +37,7 @@ def uniform(rows: int = 100, step: int = MS) -> Record:
         ([(0, 1), (1, np.nan), (1.5, 3)], r"run.csv: column 'a' is nan at row 1 \(t = 1 s\).*interpolate"),
         ([(0, 1), (1, 2), (1.5, -np.inf)], r"run.csv: column 'a' is -inf at row 2"),
         ([(0, 1), (np.nan, 2)], r"run.csv: time is not a number at row 1"),
+        ([(0, 1), (1, 1e308)], r"run.csv: column 'a' is 1e\+308 at row 1 \(t = 1 s\), expected a number up to 1e\+100"),
     ],
 )
 def test_without_a_rule(rows: list[tuple[float, float]], message: str, tmp_path: Path) -> None:
@@ -47,6 +48,19 @@ def test_without_a_rule(rows: list[tuple[float, float]], message: str, tmp_path:
         list(records.stream(path, rows=1))
 
 
+def test_stamps_of_whole_seconds(tmp_path: Path) -> None:
+    """A clock too coarse for its samples: to drop all but one of each second would be no record of the run any more."""
+    path = csv(tmp_path, [(i // 10, i) for i in range(100)])
+    with pytest.raises(
+        RecordError, match="repeated at row 1.*Of 100 rows 90 .* coarser than the samples.*--rate HZ"
+    ) as told:
+        records.read(path)
+    assert "drop" not in str(told.value)
+    untimed = tmp_path / "untimed.csv"
+    untimed.write_text("a\n" + "".join(f"{i}\n" for i in range(100)))
+    assert records.read(untimed, reading=Reading(rate=10.0)).t_ns[-1] == 99 * 100 * MS
+
+
 @pytest.mark.parametrize(
     ("rule", "rows", "mended"),
     [
@@ -55,6 +69,8 @@ def test_without_a_rule(rows: list[tuple[float, float]], message: str, tmp_path:
         ("drop", [(0, 1), (5, np.nan), (1, 2), (np.nan, 3)], [(0, 1), (1, 2)]),
         ("sort,drop", [(2, 3), (0, 1), (2, 9)], [(0, 1), (2, 3)]),
         ("interpolate", [(0, 0), (1, np.nan), (3, np.inf), (4, 8)], [(0, 0), (1, 2), (3, 6), (4, 8)]),
+        ("drop", [(0, 1), (1, -1e308), (2, 3)], [(0, 1), (2, 3)]),
+        ("interpolate", [(0, 0), (1, 1e308), (2, 4)], [(0, 0), (1, 2), (2, 4)]),
         ("interpolate,drop", [(0, np.nan), (1, 1), (2, np.nan), (3, 3), (4, np.nan)], [(1, 1), (2, 2), (3, 3)]),
         ("resample", [(0, 0), (1, 1), (2, 2), (5, 5), (6, 6)], [(i, i) for i in range(7)]),
         (("drop", "resample"), [(0, 0), (1, 1), (1, 7), (3, 3)], [(0, 0), (1.5, 1.5), (3, 3)]),
