@@ -3,7 +3,8 @@
 Rules, applied in the order that the user writes them (`"sort,drop"` or `("sort", "drop")`):
 
     sort         rows in the order of their stamps; rows with equal stamps keep their order
-    drop         rows with NaN, Inf or what is nearly infinite go, then every row whose stamp is not later than all rows before it
+    drop         rows with NaN, Inf or what is nearly infinite go, then every row whose stamp is not later than all rows
+                 before it
     interpolate  such values become linear between their finite neighbours in time (not beyond the first and last finite
                  value: those stay, for `drop`); topics on different stamps are taken at those of the first, linear
     clock        rows before or behind a jump of the clock go: the longest stretch between jumps stays

@@ -52,7 +52,7 @@ def test_stamps_of_whole_seconds(tmp_path: Path) -> None:
     """A clock too coarse for its samples: to drop all but one of each second would be no record of the run any more."""
     path = csv(tmp_path, [(i // 10, i) for i in range(100)])
     with pytest.raises(
-        RecordError, match="repeated at row 1.*Of 100 rows 90 .* coarser than the samples.*--rate HZ"
+        RecordError, match=r"repeated at row 1.*Of 100 rows 90 .* coarser than the samples.*--rate HZ"
     ) as told:
         records.read(path)
     assert "drop" not in str(told.value)
