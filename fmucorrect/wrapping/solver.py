@@ -18,6 +18,12 @@ _CALLED = {folder: name for name, processors in TARGETS.items() for _, folder, _
 """Name in FMI 3.0 -> in TARGETS."""
 _ELF = {3: "x86", 40: "ARM of 32 bits", 62: "x86_64", 183: "aarch64"}
 """Processor by e_machine of <elf.h>."""
+_LIBRARIES = {
+    ".so": ("a shared library of Linux (ELF)", b"\x7fELF"),
+    ".dll": ("a DLL of Windows", b"MZ"),
+    ".dylib": ("a dynamic library of macOS (Mach-O)", (b"\xcf\xfa\xed\xfe", b"\xca\xfe\xba\xbe", b"\xca\xfe\xba\xbf")),
+}
+"""By suffix: what it is, and how it begins; on macOS for one processor, or for several in one file."""
 
 
 def platforms(fmu: FmuDescription | None, wanted: Sequence[str]) -> list[str]:
@@ -40,30 +46,38 @@ def platforms(fmu: FmuDescription | None, wanted: Sequence[str]) -> list[str]:
             remedy="Export it again for that platform, or ask for others with --platforms.",
         )
     for name in wanted or have:
-        _check_processor(fmu, name)
+        _check_libraries(fmu, name)
     return wanted or have
 
 
-def _check_processor(fmu: FmuDescription, platform: str) -> None:
-    """Some exporters on ARM write to linux64, as if there were one processor. Raises WrapError."""
-    _, place, suffix = TARGETS[platform][0]
-    folder, wanted = platform if fmu.fmi.startswith("2") else place, place.split("-")[0]
-    name = f"binaries/{folder}/{fmu.identifier}{suffix}"
-    if suffix != ".so" or name not in fmu.libraries:
-        return
-    with archive.opened(fmu.path) as file:
-        code = archive.read(file, name, fmu.path, archive.UNPACKED)
-    if code[:4] != b"\x7fELF" or len(code) < 20:
-        return  # whatever it is, hosts will say so
-    got = _ELF.get(code[18], f"machine {code[18]} of ELF")
-    if got != wanted:
-        raise WrapError(
-            f"the solver's library in binaries/{folder} is for another processor",
-            where=str(fmu.path),
-            expected=wanted,
-            got=got,
-            remedy=f"Move it to binaries/{got}-linux." if got == "aarch64" else "Export it again.",
-        )
+def _check_libraries(fmu: FmuDescription, platform: str) -> None:
+    """What the platform cannot load would be found out by the host only; and some exporters on ARM write to linux64, as if
+    there were one processor. Raises WrapError."""
+    for _, place, suffix in TARGETS[platform]:
+        folder, wanted = platform if fmu.fmi.startswith("2") else place, place.split("-")[0]
+        name = f"binaries/{folder}/{fmu.identifier}{suffix}"
+        if name not in fmu.libraries:
+            continue
+        with archive.opened(fmu.path) as file:
+            code = archive.read(file, name, fmu.path, archive.UNPACKED)
+        kind, begins = _LIBRARIES[suffix]
+        if not code.startswith(begins) or len(code) < 20:
+            raise WrapError(
+                f"{name} is no library that {platform} can load",
+                where=str(fmu.path),
+                expected=kind,
+                got=f"{len(code)} bytes that begin with {code[:12]!r}" if code else "an empty file",
+                remedy="Export it again, or name the platforms to wrap it for with --platforms.",
+            )
+        got = _ELF.get(code[18], f"machine {code[18]} of ELF")
+        if suffix == ".so" and got != wanted:
+            raise WrapError(
+                f"the solver's library in binaries/{folder} is for another processor",
+                where=str(fmu.path),
+                expected=wanted,
+                got=got,
+                remedy=f"Move it to binaries/{got}-linux." if got == "aarch64" else "Export it again.",
+            )
 
 
 def targets(fmu: FmuDescription | None, platforms: Sequence[str]) -> Mapping[str, Sequence[tuple[str, str, str]]]:

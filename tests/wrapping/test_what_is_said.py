@@ -77,6 +77,27 @@ def test_a_library_for_arm_among_those_for_x86(tmp_path: Path) -> None:
         wrapped(packed(tmp_path / "a.fmu", {"binaries/linux64/odd.so": arm}))
 
 
+@pytest.mark.parametrize(
+    ("place", "content", "words"),
+    [
+        (
+            "linux64/odd.so",
+            b"a text that somebody named .so\n",
+            r"linux64 can load, expected .*ELF.*, got 31 bytes .*a text",
+        ),
+        ("linux64/odd.so", b"", "linux64 can load, expected .*, got an empty file"),
+        ("win64/odd.dll", b"\x7fELF" + bytes(100), "win64 can load, expected a DLL"),
+        ("darwin64/odd.dylib", b"\x7fELF" + bytes(100), "darwin64 can load, expected .*Mach-O"),
+    ],
+)
+def test_what_is_no_library(place: str, content: bytes, words: str, tmp_path: Path) -> None:
+    """It was wrapped, for a minute, and only a note on its state said that it cannot be loaded."""
+    solver = packed(tmp_path / "a.fmu", {"binaries/linux64/odd.so": library(), f"binaries/{place}": content})
+    with pytest.raises(WrapError, match=f"binaries/{place} is no library that {words}"):
+        wrap(solver, corrector(), tmp_path / "b.fmu")
+    assert [path.name for path in tmp_path.iterdir()] == ["a.fmu"]
+
+
 @pytest.mark.parametrize("fmi", [2, 3])
 @pytest.mark.parametrize("outer", [2, 3])
 def test_what_belongs_to_model_exchange_goes(fmi: int, outer: int, tmp_path: Path) -> None:
