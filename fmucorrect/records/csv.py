@@ -236,7 +236,7 @@ class CsvSource:
 
 
 def _no_row(text: str) -> str | None:
-    """What to do about a line that is words, by how it begins; left out by itself it may be what tells that rows are missing."""
+    """What to do about a line that is words, by how it begins. Left out it is not: it may be what tells that rows are lost."""
     if not _NO_ROW.match(text):
         return None
     return f"It begins with {text.strip()[:40]!r}: take comments and footers among the rows out of the file."
