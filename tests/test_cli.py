@@ -372,6 +372,26 @@ def test_bad_studies_bundles_and_files_are_one_message(model: Path, tmp_path: Pa
     refused(call("inspect", tmp_path / "what.xyz"), "suffix")
 
 
+def test_files_in_each_others_place_are_told(model: Path, tmp_path: Path) -> None:
+    """They ended as studies that are no UTF-8 text, as zip files that are none, or as arguments too many."""
+    fmu, table, out = STUDY.parent.parent / "roller_rig.fmu", log(tmp_path / "log.csv"), tmp_path / "out.mcap"
+    behind, draft = "A corrector goes behind --corrector", "fmucorrect new MODEL.fmu LOG... drafts the study"
+    for arguments, parts in (
+        (("run", model, STUDY, "--condition", "385", "-o", out), ("'STUDY'", "is a corrector (.onnx)", behind)),
+        (("run", STUDY, "--condition", "385", "--corrector", STUDY, "-o", out), ("'--corrector'", "is a TOML file")),
+        (("discover", fmu, "-o", out), ("'STUDY'", "is an FMU (.fmu), expected a TOML file", draft)),
+        (("train", table, "-o", out), ("'STUDY'", "is a record file, expected a TOML file", "new MODEL.fmu LOG")),
+        (("replay", model, table, "-o", out), ("'LOG'", "is a corrector", behind)),
+        (("replay", STUDY, "--corrector", model, "-o", out), ("'LOG'", "is a TOML file", "to replay behind --study")),
+        (("wrap", model, "--corrector", model, "-o", out), ("SOLVER", "is a corrector", behind)),
+        (("new", table, fmu, "-o", out), ("'MODEL'", "is a record file, expected an FMU", "behind the FMU")),
+        (("new", fmu, STUDY, "-o", out), ("'RUNS...'", "is a TOML file, expected a record file")),
+        (("assess", "all", fmu, "-o", out), ("'MAPPING'", "is an FMU")),
+    ):
+        refused(call(*arguments), *parts)
+    assert not out.exists()
+
+
 def test_a_corrector_of_other_channels_is_refused_before_the_run(tmp_path: Path) -> None:
     other = bundles.make(tmp_path / "other.onnx", channels=(Channel("elsewhere", unit="mm"),))
     result = call("run", STUDY, "--condition", "385", "--corrector", other, "-o", tmp_path / "out.mcap")

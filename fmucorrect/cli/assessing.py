@@ -7,14 +7,14 @@ from pathlib import Path
 
 import click
 
-from fmucorrect.cli.group import OVERWRITE, PATH, STEP_TIMEOUT, say, stages
+from fmucorrect.cli.group import OVERWRITE, PATH, STEP_TIMEOUT, STUDY, say, stages
 
 SECTIONS = {"preload": ("preload",), "critical-speed": ("critical_speed",), "safety": ("safety",)}
 
 
 @click.command()
 @click.argument("what", type=click.Choice([*SECTIONS, "all"]))
-@click.argument("mapping", type=PATH)
+@click.argument("mapping", type=STUDY)
 @click.option("-o", "--out", type=PATH, required=True, help="The folder to write to.")
 @STEP_TIMEOUT
 @OVERWRITE

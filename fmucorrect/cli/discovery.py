@@ -8,11 +8,11 @@ from pathlib import Path
 
 import click
 
-from fmucorrect.cli.group import ALLOW_DAMAGED, OVERWRITE, PATH, STEP_TIMEOUT, Span, say, stages
+from fmucorrect.cli.group import ALLOW_DAMAGED, OVERWRITE, PATH, STEP_TIMEOUT, STUDY, Span, say, stages
 
 
 @click.command()
-@click.argument("study", type=PATH)
+@click.argument("study", type=STUDY)
 @click.option("-o", "--out", type=PATH, required=True, help="The folder to write to.")
 @click.option(
     "--scheduler",

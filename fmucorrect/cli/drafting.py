@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from fmucorrect.cli.group import OVERWRITE, PATH, UserError, progress_bar, reading_options, say
+from fmucorrect.cli.group import FMU, LOG, OVERWRITE, PATH, UserError, progress_bar, reading_options, say
 
 if TYPE_CHECKING:
     from fmucorrect.signals import Reading
@@ -18,9 +18,9 @@ NAMED_LEFT_OUT = 5
 
 
 @click.command()
-@click.argument("model", type=PATH)
-@click.argument("runs", type=PATH, nargs=-1, required=True)
-@click.option("--reference", "references", type=PATH, multiple=True, help="A simulated record, one for each run.")
+@click.argument("model", type=FMU)
+@click.argument("runs", type=LOG, nargs=-1, required=True)
+@click.option("--reference", "references", type=LOG, multiple=True, help="A simulated record, one for each run.")
 @click.option("-o", "--out", type=PATH, default=Path("study.toml"), show_default=True, help="The study to write.")
 @reading_options
 @OVERWRITE

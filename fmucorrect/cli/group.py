@@ -29,6 +29,43 @@ if TYPE_CHECKING:
 PATH = click.Path(path_type=Path)
 
 
+class FileOf(click.Path):
+    """A file of one kind, as its suffix says. One of another kind was given in the wrong place, or to the wrong command, and is
+    refused with where it belongs; what has another suffix is left to whoever opens it."""
+
+    def __init__(self, kind: str) -> None:
+        super().__init__(path_type=Path)
+        self._kind = kind
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The path. Raises click.BadParameter."""
+        path = super().convert(value, param, ctx)
+        if (got := _kind_of(path)) not in ("", self._kind):
+            self.fail(f"{path} is {got}, expected {self._kind}. {_GOES[got]}", param, ctx)
+        return path
+
+
+def _kind_of(path: Path) -> str:
+    """Of a file, by its suffix; "" for a folder, and where it does not tell."""
+    suffix = path.suffix.lower()
+    if suffix in _KINDS or not suffix:
+        return _KINDS.get(suffix, "")
+    from fmucorrect import records
+
+    return A_LOG if records.suffix_of(path) in records.READ else ""
+
+
+A_STUDY, AN_FMU, A_CORRECTOR, A_LOG = "a TOML file", "an FMU (.fmu)", "a corrector (.onnx)", "a record file"
+_KINDS = {".toml": A_STUDY, ".fmu": AN_FMU, ".onnx": A_CORRECTOR}
+_GOES = {
+    A_STUDY: "A study goes first to run, train, compare, discover and diagnose, and to replay behind --study.",
+    AN_FMU: "An FMU goes to new and wrap: fmucorrect new MODEL.fmu LOG... drafts the study that the other commands take.",
+    A_CORRECTOR: "A corrector goes behind --corrector: fmucorrect run STUDY --corrector CORRECTOR.onnx.",
+    A_LOG: "A log goes behind the FMU, fmucorrect new MODEL.fmu LOG..., or to inspect; a simulated one first to replay.",
+}
+STUDY, FMU, CORRECTOR, LOG = FileOf(A_STUDY), FileOf(AN_FMU), FileOf(A_CORRECTOR), FileOf(A_LOG)
+
+
 class Number(click.FloatRange):
     """click's own lets NaN through, which lies in no range."""
 

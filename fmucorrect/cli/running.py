@@ -14,9 +14,12 @@ import click
 
 from fmucorrect.cli.group import (
     ALLOW_DAMAGED,
+    CORRECTOR,
+    LOG,
     OVERWRITE,
     PATH,
     STEP_TIMEOUT,
+    STUDY,
     Number,
     UserError,
     ignored,
@@ -104,9 +107,9 @@ def _watching(live: bool, listen: str | None, out: Path) -> Generator[Live | Non
 
 
 @click.command()
-@click.argument("study", type=PATH)
+@click.argument("study", type=STUDY)
 @click.option("--condition", required=True, help="Name of a condition of the study.")
-@click.option("--corrector", type=PATH, help="The ONNX bundle; without it the bare simulation is written.")
+@click.option("--corrector", type=CORRECTOR, help="The ONNX bundle; without it the bare simulation is written.")
 @click.option("--duration", type=Number(min=0, min_open=True), help="s; default: as long as the measurement.")
 @STEP_TIMEOUT
 @click.option("-o", "--out", type=PATH, required=True, help="Record file to write; .mcap takes several topics.")
@@ -155,9 +158,9 @@ def run(
 
 
 @click.command()
-@click.argument("log", type=PATH)
-@click.option("--corrector", type=PATH, required=True, help="The ONNX bundle.")
-@click.option("--study", type=PATH, help="Study that has the condition; needs --condition.")
+@click.argument("log", type=LOG)
+@click.option("--corrector", type=CORRECTOR, required=True, help="The ONNX bundle.")
+@click.option("--study", type=STUDY, help="Study that has the condition; needs --condition.")
 @click.option("--condition", help="Name of a condition of the study.")
 @click.option("--speed", type=float, help="km/h")
 @click.option("--amplitude", type=float, help="deg, of the excitation")

@@ -16,6 +16,7 @@ from fmucorrect.cli.group import (
     OVERWRITE,
     PATH,
     STEP_TIMEOUT,
+    STUDY,
     UserError,
     note,
     open_study,
@@ -47,7 +48,7 @@ def _training_options(command: Callable[..., None]) -> Callable[..., None]:
 
 
 @click.command()
-@click.argument("study", type=PATH)
+@click.argument("study", type=STUDY)
 @click.option("-o", "--out", type=PATH, required=True, help="Folder for the model, its card, its page and its figures.")
 @click.option("--seed", type=click.IntRange(0, LARGEST_SEED), help="Of everything that is drawn; default: the study's.")
 @_training_options
@@ -137,7 +138,7 @@ def _where_it_ends(done: Results) -> Guarded:
 
 
 @click.command()
-@click.argument("studies", type=PATH, nargs=-1, required=True)
+@click.argument("studies", type=STUDY, nargs=-1, required=True)
 @click.option("-o", "--out", type=PATH, required=True, help="Folder for compare.html, compare.json and compare.npz.")
 @click.option("--seeds", type=click.IntRange(1), help="How many, from the study's on; default: 5. Of one study alone.")
 @click.option(
@@ -230,7 +231,7 @@ def _compare_models(
 
 
 @click.command()
-@click.argument("study", type=PATH)
+@click.argument("study", type=STUDY)
 @click.option("-o", "--out", type=PATH, help="Write the page there, or the figures where it ends in .json.")
 @STEP_TIMEOUT
 @OVERWRITE

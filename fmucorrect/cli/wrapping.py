@@ -7,12 +7,12 @@ from pathlib import Path
 
 import click
 
-from fmucorrect.cli.group import OVERWRITE, PATH, UserError, progress_bar, say
+from fmucorrect.cli.group import CORRECTOR, FMU, OVERWRITE, PATH, UserError, progress_bar, say
 
 
 @click.command()
-@click.argument("solver", type=PATH, required=False)
-@click.option("--corrector", type=PATH, help="The ONNX bundle.")
+@click.argument("solver", type=FMU, required=False)
+@click.option("--corrector", type=CORRECTOR, help="The ONNX bundle.")
 @click.option("--effects", type=PATH, help="effects.toml of a discovery: forces to be fed back into the solver.")
 @click.option(
     "--mapping", type=PATH, help="TOML file: which solver variables are meant; see fmucorrect/wrapping/README.md."
