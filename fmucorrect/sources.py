@@ -288,6 +288,7 @@ def log_inputs(
     chosen = topic or default_topic(log, reading)
     conversions: list[units.Conversion] | None = None
     names = columns(log, channels, chosen, reading)
+    _all_there(log, names, chosen, reading)
     for chunk in records.stream(
         log,
         names,
@@ -412,6 +413,24 @@ def default_topic(log: Path, reading: Reading = AS_IT_IS) -> str | None:
     """/simulation where the log has that topic beside others, else None."""
     names = [topic.name for topic in records.topics(log, reading)]
     return SIMULATION if len(names) > 1 and SIMULATION in names else None
+
+
+def _all_there(log: Path, names: Sequence[str], topic: str | None, reading: Reading) -> None:
+    """Raises RecordError for columns that the log does not have under these names, all at once."""
+    topics = [one for one in records.topics(log, reading) if topic in (None, one.name)]
+    lost = [name for name in names if not records.has(topics, name, reading)]
+    if not lost or not topics:
+        return
+    try:
+        records.find(topics, lost[0], str(log), reading, records.describe(log, reading).left_out)
+    except RecordError as error:
+        also = f"Nor are there {few([repr(name) for name in lost[1:]])}. " if lost[1:] else ""
+        said = ", ".join(f'"{name}" = "..."' for name in lost[:3])
+        error.add_note(
+            f"{also}Rename the columns in the file; or make it the simulated record of a condition of a study, say there which "
+            f"ones they are, [records] columns = {{ {said} }}, and name that study and condition (--study, --condition)."
+        )
+        raise
 
 
 def _all_said(pairs: Sequence[tuple[Channel, Channel]], log: Path) -> None:

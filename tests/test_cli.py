@@ -350,6 +350,21 @@ def test_replay_guesses_no_unit(model: Path, tmp_path: Path) -> None:
     refused(call("replay", log(tmp_path / "n.csv", unit="N"), *arguments[2:]), "units do not fit", "'mm'", "'N'")
 
 
+def test_replay_of_a_log_with_other_names_says_where_to_map_them(model: Path, tmp_path: Path) -> None:
+    """All that are missing at once; and what it says is to be done works."""
+    path = log(tmp_path / "log.csv")
+    path.write_text(path.read_text().replace("FW", "front wheel").replace("RB", "rear body"))
+    told = call("replay", path, "--corrector", model, *CONDITION, "-o", tmp_path / "out.csv")
+    refused(told, "there is no column 'FW', expected one of", "front wheel", "Nor are there 'RB'.")
+    refused(told, '[records] columns = { "FW" = "...", "RB" = "..." }', "--study, --condition")
+    mapped = 'records = { columns = { "FW" = "front wheel", "RB" = "rear body" } }\n'
+    study = small_study(tmp_path, "0.001", "log.csv", more=mapped)
+    study.write_text(study.read_text().replace("run.csv", "log.csv"))
+    of_study = ["--study", study, "--condition", "0", *CONDITION]
+    done = call("replay", path, "--corrector", model, *of_study, "-o", tmp_path / "out.csv")
+    assert done.exit_code == 0, done.output
+
+
 def test_replay_does_not_overwrite_its_log(model: Path, ran: Path) -> None:
     size = ran.stat().st_size
     refused(call("replay", ran, "--corrector", model, "-o", ran), "written over")
