@@ -180,7 +180,11 @@ def pair(
     start, defined = known.place(int(measured.t_ns[0])), sources.defined(study)
     if start is None:
         assert study.excitation is not None
-        offset = _register(simulated, measured, study.excitation.simulation, step, defined)
+        try:
+            offset = _register(simulated, measured, study.excitation.simulation, step, defined)
+        except SignalError as error:
+            where = f"condition {condition.name!r}, {place_of(study.places, ('excitation',))}"
+            raise SignalError(str(error), where=where) from error
         rate = clock_rate(offset, len(measured) * step, step)
         start = at_rate(offset, rate)
         told = _registered(offset, rate)

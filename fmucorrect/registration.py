@@ -141,7 +141,11 @@ def find_offset(simulated: Series, measured: Float64[np.ndarray, " M"], step: fl
 
     for name, values in (("simulated", simulated), ("measured", measured)):
         if not np.isfinite(values).all() or np.ptp(values) == 0.0:
-            raise SignalError(f"the {name} excitation does not vary or is not finite; it cannot carry the time")
+            raise SignalError(
+                f"the {name} excitation does not vary or is not finite; it cannot carry the time",
+                remedy="Name in [excitation] what both sides recorded and what moves in this condition, drive it if it is an "
+                "input (inputs), or write clock in records of the condition.",
+            )
     a, b = simulated - np.median(simulated), measured - np.median(measured)
     frequency = float(np.sqrt(np.mean(np.diff(a) ** 2) / np.mean(a**2))) / (2.0 * np.pi * step)
     rows = _searched(b, frequency * step)

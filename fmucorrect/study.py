@@ -7,7 +7,7 @@ the FMU and the records hold. Both name the line of the file.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
@@ -238,13 +238,16 @@ def check_study(
         found += [(("simulation", "units", name), text) for name, text in wrong.items()]
         unsaid = {name for name, unit in variables.items() if unit in UNSAID}
         variables = {**variables, **{name: unit for name, unit in study.simulation.units.items() if name in unsaid}}
-    found += _check_records(study, variables, columns, defined)
+    wrong = {} if variables is None else dict(_unknown_units(study, defined))
+    unknown = {*wrong.values(), *(unit for unit in study.simulation.units.values() if _nobodys(unit, defined))}
+    found += _check_records(study, variables, columns, defined, unknown)
     if variables is not None:
         driven = {name: variables[name] for name in inputs}
-        found += [*_check_model(study, variables, defined, fixed), *_check_inputs(study, driven, columns, defined)]
+        found += _check_model(study, variables, defined, fixed, unknown)
+        found += _check_inputs(study, driven, columns, defined)
         slips = [slip for condition in study.conditions for slip in renamed_for_nothing(study, condition, inputs)]
         found += dict.fromkeys(slips)
-        found += [*_check_units(study, defined)]
+        found += [(loc, f"{unknown_unit(unit)} The FMU declares none of that name.") for loc, unit in wrong.items()]
     return by_line(f"{place(study.places, loc)}: {text}" for loc, text in found)
 
 
@@ -296,22 +299,41 @@ def renamed_for_nothing(study: Study, condition: Condition, inputs: Sequence[str
 _NAMED_COLUMNS = ("name", "simulation", "measurement", "acceleration")
 
 
-def _check_units(study: Study, defined: Mapping[str, Unit]) -> Iterator[tuple[Location, str]]:
-    """Units of channels and columns that neither are known nor declared by the FMU."""
-    said: list[tuple[Location, str]] = [
-        (("channels", i, "unit"), channel.unit) for i, channel in enumerate(study.channels)
-    ]
+def _unknown_units(study: Study, defined: Mapping[str, Unit]) -> Iterator[tuple[Location, str]]:
+    """Units of channels and columns that neither are known nor declared by the FMU, each at its place."""
+    for i, channel in enumerate(study.channels):
+        if _nobodys(channel.unit, defined):
+            yield ("channels", i, "unit"), channel.unit
     for i, condition in enumerate(study.conditions):
         for name, unit in condition.reading.units.items():
             loc: Location = ("conditions", i, "records", "units", name)
-            said.append((loc if loc in study.places else ("records", "units", name), unit))
-    for loc, unit in dict.fromkeys(said):
-        if unit not in defined and (text := unknown_unit(unit)):
-            yield loc, f"{text} The FMU declares none of that name."
+            if _nobodys(unit, defined):
+                yield (loc if loc in study.places else ("records", "units", name)), unit
+
+
+def _nobodys(unit: str, defined: Mapping[str, Unit]) -> bool:
+    return unit not in defined and unknown_unit(unit) != ""
+
+
+def _misfit(
+    kind: str,
+    name: str,
+    there: Mapping[str, str],
+    known: Sequence[str],
+    defined: Mapping[str, Unit],
+    unknown: Collection[str],
+) -> tuple[str, str] | None:
+    """`misfit`, but of `unknown` units, which are told where the study says them, and need not fit anything."""
+    known = () if there.get(name) in unknown else [unit for unit in known if unit not in unknown]
+    return misfit(kind, name, there, known, defined)
 
 
 def _check_model(
-    study: Study, variables: Mapping[str, str], defined: Mapping[str, Unit], fixed: Mapping[str, str]
+    study: Study,
+    variables: Mapping[str, str],
+    defined: Mapping[str, Unit],
+    fixed: Mapping[str, str],
+    unknown: Collection[str],
 ) -> Iterator[tuple[Location, str]]:
     tables: list[tuple[Location, Mapping[str, float]]] = [(("simulation",), study.parameters)]
     tables += [(("conditions", i), condition.parameters) for i, condition in enumerate(study.conditions)]
@@ -332,7 +354,7 @@ def _check_model(
     for loc, name, known in wanted:
         if loc[-1] == "displacement" and variables.get(name) in UNSAID:  # which would pass for an angle
             yield loc, f"variable {name!r} has no unit in the FMU, expected one like 'm' or 'rad'"
-        elif problem := misfit("variable", name, variables, known, defined):
+        elif problem := _misfit("variable", name, variables, known, defined, unknown):
             yield loc, f"{problem[0]} in the FMU{problem[1]}"
 
 
@@ -364,6 +386,7 @@ def _check_records(
     variables: Mapping[str, str] | None,
     columns: Mapping[Path, Mapping[str, str]],
     defined: Mapping[str, Unit],
+    unknown: Collection[str],
 ) -> Iterator[tuple[Location, str]]:
     measured: list[Wanted] = []
     for i, channel in enumerate(study.channels):
@@ -379,7 +402,7 @@ def _check_records(
         for loc, name, known in wanted:
             same: dict[tuple[str, str], list[str]] = {}
             for file in dict.fromkeys(file for file in files if file in columns):
-                if file and name and (problem := misfit("column", name, columns[file], known, defined)):
+                if file and name and (problem := _misfit("column", name, columns[file], known, defined, unknown)):
                     same.setdefault(problem, []).append(file.name)
             yield from ((loc, f"{head} in {', '.join(names)}{tail}") for (head, tail), names in same.items())
 
@@ -391,4 +414,4 @@ def _responses(study: Study) -> list[Wanted]:
     ]
     if study.excitation:
         wanted.append((("excitation", "simulation"), study.excitation.simulation, ()))
-    return wanted
+    return wanted + [(("training", "corrector", "sees"), name, ()) for name in study.training.corrector.sees]

@@ -211,8 +211,8 @@ def misfit(
             return f"{kind} {name!r} has no unit", expected
         try:
             units.explained(there[name], f"{kind} {name!r}", defined)
-        except SignalError as error:
-            return str(error), expected
+        except SignalError:
+            return f"{kind} {name!r} has unit {there[name]!r}, which is not known,", expected
         return f"{kind} {name!r} has unit {there[name]!r}", expected
     return None
 

@@ -74,9 +74,12 @@ def test_units_of_columns_are_those_of_the_fmu(study):
 
 def test_a_unit_that_nobody_declares_is_one_error(study):
     study.write_text(STUDY.replace('"raised"', '"risen"'))
-    (wrong,) = [line for line in inspect([study]).misfits if "[records]" in line]
+    (wrong,) = inspect([study]).misfits  # and not of each channel that it belongs to, too
     assert "[records], key units.x: unit 'risen' is not known" in wrong
     assert "The FMU declares none of that name" in wrong
+    study.write_text(STUDY.replace('unit = "mm"', 'unit = "furlong"'))
+    (wrong,) = inspect([study]).misfits
+    assert "[[channels]] 1 \"x1\", key unit: unit 'furlong' is not known" in wrong
     study.write_text(STUDY.replace('"raised"', '"risen"').replace('fmu = "own.fmu"', ""))
     with pytest.raises(StudyError, match="unit 'risen' is not known"):
         load_study(study)

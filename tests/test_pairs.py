@@ -171,6 +171,11 @@ def test_what_is_missing_or_does_not_fit(tmp_path: Path) -> None:
     write(tmp_path / "measured.mcap", t, 0, other=(wave(t), "mm"), base=(wave(t), "mm"))
     with pytest.raises(RecordError, match="probe"):
         read_measurement(study, study.condition("one"))
+    long = np.arange(7000) * 1e-3
+    write(tmp_path / "measured.mcap", long, 0, probe=(wave(long), "mm"), base=(0.0 * long, "mm"))
+    where = r"condition 'one', line \d+, \[excitation\]: the measured excitation does not vary.*drive it"
+    with pytest.raises(SignalError, match=where):
+        pair(study, study.condition("one"))
     write(tmp_path / "log.mcap", t, 0, x=(wave(t), "1"))
     with pytest.raises(SignalError, match="has no unit"):
         list(log_inputs(tmp_path / "log.mcap", study.channels))

@@ -166,7 +166,7 @@ def test_an_excitation_that_begins_behind_the_run(tmp_path: Path, start: float, 
 @pytest.mark.parametrize("line", ['units = { "s22" = "mm" }', 'columns = { "wheel" = "S2 rad" }', 'time = "tmie"'])
 def test_a_name_that_no_record_has(tmp_path: Path, line: str) -> None:
     """What a misspelt key says would be lost without a word; one that some records lack is no mistake."""
-    with pytest.raises(StudyError, match=r"no record of the study has a column '.*'.*did you mean"):
+    with pytest.raises(StudyError, match=r"line \d+, .*no record of the study has a column '.*'.*did you mean"):
         screen(make(tmp_path, more=f"records = {{ {line} }}\n"))
     assert screen(make(tmp_path, more='records = { units = { "s2" = "mm" } }\n')).warnings == ()
     with pytest.raises(StudyError, match=r"is called 's11'; did you mean 's1'"):

@@ -101,6 +101,22 @@ def test_check_of_records(folder: Path) -> None:
     ]
 
 
+def test_what_the_correctors_see_must_be_there(folder: Path) -> None:
+    text = edited(('simulated = "simulated_300.mcap"', "")) + '\n[training.corrector]\nsees = ["speed", "brakes"]\n'
+    (found,) = checked(folder, text, VARIABLES)
+    assert found.startswith("line ")
+    assert "key corrector.sees: there is no variable 'brakes' in the FMU; did you mean 'brake'?" in found
+
+
+def test_a_column_of_an_unknown_unit(folder: Path) -> None:
+    """The record's own unit, which no line of the study says."""
+    there = {"measured_300.mcap": {"lvdt_FW": "furlong", "acc_FW": "gn", "platform_yaw": "deg"}}
+    (found,) = checked(folder, EXAMPLE, None, there)
+    assert (
+        "column 'lvdt_FW' has unit 'furlong', which is not known, in measured_300.mcap, expected one like 'mm'" in found
+    )
+
+
 def test_a_column_missing_in_several_records_is_one_problem(folder: Path) -> None:
     (folder / "second.mcap").touch()
     more = '\n[[conditions]]\nname = "2"\nrole = "evaluation"\nmeasurement = "second.mcap"\n'

@@ -92,10 +92,11 @@ def _misnamed(study: Study) -> Iterator[Finding]:
         }
     for (key, name), column in named.items():
         of_time = key == "units" and column in times
+        end = ("records", key) if key == "time" else ("records", key, name)
         yield Finding(
             "name without a column",
             "error",
-            f"[records] {key}" + ("" if key == "time" else f", {name!r}"),
+            place(study.places, next((loc for loc in study.places if loc[-len(end) :] == end), end)),
             f"column {column!r} is the time, and units are those of the other columns"
             if of_time
             else f"no record of the study has a column {column!r}{' of times' * (key == 'time')}"
