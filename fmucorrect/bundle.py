@@ -35,7 +35,7 @@ from jaxtyping import Float32, Float64
 from fmucorrect import bundle_graph, bundle_metadata
 from fmucorrect.brief import brief_of
 from fmucorrect.bundle_metadata import Info as Info
-from fmucorrect.errors import BundleError
+from fmucorrect.errors import BundleError, require_path
 from fmucorrect.signals import Channel
 from fmucorrect.stepper import Correction, Window
 
@@ -255,6 +255,7 @@ def load(path: str | Path) -> Bundle:
     The file may be anybody's. ONNX Runtime gets it when it is known to hold nothing but arithmetic (bundle_graph.py), and
     first in a session of bounded memory and time. Raises BundleError that says what failed.
     """
+    require_path("an ONNX bundle", path)
     path, where = Path(path), str(path)
     try:
         with path.open("rb") as file:

@@ -10,6 +10,7 @@ from jaxtyping import Float64, Int64
 
 from fmucorrect import sketch
 from fmucorrect.brief import brief
+from fmucorrect.errors import require_opened
 from fmucorrect.metrics import OracleLag, Scores, in_motion, oracle_lag, score
 from fmucorrect.noise import noise_floor, of_sensors
 from fmucorrect.pairs import Pair
@@ -134,6 +135,7 @@ class Comparison:
 
 def compare(pair: Pair, corrected: Record) -> Comparison:
     """`corrected`: what a CorrectedStepper made of the plant of `pair`, on the rows of `pair.simulated`."""
+    require_opened("a Pair", pair, "fc.pair(study, condition)")
     channels = corrected.channels[: pair.measured.shape[1]]
     names = [channel.name for channel in channels]
     rows = corrected.rows(pair.rows.start or 0, pair.rows.stop)

@@ -21,6 +21,8 @@ from __future__ import annotations
 import re
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
+from os import PathLike
+from pathlib import Path
 from typing import Any
 
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
@@ -101,6 +103,24 @@ class FmucorrectError(Exception):
         message = ", ".join(parts)
         stop = "" if message.endswith(("?", ".")) else "."
         super().__init__(f"{message}{stop} {remedy}" if remedy else message)
+
+
+def require_opened(what: str, value: object, opener: str) -> None:
+    """Raises FmucorrectError for a name or a path in place of an object, which `opener` makes of it."""
+    if isinstance(value, str | PathLike):
+        raise FmucorrectError(
+            f"{what} is expected, not its name", got=repr(str(value)), remedy=f"Write {opener} in its place."
+        )
+
+
+def require_path(what: str, value: object) -> None:
+    """Raises FmucorrectError for an object in place of the path of its file, which is read anew."""
+    if isinstance(path := getattr(value, "path", None), Path):
+        raise FmucorrectError(
+            f"the path of {what} is expected",
+            got=f"a {type(value).__name__}",
+            remedy=f"Write its path, {str(path)!r}; what was changed since it was opened is not in the file.",
+        )
 
 
 class StudyError(FmucorrectError):

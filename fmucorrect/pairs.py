@@ -11,7 +11,7 @@ from jaxtyping import Float64, Int64
 from fmucorrect import records, sources, units
 from fmucorrect.brief import brief
 from fmucorrect.clocks import Clock, clock
-from fmucorrect.errors import RecordError, SignalError
+from fmucorrect.errors import RecordError, SignalError, require_opened
 from fmucorrect.records import timebase
 from fmucorrect.registration import (
     FEWEST,
@@ -84,6 +84,8 @@ class Pair:
 def simulate(study: Study, condition: Condition, known: Clock | None = None) -> Record:
     """The uncorrected simulated response of a condition; behind the channels what its correctors see, and the excitation.
     known: its clock, where the caller has it already."""
+    require_opened("a Study", study, "fc.load_study(path)")
+    require_opened("a Condition", condition, "study.condition(name)")
     sees = sources.seen_beside(study)
     stepper = sources.plant(study, condition, sees=sees)
     try:
@@ -96,6 +98,8 @@ def simulate(study: Study, condition: Condition, known: Clock | None = None) -> 
 
 def read_measurement(study: Study, condition: Condition) -> Record:
     """`read_samples` at the study's step; metadata "sample_ns": the record's own."""
+    require_opened("a Study", study, "fc.load_study(path)")
+    require_opened("a Condition", condition, "study.condition(name)")
     samples = read_samples(study, condition)
     rows = float(samples.t_ns[-1] - samples.t_ns[0]) / study.simulation.step_ns
     if rows > sources.MOST_MEASURED:
@@ -169,6 +173,8 @@ def pair(
     Raises RecordError where nothing tells how their clocks belong together, and for a record that lost something, unless
     `allow_damaged` (by default the study's).
     """
+    require_opened("a Study", study, "fc.load_study(path)")
+    require_opened("a Condition", condition, "study.condition(name)")
     if allow_damaged is not None:
         study = replace(study, allow_damaged=allow_damaged)
     known = clock(study, condition)

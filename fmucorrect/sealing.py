@@ -33,7 +33,7 @@ import fmucorrect
 from fmucorrect import bundle, outputs, sources
 from fmucorrect.bundle import Bundle, Info
 from fmucorrect.comparison import Comparison, compare
-from fmucorrect.errors import BundleError
+from fmucorrect.errors import BundleError, require_opened
 from fmucorrect.pairs import Pair
 from fmucorrect.screening import screen
 from fmucorrect.signals import NANOSECONDS, Channel, Condition
@@ -59,6 +59,7 @@ def seal(model: str | Path | onnx.ModelProto, study: Study, path: str | Path, *,
     the study reads, or there already; StudyError for a study of which nothing sensible can be learned, and what simulation and
     registration raise.
     """
+    require_opened("a Study", study, "fc.load_study(path)")
     path = Path(path)
     where = str(model) if isinstance(model, str | Path) else str(path)
     outputs.check_ending(path, "a bundle is written", [".onnx"])

@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Float32, Float64
 
 from fmucorrect.brief import brief_of
-from fmucorrect.errors import FmucorrectError, SignalError
+from fmucorrect.errors import FmucorrectError, SignalError, require_opened
 from fmucorrect.signals import NANOSECONDS, Channel, Condition, Record, join
 
 Row = Float64[np.ndarray, " J"]
@@ -320,6 +320,7 @@ class CorrectedStepper:
     """
 
     def __init__(self, plant: Stepper, corrector: Corrector) -> None:
+        require_opened("a Bundle", corrector, "fc.load_bundle(path)")
         self._plant, self._corrector, self._step_ns = plant, corrector, corrector.step_ns
         self._seen = (*corrector.channels, *corrector.sees)
         self._columns = _match(plant.channels, self._seen)
@@ -528,6 +529,7 @@ def run(
     Each result goes to `sink` as soon as it is there, and nothing is kept; without a sink the whole result is returned.
     Raises what the stepper raises; what was given to the sink before stays valid.
     """
+    require_opened("a Condition", condition, "study.condition(name)")
     kept: list[Record] = []
     accept = sink or kept.append
     stepper.reset(condition)

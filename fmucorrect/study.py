@@ -16,7 +16,7 @@ from typing import Any
 
 from fmucorrect import sketch
 from fmucorrect.brief import brief
-from fmucorrect.errors import StudyError
+from fmucorrect.errors import StudyError, require_opened, require_path
 from fmucorrect.signals import NANOSECONDS, TOLD, Channel, Condition, Reading
 from fmucorrect.study_places import Location, Places, by_line, like, misfit, nearest, place, units_misfits, unknown_unit
 from fmucorrect.study_schema import Excitation, Group, Joint, Rotation, read_study
@@ -148,6 +148,7 @@ class Study:
 
 def load_study(path: str | Path) -> Study:
     """The study that a TOML file holds. Raises StudyError with every problem of the file, each with its line."""
+    require_path("a study file", path)
     file = Path(path).resolve()
     try:
         data = file.read_bytes()
@@ -232,6 +233,7 @@ def check_study(
     and input series that was looked into, by its path in `study`; others are left out. defined: units that the FMU declares.
     fixed: why, by name, a variable has no start value that could be unknown.
     """
+    require_opened("a Study", study, "fc.load_study(path)")
     found: list[tuple[Location, str]] = []
     if variables is not None:
         wrong = units_misfits(study.simulation.units, variables, defined)

@@ -1,6 +1,8 @@
 """One condition from study to pair: FMU or log as the simulation, units, signs, sample rates and clocks of the measurement."""
 
 import re
+import subprocess
+import sys
 import zipfile
 from pathlib import Path
 
@@ -230,3 +232,50 @@ def test_a_record_of_a_few_rows_is_one_clear_error(tmp_path: Path, rows: int) ->
         pair(study, study.condition("one"))
     with pytest.raises(RecordError, match=f"has {rows} samples"):
         of_records(study)
+
+
+CONFUSED = """import sys
+import fmucorrect as fc
+path = sys.argv[1]
+study = fc.load_study(path)
+one, plant = study.condition("one"), fc.ReplayStepper(study.channels)
+for call in (
+    lambda: fc.pair(path, one),
+    lambda: fc.simulate(path, one),
+    lambda: fc.check_study(path, None, {}),
+    lambda: fc.train(path),
+    lambda: fc.seal("net.onnx", path, "out.onnx"),
+    lambda: fc.read_measurement(study, "one"),
+    lambda: fc.run(plant, "one", []),
+    lambda: fc.compare(path, one),
+    lambda: fc.assess(path),
+    lambda: fc.CorrectedStepper(plant, path),
+    lambda: fc.load_study(study),
+    lambda: fc.discover(study, "out"),
+):
+    try:
+        call()
+    except fc.FmucorrectError as error:
+        print(error)
+"""
+
+
+def test_paths_in_place_of_what_is_in_them_and_the_other_way_round(tmp_path: Path) -> None:
+    """Those were AttributeErrors and TypeErrors out of the middle of the program; in a process where no types are checked."""
+    command = [sys.executable, "-c", CONFUSED, str(make(tmp_path))]
+    said = subprocess.run(command, capture_output=True, text=True, check=True, cwd=tmp_path).stdout.splitlines()
+    for line, (what, instead) in zip(
+        said,
+        [
+            *[("a Study is expected, not its name", "fc.load_study(path)")] * 5,
+            *[("a Condition is expected, not its name", "study.condition(name)")] * 2,
+            ("a Pair is expected", "fc.pair(study, condition)"),
+            ("an Assessment is expected", "fc.load_assessment(path)"),
+            ("a Bundle is expected", "fc.load_bundle(path)"),
+            *[("the path of a study file is expected, got a Study", "study.toml'")] * 2,
+        ],
+        strict=True,
+    ):
+        assert line.startswith(what), line
+        assert f"Write {instead} in its place" in line or f"{instead}; what was changed" in line
+    assert not (tmp_path / "out").exists()

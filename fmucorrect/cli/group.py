@@ -39,7 +39,7 @@ class FileOf(click.Path):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """The path. Raises click.BadParameter."""
-        path = super().convert(value, param, ctx)
+        path = Path(os.fsdecode(super().convert(value, param, ctx)))
         if (got := _kind_of(path)) not in ("", self._kind):
             self.fail(f"{path} is {got}, expected {self._kind}. {_GOES[got]}", param, ctx)
         return path

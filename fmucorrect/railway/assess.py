@@ -14,7 +14,7 @@ from typing import Any
 
 from fmucorrect import sketch
 from fmucorrect.brief import brief
-from fmucorrect.errors import FmuError, SolverDied, StudyError
+from fmucorrect.errors import FmuError, SolverDied, StudyError, require_opened
 from fmucorrect.fmu import IsolatedStepper, Limits, open_fmu
 from fmucorrect.railway.assessment import SECTIONS, Assessment, check_assessment
 from fmucorrect.railway.preload.assess import assess_preload
@@ -84,6 +84,7 @@ def assess(
     Raises StudyError where the mapping and the FMU do not fit (every problem with its line) or none of the sections is
     mapped, and what the assessments raise.
     """
+    require_opened("an Assessment", assessment, "fc.load_assessment(path)")
     description = open_fmu(assessment.fmu)
     if problems := check_assessment(assessment, description):
         raise StudyError(str(assessment.path), problems)

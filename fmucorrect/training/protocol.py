@@ -10,7 +10,7 @@ from importlib.metadata import version
 
 import numpy as np
 
-from fmucorrect.errors import StudyError
+from fmucorrect.errors import StudyError, require_opened
 from fmucorrect.screening import Finding, Screened, screen
 from fmucorrect.sealing import about, corners, ramps
 from fmucorrect.study import Study
@@ -71,6 +71,7 @@ def train(study: Study, training: Training | None = None, workshop: Workshop | N
     Raises StudyError where fewer than two development conditions leave nothing to hold out, and what simulation and
     registration raise.
     """
+    require_opened("a Study", study, "fc.load_study(path)")
     study = replace(study, training=training or study.training)  # which also says what is simulated beside the channels
     training, workshop = study.training, workshop or Workshop()
     checked = screened(study)

@@ -15,7 +15,7 @@ import fmucorrect
 from fmucorrect import bundle, effects, outputs
 from fmucorrect.bundle import Bundle
 from fmucorrect.effects import Effects
-from fmucorrect.errors import FmuError, WrapError, few
+from fmucorrect.errors import FmuError, WrapError, few, require_path
 from fmucorrect.fmu import FmuDescription, open_fmu, state_check
 from fmucorrect.fmu.startvalues import start_values
 from fmucorrect.fmu.state_check import StateCheck
@@ -129,6 +129,8 @@ def wrap(
     compiler.TARGETS; by default all that the solver has. progress: called with each of STEPS as it begins.
     Raises WrapError, FmuError, BundleError, SignalError; what is at `out` stays until the new file is complete.
     """
+    require_path("the solver's FMU", fmu)
+    require_path("an ONNX bundle", corrector)
     out = Path(out)
     named = {
         "the solver's FMU": fmu,
