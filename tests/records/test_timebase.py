@@ -50,7 +50,7 @@ def test_without_a_rule(rows: list[tuple[float, float]], message: str, tmp_path:
 
 def test_stamps_of_whole_seconds(tmp_path: Path) -> None:
     """A clock too coarse for its samples: to drop all but one of each second would be no record of the run any more."""
-    path = csv(tmp_path, [(i // 10, i) for i in range(100)])
+    path = csv(tmp_path, [(float(i // 10), float(i)) for i in range(100)])
     with pytest.raises(
         RecordError, match=r"repeated at row 1.*Of 100 rows 90 .* coarser than the samples.*--rate HZ"
     ) as told:
