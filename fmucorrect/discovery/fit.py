@@ -139,7 +139,7 @@ def _moved(
         slopes = _slopes(problem, state, probes(setting, state, slopes)) if gained > 0.0 else slopes
     state = replace(state, slopes=slopes)
     if explains(setting, state):
-        state = sharpened(problem, setting, _whole(problem, setting, state), rival, min(iterations, LAST))
+        state = sharpened(problem, setting, whole_offsets(problem, setting, state), rival, min(iterations, LAST))
     return replace(state, covariance=covariance(setting, state))
 
 
@@ -157,7 +157,7 @@ def sharpened(problem: Problem, setting: Setting, state: Fitted, rival: float = 
         for damping in DAMPED if promised > GAINED else DAMPED[:1]:
             tried = better(problem, setting, state, step(setting, state, slopes, reach, damping))
             if tried is not None:
-                gained, state = state.surprise - tried.surprise, _whole(problem, setting, tried)
+                gained, state = state.surprise - tried.surprise, whole_offsets(problem, setting, tried)
                 break
         if gained < GAINED:
             break
@@ -243,7 +243,7 @@ def better(problem: Problem, setting: Setting, state: Fitted, following: Model) 
     return tried if tried is not None and tried.surprise < state.surprise else None
 
 
-def _whole(problem: Problem, setting: Setting, state: Fitted) -> Fitted:
+def whole_offsets(problem: Problem, setting: Setting, state: Fitted) -> Fitted:
     """Its offsets with all of their parameters' moves: along that direction nothing changes but what the tolerances cost."""
     model = with_whole_offsets(problem, state.model)
     if model == state.model:

@@ -12,7 +12,7 @@ from fmucorrect.discovery.candidates import Curve
 from fmucorrect.discovery.discrepancy import doubted
 from fmucorrect.discovery.ending import comparable, ended, likeliest, needed
 from fmucorrect.discovery.exchange import exchanged
-from fmucorrect.discovery.fit import GAINED, fit
+from fmucorrect.discovery.fit import GAINED, fit, whole_offsets
 from fmucorrect.discovery.fitted import Fitted, Setting, begin, judge, price, tried
 from fmucorrect.discovery.held import held
 from fmucorrect.discovery.ledger import Compared
@@ -114,7 +114,10 @@ def _so_far(problem: Problem) -> Naming:
         setting = setting or own
         bare = [Fitted(problem.nominal, at, own.measured - at, 1.0, 0.0, own.base, problem.nominal.base)]
     base = first_of([judge(setting, fitted) for fitted in bare])
-    setting, base, found = settled(problem, setting, base, [fitted for fitted in fits if fitted.model.terms])
+    found = [
+        whole_offsets(problem, setting, fitted) for fitted in fits if fitted.model.terms
+    ]  # no fit had to be at its end
+    setting, base, found = settled(problem, setting, base, found)
     return Naming(base, tuple(believed(setting, base, found, partial(doubted, problem, setting))), setting)
 
 
