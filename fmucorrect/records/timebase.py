@@ -3,9 +3,8 @@
 Rules, applied in the order that the user writes them (`"sort,drop"` or `("sort", "drop")`):
 
     sort         rows in the order of their stamps; rows with equal stamps keep their order
-    drop         rows with NaN, Inf or what is nearly infinite go, then every row whose stamp is not later than all rows
-                 before it
-    interpolate  such values become linear between their finite neighbours in time (not beyond the first and last finite
+    drop         rows with NaN or Inf go, then every row whose stamp is not later than all rows before it
+    interpolate  NaN and Inf become linear between their finite neighbours in time (not beyond the first and last finite
                  value: those stay, for `drop`); topics on different stamps are taken at those of the first, linear
     clock        rows before or behind a jump of the clock go: the longest stretch between jumps stays
     resample     all columns linear on a uniform grid from the first stamp with the usual step, in a replay with that of the
@@ -20,7 +19,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Bool, Float64, Int64
+from jaxtyping import Float64, Int64
 
 from fmucorrect.errors import RecordError
 from fmucorrect.records.repairs import Repairs
@@ -45,10 +44,6 @@ ERA_NS = 366 * 24 * 3600 * NANOSECONDS
 
 _ROUNDING_NS = 1
 
-LARGEST = 1e100
-"""Of a value, in size: what is beyond stands for a lost sample or a broken file, and its square, which everything that is
-fitted or scored is made of, is no number any more."""
-
 _COARSE = 10
 """Rows with the stamp of the row before from which on, if they are most rows, the clock is told to be too coarse."""
 
@@ -63,11 +58,6 @@ def rules(repair: str | Sequence[str] | None) -> tuple[str, ...]:
     return names
 
 
-def usable(values: Float64[np.ndarray, "..."]) -> Bool[np.ndarray, "..."]:
-    """Which values can be computed with: neither NaN nor infinite, nor nearly so."""
-    return np.abs(values) <= LARGEST
-
-
 def check(block: Block, names: Sequence[str], where: str, first_row: int = 0, after_ns: int = NO_TIME) -> None:
     """Raise RecordError at the first row whose time or value cannot be used, with file, row, time and column.
 
@@ -76,7 +66,7 @@ def check(block: Block, names: Sequence[str], where: str, first_row: int = 0, af
     t_ns = block.t_ns
     before = np.concatenate([np.array([after_ns], np.int64), t_ns[:-1]])
     late = t_ns <= before
-    good = usable(block.values)
+    good = np.isfinite(block.values)
     wrong = late if good.all() else late | ~good.all(axis=1)
     if not wrong.any():
         return
@@ -108,7 +98,7 @@ def check(block: Block, names: Sequence[str], where: str, first_row: int = 0, af
     raise RecordError(
         f"column {names[c]!r} is {block.values[i, c]} at row {row} (t = {seconds_text(now)} s)",
         where=where,
-        expected=f"a number up to {LARGEST:g} in size" if np.isfinite(block.values[i, c]) else "a finite number",
+        expected="a finite number",
         remedy=f"Choose a repair rule ({_HOW}): 'drop' leaves such rows out ('drop,resample' bridges them, where "
         "samples must come evenly), 'interpolate' fills them in where values stand before and after them.",
     )
@@ -123,9 +113,9 @@ def sort(block: Block, repairs: Repairs | None = None) -> Block:
 
 
 def drop(block: Block, after_ns: int = NO_TIME, repairs: Repairs | None = None) -> Block:
-    """Without rows that hold no usable value, and then without rows not later than all before them (and `after_ns`)."""
+    """Without rows that hold NaN or Inf, and then without rows not later than all before them (and `after_ns`)."""
     t_ns = block.t_ns
-    empty = np.logical_not(usable(block.values))
+    empty = np.logical_not(np.isfinite(block.values))
     good = np.logical_not(empty.any(axis=1))
     if len(t_ns):
         counted = np.where(good, t_ns, NO_TIME)
@@ -193,7 +183,7 @@ def _longest_step(steps: Float64[np.ndarray, " T"]) -> tuple[float, float]:
 
 def interpolate(block: Block, where: str = "record", repairs: Repairs | None = None) -> Block:
     """NaN and Inf replaced linearly in time between finite neighbours. Raises RecordError when stamps go back."""
-    if usable(block.values).all():
+    if np.isfinite(block.values).all():
         return block
     if (np.diff(block.t_ns) < 0).any():
         i = int(np.argmax(np.diff(block.t_ns) < 0)) + 1
@@ -204,7 +194,7 @@ def interpolate(block: Block, where: str = "record", repairs: Repairs | None = N
         )
     values = block.values.copy()
     for c in range(values.shape[1]):
-        good = usable(values[:, c])
+        good = np.isfinite(values[:, c])
         if good.all() or not good.any():
             continue
         known = np.flatnonzero(good)
@@ -212,7 +202,7 @@ def interpolate(block: Block, where: str = "record", repairs: Repairs | None = N
         inside = missing[(missing > known[0]) & (missing < known[-1])]
         values[inside, c] = _linear(block.t_ns[inside], block.t_ns[known], values[known, c])
     if repairs is not None:
-        filled = np.logical_and(np.logical_not(usable(block.values)), usable(values))
+        filled = np.logical_and(np.logical_not(np.isfinite(block.values)), np.isfinite(values))
         repairs.note("interpolate", np.asarray(filled.any(axis=1)), block.t_ns, filled)
     return Block(block.t_ns, values)
 
