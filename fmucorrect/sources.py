@@ -391,7 +391,7 @@ def columns(
     log: Path, channels: tuple[Channel, ...], topic: str | None = None, reading: Reading = AS_IT_IS
 ) -> list[str]:
     """The column of each channel: the one named `simulation`, or where the log has none of that, the one named `name`."""
-    topics = [one for one in records.topics(log, reading) if topic in (None, one.name)]
+    topics = _topics(log, topic, reading)
 
     def column(channel: Channel) -> str:
         names = [name for name in (channel.simulation, channel.name) if name]
@@ -403,7 +403,7 @@ def columns(
 def units_said(log: Path, channels: tuple[Channel, ...], topic: str | None = None, reading: Reading = AS_IT_IS) -> bool:
     """Whether the log says the unit of each column that `log_inputs` takes for these channels in a unit of theirs."""
     chosen = topic or default_topic(log, reading)
-    topics = [one for one in records.topics(log, reading) if chosen in (None, one.name)]
+    topics = _topics(log, chosen, reading)
     named = zip(columns(log, channels, chosen, reading), channels, strict=True)
     there = [(name, channel.unit) for name, channel in named if records.has(topics, name, reading)]
     return not any(_unsaid(records.find(topics, name, str(log), reading)[1].unit, unit) for name, unit in there)
@@ -415,9 +415,14 @@ def default_topic(log: Path, reading: Reading = AS_IT_IS) -> str | None:
     return SIMULATION if len(names) > 1 and SIMULATION in names else None
 
 
+def _topics(log: Path, topic: str | None, reading: Reading) -> list[records.Topic]:
+    """Where the columns of a log may be: the one topic, or all of them."""
+    return [one for one in records.topics(log, reading) if topic in (None, one.name)]
+
+
 def _all_there(log: Path, names: Sequence[str], topic: str | None, reading: Reading) -> None:
     """Raises RecordError for columns that the log does not have under these names, all at once."""
-    topics = [one for one in records.topics(log, reading) if topic in (None, one.name)]
+    topics = _topics(log, topic, reading)
     lost = [name for name in names if not records.has(topics, name, reading)]
     if not lost or not topics:
         return

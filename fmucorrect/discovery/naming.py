@@ -114,9 +114,8 @@ def _so_far(problem: Problem) -> Naming:
         setting = setting or own
         bare = [Fitted(problem.nominal, at, own.measured - at, 1.0, 0.0, own.base, problem.nominal.base)]
     base = first_of([judge(setting, fitted) for fitted in bare])
-    found = [
-        whole_offsets(problem, setting, fitted) for fitted in fits if fitted.model.terms
-    ]  # no fit had to be at its end
+    # a fit that is not at its end may have shared out a parameter's move
+    found = [whole_offsets(problem, setting, fitted) for fitted in fits if fitted.model.terms]
     setting, base, found = settled(problem, setting, base, found)
     return Naming(base, tuple(believed(setting, base, found, partial(doubted, problem, setting))), setting)
 

@@ -14,11 +14,9 @@ from fmucorrect.units import UNSAID, parse
 DAMPERS = ("N.s/m", "N.m.s/rad")
 UNCERTAIN = ("N/m", "N.m/rad", "kg", "kg.m2", *DAMPERS)
 """Units of stiffness, inertia and damping, along and about an axis."""
-_NAMED = re.compile(
-    r"(?:^|[._])(?:k|c|m|d|j|ks|kt|cs|ms|mu|mb|mw|stiffness|damping|mass|inertia)[a-z]{0,2}\d*(?:_\w+)?"
-    r"(?:\[\d+(?:,\s*\d+)*\])?$",
-    re.I,
-)
+_AND_WHICH = r"[a-z]{0,2}\d*(?:_\w+)?(?:\[\d+(?:,\s*\d+)*\])?$"
+"""What a name may have behind the quantity: of which body or direction it is."""
+_NAMED = re.compile(rf"(?:^|[._])(?:k|c|m|d|j|ks|kt|cs|ms|mu|mb|mw|stiffness|damping|mass|inertia){_AND_WHICH}", re.I)
 """Names that say as much where the FMU says no unit."""
 _DESCRIBED = re.compile(
     r"\b(?:mass|stiffness|damping|inertia|(?:spring|damper) (?:constant|rate|coefficient)|masse|steifigkeit|d(?:ä|ae)mpfung|"
@@ -31,7 +29,7 @@ _NUMBER = re.compile(
 )
 """Descriptions of what is a number or no such quantity: a damping ratio (Dämpfungsgrad, -maß), a mass flow."""
 _DAMPING = re.compile(r"damping|d(?:ä|ae)mpfung", re.I)
-_DAMPER = re.compile(r"(?:^|[._])[cd][a-z]{0,2}\d*(?:_\w+)?(?:\[\d+(?:,\s*\d+)*\])?$", re.I)
+_DAMPER = re.compile(rf"(?:^|[._])[cd]{_AND_WHICH}", re.I)
 """Names by a letter, c or d, that damping has where no unit says otherwise; a stiffness that is called c gets more room."""
 TOLERANCE, OF_DAMPING = 0.05, 0.2
 """Relative standard deviation of a value from a drawing or a data sheet; and of damping, which is on no drawing: dampers

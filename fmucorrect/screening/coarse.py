@@ -1,9 +1,9 @@
 """Whether the communication step is short enough: one development condition run once more, at half of it, or at twice where
 the solver takes no half one.
 
-An FMU holds its inputs for a step, and answers half a step late to what drives it. Discovery knows that, and takes it as it is;
-so does what is told here. What else a step does, an acceleration that passes an input on a whole step late, a solver that
-integrates by it, is more than sensors are off, and a search would call it a lag, a mass, a gain.
+An FMU holds its inputs for a step, and answers half a step late to what drives it. Discovery knows that, and it is not told
+here. What else a step does, an acceleration that passes an input on a whole step late, a solver that integrates by it, is more
+than sensors are off, and a search would call it a lag, a mass, a gain.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from fmucorrect.errors import FmucorrectError
 from fmucorrect.noise import EVIDENCE, of_sensors
 from fmucorrect.pairs import Pair, simulate
 from fmucorrect.screening.finding import Finding
-from fmucorrect.signals import NANOSECONDS, Record
+from fmucorrect.signals import Record
 from fmucorrect.study import Study
 from fmucorrect.study_places import place
 
@@ -51,13 +51,12 @@ def coarse(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
     other = _otherwise(study, item)
     if other is None:
         return
-    run, factor = other
+    run, held, factor = other
     begins = float(item.rows.start) * step
     noise = of_sensors(study.channels, item.condition, item.measured, item.response, step, begins, item.ratio).sigma
     t = item.simulated.t_ns[item.rows]
     both = np.isin(t, run.t_ns) if factor > 1.0 else np.ones(len(t), dtype=bool)  # no instants in between
     t, found = t[both], list[tuple[float, str]]()
-    held = _ahead(study, item, step * (1.0 - factor) / 2.0)
     for j, channel in enumerate(study.channels):
         whole, of_inputs = (np.interp(t, y.t_ns, y.values[:, j]) - item.response[both, j] for y in (run, held))
         left = float(np.std((item.measured - item.response)[both, j]))
@@ -97,20 +96,13 @@ def coarse(study: Study, pairs: Sequence[Pair]) -> Iterator[Finding]:
         )
 
 
-def _ahead(study: Study, item: Pair, seconds: float) -> Record:
-    """The same condition, its inputs acting so much earlier."""
-    there = clock(study, item.condition)
-    origin = there.origin_ns + round(seconds * NANOSECONDS)
-    return simulate(study, item.condition, replace(there, origin_ns=origin))
-
-
-def _otherwise(study: Study, item: Pair) -> tuple[Record, float] | None:
-    """The same condition with half the step, or where the solver refuses that with twice of it, and which; None where it takes
-    neither."""
+def _otherwise(study: Study, item: Pair) -> tuple[Record, Record, float] | None:
+    """The same condition with half the step, or where the solver refuses that with twice of it; at the study's own, its inputs
+    acting earlier by as much as the other one holds them shorter; and which factor it is. None where it takes neither."""
+    own, there = study.simulation.step_ns, clock(study, item.condition)
     for factor in FACTORS:
-        step_ns = max(round(study.simulation.step_ns * factor), 1)
+        other = replace(study, simulation=replace(study.simulation, step_ns=max(round(own * factor), 1)))
+        ahead = replace(there, origin_ns=there.origin_ns + round(own * (1.0 - factor) / 2.0))
         with suppress(FmucorrectError):
-            return simulate(
-                replace(study, simulation=replace(study.simulation, step_ns=step_ns)), item.condition
-            ), factor
+            return simulate(other, item.condition), simulate(study, item.condition, ahead), factor
     return None

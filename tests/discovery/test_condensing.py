@@ -18,6 +18,7 @@ from fmucorrect.discovery.fitted import begin, price
 from fmucorrect.discovery.form import free, with_whole_offsets
 from fmucorrect.discovery.model import Model, overrides
 from fmucorrect.discovery.motion import motions
+from fmucorrect.discovery.naming import _so_far
 from fmucorrect.discovery.problem import load
 from fmucorrect.discovery.signatures import with_signatures
 from fmucorrect.discovery.terms import ForceTerm, SignalTerm, linear, proportional
@@ -285,3 +286,16 @@ def test_an_offset_has_all_of_its_parameters_move(library, tmp_path):
     assert before == pytest.approx(after)
     assert whole.terms[0].values["value"] == pytest.approx(50.0 + 0.5 * 0.02 * 1000.0)
     assert whole.base == (0.0, 0.0, 1.5)
+
+
+def test_a_verdict_so_far_tells_a_parameters_move_once(library, tmp_path):
+    """Of fits that are not at their end, too: else a stiffness has an offset one way and has moved the other way beside it."""
+    with problem_of_one(tmp_path, library, **weaker(1.0)) as problem:
+        setting, _ = begun_with_one(problem)
+        offset = next(term for term in adjustables(problem) if term.where == "k1")
+        begun = fit(problem, setting, Model((replace(offset, values={"value": 50.0}),), (0.5, 0.0, 0.0)), 0)
+        naming = _so_far(problem)
+    assert begun.model.base[0] == 0.5
+    (told,) = naming.sets
+    assert told.model.base[0] == 0.0
+    assert told.model.terms[0].values["value"] == pytest.approx(50.0 + 0.5 * 0.02 * 1000.0)
